@@ -1,0 +1,2 @@
+//! `veilwing-sitl`: one software vehicle alone.
+fn main() {}

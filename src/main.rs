@@ -1,0 +1,3 @@
+//! The `veilwing` command.
+
+fn main() {}

@@ -1,0 +1,56 @@
+//! What the planner answers.
+
+use crate::geo::Pose;
+use crate::role::PerVehicle;
+
+/// One vehicle's part of a slot.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct VehiclePlan {
+    /// Where it hovers and how it is turned.
+    pub pose: Pose,
+    /// Transmit power in W while it radiates.
+    pub tx_power_w: f64,
+}
+
+/// One slot's plan.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SlotPlan {
+    /// How the search ended.
+    pub status: Status,
+    /// Both vehicles' poses and powers.
+    pub vehicles: PerVehicle<VehiclePlan>,
+    /// E[R] with [.]^+ inside, bit/s, under the problem's jitter and position uncertainty.
+    pub secrecy_rate_bps: f64,
+    /// Standard error of `secrecy_rate_bps` as an estimate, bit/s.
+    pub standard_error_bps: f64,
+    /// Upper bound on the optimum, bit/s.
+    pub upper_bound_bps: f64,
+    /// What `upper_bound_bps` bounds and how firmly.
+    pub upper_bound_kind: BoundKind,
+    /// SINR of the user at the desired attitude, linear.
+    pub user_sinr: f64,
+    /// SINR of each eavesdropper at the desired attitude and estimated position, linear.
+    pub eavesdropper_sinr: Vec<f64>,
+}
+
+/// How a search ended. The best point is carried either way.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Status {
+    /// The local solver met its tolerance at the best point.
+    Converged,
+    /// The iteration budget ended first.
+    IterationLimit,
+    /// No configuration has a positive secrecy rate: both transmitters are best left off.
+    NoPositiveRate,
+}
+
+/// Kind of an upper bound.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum BoundKind {
+    /// The cap: user at the least distance in the plane of maximum gain, eavesdroppers deaf.
+    Cap,
+    /// Branch and bound, valid without jitter for the instantaneous rate.
+    BranchAndBound,
+    /// The decoupled bound under jitter, on the signed objective.
+    DecoupledSigned,
+}

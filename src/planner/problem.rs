@@ -1,0 +1,152 @@
+//! What the planner is asked: one slot's user, the eavesdroppers, the radio, the airspace and the vehicles.
+//! Built by `config` from a mission file, or by hand by users of the library. Frame: ENU about the mission origin.
+
+use nalgebra::{Vector2, Vector3};
+
+use crate::role::PerVehicle;
+
+/// The problem of one TDMA slot (paper 2.2a, 2.2b with the field's constraints).
+#[derive(Debug, Clone, PartialEq)]
+pub struct Problem {
+    /// The served user's position in metres.
+    pub user_enu_m: Vector3<f64>,
+    /// At least one.
+    pub eavesdroppers: Vec<Eavesdropper>,
+    /// Link budget and power limits.
+    pub radio: Radio,
+    /// Where vehicles may be.
+    pub airspace: Airspace,
+    /// What each vehicle can do.
+    pub vehicles: PerVehicle<VehicleModel>,
+    /// Attitude jitter of both vehicles.
+    pub jitter: Jitter,
+    /// Over uncertain positions: what is maximised.
+    pub objective: Objective,
+    /// The desired yaw is a variable instead of 0.
+    pub free_yaw: bool,
+}
+
+/// A node that must not decode the user's traffic.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Eavesdropper {
+    /// Estimated position in metres.
+    pub position_enu_m: Vector3<f64>,
+    /// How well it is known.
+    pub uncertainty: Uncertainty,
+}
+
+/// Uncertainty of a position, horizontal.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Uncertainty {
+    /// Exactly known.
+    None,
+    /// Uniform in a horizontal disc of this radius in metres.
+    Disc {
+        /// Radius in metres, positive.
+        radius_m: f64,
+    },
+    /// Gaussian with this standard deviation per horizontal axis in metres.
+    Gaussian {
+        /// Standard deviation in metres, positive.
+        std_m: f64,
+    },
+}
+
+/// Link budget.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Radio {
+    /// B of (1.6) in Hz.
+    pub bandwidth_hz: f64,
+    /// The noise variance in W (MODEL: the paper's sigma is the variance). May be 0 only where refused clearly.
+    pub noise_power_w: f64,
+    /// Power ceiling of each transmitter in W: the smallest of all that applies.
+    pub max_power_w: PerVehicle<f64>,
+    /// b0 of (1.5): gain at one metre in the plane of maximum gain, linear.
+    pub reference_gain: f64,
+}
+
+/// Where vehicles may be.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Airspace {
+    /// Lowest and highest altitude above the mission origin, in metres.
+    pub altitude_m: [f64; 2],
+    /// Geofence: a simple polygon (not closed: the last vertex joins the first), either orientation, maybe concave.
+    pub area_enu_m: Vec<Vector2<f64>>,
+    /// Least distance between the vehicles in metres.
+    pub min_separation_m: f64,
+}
+
+/// What a vehicle can do.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct VehicleModel {
+    /// Omnidirectional or level.
+    pub airframe: Airframe,
+    /// Largest angle between antenna axis (as a line) and the vertical, radians; the stricter of airspace and vehicle.
+    pub max_tilt_rad: f64,
+}
+
+/// How a vehicle can be turned.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Airframe {
+    /// Tilts without moving.
+    Omnidirectional,
+    /// Under-actuated: stays level while it hovers.
+    Conventional,
+}
+
+/// Attitude jitter.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Jitter {
+    /// Standard deviation per axis in radians; 0 is none.
+    pub std_rad: f64,
+    /// What the noise is added to.
+    pub model: JitterModel,
+    /// Which axes jitter.
+    pub axes: JitterAxes,
+}
+
+/// What the attitude noise is added to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum JitterModel {
+    /// To the Euler angles, as the paper does.
+    Euler,
+    /// A small random rotation about the body axes, as a vehicle does.
+    Body,
+}
+
+/// The axes that jitter.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum JitterAxes {
+    /// Roll and pitch (paper 2.2b).
+    RollPitch,
+    /// Roll, pitch and yaw.
+    RollPitchYaw,
+}
+
+/// Over uncertain eavesdropper positions: what is maximised.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Objective {
+    /// The rate at the estimated positions.
+    Nominal,
+    /// The mean over positions.
+    Mean,
+    /// The 5% quantile over positions.
+    Quantile,
+    /// The worst case over the discs.
+    WorstCase,
+}
+
+/// How a slot is planned (MODEL section 3).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Method {
+    /// Ours: global.
+    Veilwing,
+    /// The paper's four phases, one start.
+    Paper,
+    /// Benchmark 1: interior point over all twelve variables, one start.
+    InteriorPoint,
+    /// Benchmark 2: level vehicles, interior point over positions and powers, one start.
+    Conventional,
+    /// J's axis by phase 2, interior point over the rest.
+    JammerOrientation,
+}

@@ -1,0 +1,3 @@
+//! The paper's section II: antenna pattern, link budget, secrecy rate, attitude jitter.
+
+pub mod pattern;

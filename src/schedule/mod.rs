@@ -1,0 +1,1 @@
+//! TDMA: slots, order of users, transit trajectories.
