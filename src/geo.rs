@@ -57,11 +57,7 @@ impl Geodetic {
             origin.alt_m,
             map_3d::Ellipsoid::WGS84,
         );
-        Self {
-            lat_deg: lat.to_degrees(),
-            lon_deg: lon.to_degrees(),
-            alt_m,
-        }
+        Self { lat_deg: lat.to_degrees(), lon_deg: lon.to_degrees(), alt_m }
     }
 }
 
@@ -104,9 +100,7 @@ pub struct Attitude(UnitQuaternion<f64>);
 impl Attitude {
     /// Level, body x to the east.
     pub const fn level() -> Self {
-        Self(UnitQuaternion::new_unchecked(nalgebra::Quaternion::new(
-            1.0, 0.0, 0.0, 0.0,
-        )))
+        Self(UnitQuaternion::new_unchecked(nalgebra::Quaternion::new(1.0, 0.0, 0.0, 0.0)))
     }
 
     /// From the paper's Euler angles: `Rz(yaw) Ry(pitch) Rx(roll)`.
@@ -134,10 +128,7 @@ impl Attitude {
     pub fn from_mavlink(wxyz: [f64; 4]) -> Option<Self> {
         let [w, x, y, z] = wxyz;
         let q = UnitQuaternion::try_new(nalgebra::Quaternion::new(w, x, y, z), 1e-3)?;
-        q.coords
-            .iter()
-            .all(|c| c.is_finite())
-            .then(|| Self(Self::enu_ned() * q * Self::flu_frd()))
+        q.coords.iter().all(|c| c.is_finite()).then(|| Self(Self::enu_ned() * q * Self::flu_frd()))
     }
 
     /// The antenna axis, body z in the mission frame; Y and -Y are the same antenna.
@@ -173,11 +164,7 @@ impl Attitude {
     /// The attitude a fraction `t` of the way to `other`, along the shortest rotation.
     #[must_use]
     pub fn slerp(&self, other: &Self, t: f64) -> Self {
-        Self(
-            self.0
-                .try_slerp(&other.0, t, 1e-9)
-                .unwrap_or(if t < 0.5 { self.0 } else { other.0 }),
-        )
+        Self(self.0.try_slerp(&other.0, t, 1e-9).unwrap_or(if t < 0.5 { self.0 } else { other.0 }))
     }
 
     /// ENU to NED axes as a rotation (a half turn about (1, 1, 0)); its own inverse.

@@ -48,18 +48,12 @@ pub struct PerVehicle<T> {
 impl<T> PerVehicle<T> {
     /// Builds each vehicle's value from its role.
     pub fn from_fn(mut f: impl FnMut(Role) -> T) -> Self {
-        Self {
-            i: f(Role::I),
-            j: f(Role::J),
-        }
+        Self { i: f(Role::I), j: f(Role::J) }
     }
 
     /// Applies `f` to both values.
     pub fn map<U>(self, mut f: impl FnMut(T) -> U) -> PerVehicle<U> {
-        PerVehicle {
-            i: f(self.i),
-            j: f(self.j),
-        }
+        PerVehicle { i: f(self.i), j: f(self.j) }
     }
 }
 

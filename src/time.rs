@@ -58,10 +58,6 @@ impl Add<Duration> for Utc {
     type Output = Self;
 
     fn add(self, rhs: Duration) -> Self {
-        Self {
-            unix_us: self
-                .unix_us
-                .saturating_add(u64::try_from(rhs.as_micros()).unwrap_or(u64::MAX)),
-        }
+        Self { unix_us: self.unix_us.saturating_add(u64::try_from(rhs.as_micros()).unwrap_or(u64::MAX)) }
     }
 }

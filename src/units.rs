@@ -39,12 +39,7 @@ mod tests {
 
     #[test]
     fn val_dbm_of_known_powers() {
-        for (watts, dbm) in [
-            (1e-3, 0.0),
-            (1.0, 30.0),
-            (0.5, 26.989_700_043_360_187),
-            (1e-12, -90.0),
-        ] {
+        for (watts, dbm) in [(1e-3, 0.0), (1.0, 30.0), (0.5, 26.989_700_043_360_187), (1e-12, -90.0)] {
             assert!((Dbm::from(Watts(watts)).0 - dbm).abs() < 1e-12);
             assert!((Watts::from(Dbm(dbm)).0 / watts - 1.0).abs() < 1e-12);
         }
