@@ -1,1 +1,3 @@
-//! pair.
+//! Slot agreement between the two companions.
+
+pub mod wire;
