@@ -1,0 +1,508 @@
+//! The phases: what is done in each and when it ends; what a fault leads to.
+
+use std::time::Duration;
+
+use mavlink::dialects::ardupilotmega::MavSeverity;
+
+use crate::autopilot::Event as AutopilotEvent;
+use crate::autopilot::preflight::Outcome as CheckOutcome;
+use crate::geo::{Attitude, Enu};
+use crate::pair::wire::{VeilwingFlags, VeilwingSilence};
+use crate::pair::{Event as PairEvent, Readiness};
+use crate::role::Role;
+use crate::schedule::trajectory::{Start, Trajectory};
+use crate::schedule::transit;
+use crate::time::{Instant, Utc};
+
+use super::executive::{Executive, Motion, Outcome};
+
+/// How close to the end of a climb or a return counts as arrived, in metres.
+const ARRIVED_M: f64 = 1.0;
+/// After a climb or a return should have ended, how long the vehicle may still take.
+const LATE: Duration = Duration::from_secs(30);
+/// An abort begins with a hold, long enough for the peer's word to come through.
+const HOLD: Duration = Duration::from_secs(3);
+/// J lets I land first after an abort, for at most this long.
+const LAND_FIRST: Duration = Duration::from_secs(90);
+/// A refused proposal is made again after this; refused for this long altogether, the mission is given up.
+const PROPOSE_AGAIN: Duration = Duration::from_millis(500);
+const REFUSED_TOO_LONG: Duration = Duration::from_secs(30);
+/// Between a proposal and the start of its transit: time for the agreement.
+const AGREE: Duration = Duration::from_secs(1);
+
+/// See the module.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Phase {
+    /// No autopilot, or no position yet.
+    Connecting,
+    /// On the ground; something is missing before take-off.
+    Standby,
+    /// Asking for the companion's mode.
+    TakingControl,
+    /// Asking to arm.
+    Arming,
+    /// To the lowest altitude of the band, above home.
+    Climbing,
+    /// In the air between slots; `since` the first refusal of the present proposal, if any.
+    Ready { refused_since: Option<Instant>, propose_at: Instant },
+    /// In a committed slot, transit included.
+    Slot,
+    /// After a fault: hold until then.
+    Holding { until: Instant },
+    /// To above home.
+    Returning,
+    /// The autopilot lands.
+    Landing,
+    /// Control is the pilot's or the autopilot's own; watching.
+    Surrendered,
+    /// On the ground, over.
+    Ended,
+}
+
+impl Phase {
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Connecting => "connecting",
+            Self::Standby => "standby",
+            Self::TakingControl => "taking control",
+            Self::Arming => "arming",
+            Self::Climbing => "climbing",
+            Self::Ready { .. } => "ready",
+            Self::Slot => "slot",
+            Self::Holding { .. } => "holding",
+            Self::Returning => "returning",
+            Self::Landing => "landing",
+            Self::Surrendered => "surrendered",
+            Self::Ended => "ended",
+        }
+    }
+
+    /// In the air on the mission: able to take part in a slot.
+    pub fn is_flying(&self) -> bool {
+        matches!(self, Self::Ready { .. } | Self::Slot)
+    }
+
+    /// The mission is over for this vehicle, well or badly.
+    pub fn is_ending(&self) -> bool {
+        matches!(self, Self::Holding { .. } | Self::Returning | Self::Landing | Self::Surrendered | Self::Ended)
+    }
+}
+
+impl Executive {
+    /// Lets the present phase act.
+    pub(super) fn step(&mut self, now: Instant) {
+        match self.phase {
+            Phase::Connecting => {
+                if self.autopilot.fresh(now) && self.autopilot.state().estimator_ok {
+                    self.enter(Phase::Standby, now);
+                }
+            }
+            Phase::Standby => self.stand_by(now),
+            Phase::TakingControl | Phase::Arming | Phase::Landing | Phase::Surrendered | Phase::Ended => {}
+            Phase::Climbing => {
+                if self.arrived(now) {
+                    self.enter(Phase::Ready { refused_since: None, propose_at: now }, now);
+                    self.notice(MavSeverity::MAV_SEVERITY_INFO, "airborne, ready for slots".into());
+                }
+            }
+            Phase::Ready { propose_at, .. } => self.ready(propose_at, now),
+            Phase::Slot => {
+                if self.slot_over(now) {
+                    self.end_slot(now);
+                } else {
+                    self.watch_peer_ending(now);
+                }
+            }
+            Phase::Holding { until } => {
+                if now >= until && self.may_return(now) {
+                    self.go_home(now);
+                }
+            }
+            Phase::Returning => {
+                if self.arrived(now) {
+                    self.motion = None;
+                    self.autopilot.land(now);
+                    self.enter(Phase::Landing, now);
+                }
+            }
+        }
+        let late = |motion: &Motion| now > motion.ends_at() + LATE;
+        if matches!(self.phase, Phase::Climbing | Phase::Returning) && self.motion.as_ref().is_some_and(late) {
+            self.notice(
+                MavSeverity::MAV_SEVERITY_ERROR,
+                format!("still {} m from where it should be: the autopilot lands here", self.distance_left()),
+            );
+            self.note_abort(format!("{} did not end where it should", self.phase.name()));
+            self.motion = None;
+            self.autopilot.land(now);
+            self.enter(Phase::Landing, now);
+        }
+    }
+
+    /// On the ground: takes off once nothing is missing.
+    fn stand_by(&mut self, now: Instant) {
+        if self.home_enu_m.is_none() {
+            self.home_enu_m = self.autopilot.state().position_enu_m();
+        }
+        if let Err(error) = self.make_table() {
+            return self.wait_for(vec![error.to_string()], now);
+        }
+        let mut missing = self.preflight(now);
+        self.preflight_ok = missing.is_empty();
+        let peer = self.pair.peer();
+        if !peer.heard_within(self.settings.pair.peer_timeout, now) {
+            missing.push(format!("vehicle {} is not heard", self.settings.role.peer()));
+        } else if !self.pair.agrees() {
+            missing.push("missions and plans of both vehicles are not yet known to be the same".into());
+        } else if !peer.says(VeilwingFlags::VEILWING_FLAGS_PREFLIGHT_OK)
+            && !peer.says(VeilwingFlags::VEILWING_FLAGS_AIRBORNE)
+        {
+            missing.push(format!("vehicle {} is not ready", self.settings.role.peer()));
+        }
+        if missing.is_empty() && !self.started {
+            missing.push("MISSION_START".into());
+        }
+        if !missing.is_empty() {
+            return self.wait_for(missing, now);
+        }
+        self.notice(MavSeverity::MAV_SEVERITY_INFO, "preflight passed, taking off".into());
+        self.motion = self.here().map(|start| Motion { trajectory: Trajectory::rest(&start), starts_at: now });
+        self.autopilot.take_control(now);
+        self.enter(Phase::TakingControl, now);
+    }
+
+    /// Our own checks that do not pass.
+    fn preflight(&mut self, now: Instant) -> Vec<String> {
+        let mut missing = Vec::new();
+        if self.plan.is_none() {
+            missing.push("the plan is being made".to_owned());
+        }
+        let checks = self.autopilot.preflight(now).into_iter().chain(self.interlock.transmitter().preflight());
+        missing.extend(
+            checks
+                .filter(|check| check.outcome == CheckOutcome::Fail)
+                .map(|check| format!("{}: {}", check.name, check.detail)),
+        );
+        if self.autopilot.utc(now).is_none() {
+            missing.push("clock: the autopilot has no UTC yet (SYSTEM_TIME)".into());
+        }
+        missing
+    }
+
+    /// Says what is waited for, when it changes.
+    fn wait_for(&mut self, missing: Vec<String>, _now: Instant) {
+        let text = missing.join("; ");
+        if text != self.waiting_for {
+            self.notice(MavSeverity::MAV_SEVERITY_INFO, format!("waiting: {text}"));
+            self.waiting_for = text;
+        }
+    }
+
+    fn ready(&mut self, propose_at: Instant, now: Instant) {
+        self.watch_peer_ending(now);
+        if !matches!(self.phase, Phase::Ready { .. }) {
+            return;
+        }
+        let Some(entry) = self.entry(self.next_slot) else { return self.finish(now) };
+        let lead = entry.opens.saturating_sub(entry.transit_starts);
+        let opens = entry.opens;
+        match self.settings.role {
+            Role::J => self.pair.set_readiness(Some(Readiness { next_slot: self.next_slot, needs: lead })),
+            Role::I => {
+                let peer_ready = self.pair.peer().says(VeilwingFlags::VEILWING_FLAGS_AIRBORNE);
+                if !peer_ready || self.pair.is_proposing() || now < propose_at {
+                    return;
+                }
+                let earliest = now + AGREE + lead;
+                let opens_at = self.table_zero.map_or(earliest, |zero| (zero + opens).max(earliest));
+                self.table_zero = Some(opens_at - opens);
+                if let Some(utc) = self.autopilot.utc(now) {
+                    let opens: Utc = utc + opens_at.saturating_since(now);
+                    self.pair.propose(self.next_slot, opens, now);
+                }
+            }
+        }
+    }
+
+    /// A slot's time is over, served or not.
+    fn end_slot(&mut self, now: Instant) {
+        if let Some(slot) = self.slot.take() {
+            self.next_slot = slot.commitment.slot + 1;
+            let (severity, how) = if slot.announced {
+                (MavSeverity::MAV_SEVERITY_INFO, "over")
+            } else {
+                self.note_abort(format!("slot {} was not served", slot.commitment.slot));
+                (MavSeverity::MAV_SEVERITY_WARNING, "not served")
+            };
+            self.notice(severity, format!("slot {} for {}: {how}", slot.commitment.slot, slot.user));
+        }
+        self.pair.release(now);
+        self.enter(Phase::Ready { refused_since: None, propose_at: now }, now);
+    }
+
+    /// All slots are over: both go home along the table's last transit.
+    fn finish(&mut self, now: Instant) {
+        let role = self.settings.role;
+        self.motion = self.table.as_ref().map(|table| Motion { trajectory: table.home[role].clone(), starts_at: now });
+        self.notice(MavSeverity::MAV_SEVERITY_INFO, "all slots are over, returning".into());
+        self.enter(Phase::Returning, now);
+    }
+
+    /// The peer ends its mission while ours goes on.
+    fn watch_peer_ending(&mut self, now: Instant) {
+        let last = usize::from(self.next_slot) + 1 >= self.table.as_ref().map_or(0, |t| t.entries.len());
+        let winding_up = last && self.slot.as_ref().is_none_or(|slot| now >= slot.radiate_until);
+        if self.pair.peer().says(VeilwingFlags::VEILWING_FLAGS_ENDED) && !winding_up {
+            self.abort(format!("vehicle {} has ended its mission", self.settings.role.peer()), now);
+        }
+    }
+
+    /// Silent, hold, then home. On the ground: over.
+    pub(super) fn abort(&mut self, cause: String, now: Instant) {
+        self.notice(MavSeverity::MAV_SEVERITY_ERROR, format!("mission aborted: {cause}"));
+        self.note_abort(cause);
+        self.slot = None;
+        self.pair.release(now);
+        self.pair.set_readiness(None);
+        match self.phase {
+            Phase::Connecting | Phase::Standby => {}
+            Phase::TakingControl | Phase::Arming => {
+                self.motion = None;
+                self.autopilot.release(now);
+                self.autopilot.disarm(now);
+                self.end(now);
+            }
+            Phase::Climbing | Phase::Ready { .. } | Phase::Slot => {
+                self.hold_here(now);
+                self.enter(Phase::Holding { until: now + HOLD }, now);
+            }
+            Phase::Holding { .. } | Phase::Returning | Phase::Landing | Phase::Surrendered | Phase::Ended => {}
+        }
+    }
+
+    pub(super) fn note_abort(&mut self, cause: String) {
+        self.abort_cause.get_or_insert(cause);
+    }
+
+    /// Control is gone: no more setpoints, silent, until the operator asks (F2).
+    fn surrender(&mut self, cause: String, reason: VeilwingSilence, now: Instant) {
+        self.notice(MavSeverity::MAV_SEVERITY_CRITICAL, format!("silent, hands off: {cause}"));
+        self.note_abort(cause);
+        self.pair.silent(reason, now);
+        self.slot = None;
+        self.motion = None;
+        self.pair.release(now);
+        self.pair.set_readiness(None);
+        self.autopilot.release(now);
+        self.enter(Phase::Surrendered, now);
+    }
+
+    /// I goes home first after an abort; J when I is down, or is not coming, or took too long.
+    fn may_return(&self, now: Instant) -> bool {
+        let peer = self.pair.peer();
+        self.settings.role == Role::I
+            || peer.says(VeilwingFlags::VEILWING_FLAGS_LANDED)
+            || !peer.heard_within(self.settings.pair.peer_timeout, now)
+            || now.saturating_since(self.phase_since) > LAND_FIRST
+    }
+
+    fn go_home(&mut self, now: Instant) {
+        let (Some(home), Some(start)) = (self.home_enu_m, self.motion.as_ref().map(|m| m.sample(now))) else { return };
+        let start = Start { position_enu_m: start.position_enu_m, attitude: start.attitude };
+        let keep_out = self.pair.peer().position_enu_m;
+        let limits = self.settings.limits[self.settings.role];
+        let above_home = self.above(home);
+        match transit::alone(&start, above_home, keep_out, &self.settings.airspace, &limits) {
+            Ok(trajectory) => {
+                self.motion = Some(Motion { trajectory, starts_at: now });
+                self.notice(MavSeverity::MAV_SEVERITY_INFO, "returning home".into());
+                self.enter(Phase::Returning, now);
+            }
+            Err(error) => {
+                self.notice(MavSeverity::MAV_SEVERITY_ERROR, format!("no way home, landing here: {error}"));
+                self.motion = None;
+                self.autopilot.land(now);
+                self.enter(Phase::Landing, now);
+            }
+        }
+    }
+
+    fn end(&mut self, now: Instant) {
+        let outcome = self.abort_cause.clone().map_or(Outcome::Completed, Outcome::Aborted);
+        self.outcome.get_or_insert(outcome);
+        self.enter(Phase::Ended, now);
+    }
+
+    /// The autopilot's present pose.
+    fn here(&self) -> Option<Start> {
+        let state = self.autopilot.state();
+        let attitude = state.attitude.map(|(attitude, _)| attitude)?;
+        Some(Start { position_enu_m: state.position_enu_m()?, attitude })
+    }
+
+    /// The point above `home` at the bottom of the altitude band.
+    pub(super) fn above(&self, home: Enu) -> Enu {
+        Enu::new(home.x, home.y, self.settings.airspace.altitude_m[0])
+    }
+
+    /// Stops where the setpoint is.
+    fn hold_here(&mut self, now: Instant) {
+        if let Some(motion) = self.motion.take() {
+            let sample = motion.sample(now);
+            let start = Start { position_enu_m: sample.position_enu_m, attitude: sample.attitude };
+            let mut trajectory = Trajectory::rest(&start);
+            trajectory.turn(Attitude::level(), 0.0, &self.settings.limits[self.settings.role]);
+            self.motion = Some(Motion { trajectory, starts_at: now });
+        }
+    }
+
+    fn climb(&mut self, now: Instant) {
+        let (Some(start), Some(home)) = (self.here(), self.home_enu_m) else { return };
+        let limits = self.settings.limits[self.settings.role];
+        let mut trajectory = Trajectory::rest(&start);
+        trajectory.fly(&[self.above(home)], &limits);
+        // The turn to the mission's heading waits until the vehicle is clear of the ground.
+        trajectory.turn(Attitude::level(), 2.0, &limits);
+        self.motion = Some(Motion { trajectory, starts_at: now });
+        self.autopilot.take_off(self.above(home).z - home.z, now);
+        self.enter(Phase::Climbing, now);
+    }
+
+    fn distance_left(&self) -> String {
+        let target = self.motion.as_ref().map(|m| m.trajectory.end().position_enu_m);
+        let position = self.autopilot.state().position_enu_m();
+        target.zip(position).map_or("?".into(), |(t, p)| format!("{:.1}", (t - p).norm()))
+    }
+
+    fn arrived(&self, now: Instant) -> bool {
+        let Some(motion) = self.motion.as_ref().filter(|motion| now >= motion.ends_at()) else { return false };
+        let target = motion.trajectory.end().position_enu_m;
+        self.autopilot.state().position_enu_m().is_some_and(|p| (p - target).norm() < ARRIVED_M)
+    }
+
+    pub(super) fn on_autopilot(&mut self, event: AutopilotEvent, now: Instant) {
+        match event {
+            AutopilotEvent::Discovered { system, firmware } => {
+                let text = format!("autopilot found: system {system}, {firmware:?}");
+                self.notice(MavSeverity::MAV_SEVERITY_INFO, text);
+            }
+            AutopilotEvent::ControlTaken if self.phase == Phase::TakingControl => {
+                self.autopilot.arm(now);
+                self.enter(Phase::Arming, now);
+            }
+            AutopilotEvent::Armed if self.phase == Phase::Arming => self.climb(now),
+            AutopilotEvent::ControlLost { mode } => match self.phase {
+                Phase::Landing | Phase::Surrendered | Phase::Ended | Phase::Connecting | Phase::Standby => {}
+                _ => self.surrender(
+                    format!("the autopilot went to {mode} by another hand"),
+                    VeilwingSilence::VEILWING_SILENCE_CONTROL,
+                    now,
+                ),
+            },
+            AutopilotEvent::LinkLost { silent_for } => match self.phase {
+                Phase::Connecting | Phase::Standby | Phase::Surrendered | Phase::Ended => {}
+                _ => self.surrender(
+                    format!("nothing from the autopilot for {:.1} s", silent_for.as_secs_f64()),
+                    VeilwingSilence::VEILWING_SILENCE_LINK,
+                    now,
+                ),
+            },
+            AutopilotEvent::EstimatorFailure { detail } => match self.phase {
+                Phase::Ready { .. } | Phase::Slot | Phase::Climbing => {
+                    self.pair.silent(VeilwingSilence::VEILWING_SILENCE_ESTIMATOR, now);
+                    self.abort(format!("estimator: {detail}"), now);
+                }
+                _ => {}
+            },
+            AutopilotEvent::Refused { what, detail } => {
+                let text = format!("autopilot refused {what}: {detail}");
+                match self.phase {
+                    Phase::TakingControl | Phase::Arming => self.abort(text, now),
+                    _ => self.notice(MavSeverity::MAV_SEVERITY_WARNING, text),
+                }
+            }
+            AutopilotEvent::Landed if matches!(self.phase, Phase::Landing) => self.autopilot.disarm(now),
+            AutopilotEvent::Disarmed => match self.phase {
+                Phase::Landing | Phase::Surrendered => {
+                    self.notice(MavSeverity::MAV_SEVERITY_INFO, "landed and disarmed".into());
+                    self.end(now);
+                }
+                Phase::Connecting | Phase::Standby | Phase::Ended => {}
+                _ => self.surrender(
+                    "the autopilot disarmed".into(),
+                    VeilwingSilence::VEILWING_SILENCE_CONTROL,
+                    now,
+                ),
+            },
+            _ => {}
+        }
+    }
+
+    pub(super) fn on_pair(&mut self, event: PairEvent, now: Instant) {
+        let peer = self.settings.role.peer();
+        match event {
+            PairEvent::PeerFound => {
+                self.notice(MavSeverity::MAV_SEVERITY_INFO, format!("vehicle {peer} is heard"));
+            }
+            PairEvent::PeerLost(silent_for) => {
+                let text = format!("nothing heard from vehicle {peer} for {:.1} s", silent_for.as_secs_f64());
+                self.lose_peer(text, now);
+            }
+            PairEvent::PeerRestarted => self.lose_peer(format!("vehicle {peer}'s companion restarted"), now),
+            PairEvent::MissionDiffers => {
+                let text = format!("vehicle {peer} flies another mission: copy the same mission file to both vehicles");
+                self.notice(MavSeverity::MAV_SEVERITY_ERROR, text);
+            }
+            PairEvent::PlanDiffers => {
+                let text = format!("vehicle {peer} made another plan of the same mission: same version on both?");
+                self.notice(MavSeverity::MAV_SEVERITY_ERROR, text);
+            }
+            PairEvent::SameRole => {
+                let text = format!("the other companion is vehicle {} too: change role in one vehicle file", peer.peer());
+                self.notice(MavSeverity::MAV_SEVERITY_ERROR, text);
+            }
+            PairEvent::Refused(slot, answer) => self.on_refused(slot, &format!("{answer:?}"), now),
+            PairEvent::Committed(commitment) => {
+                if matches!(self.phase, Phase::Ready { .. }) {
+                    self.pair.set_readiness(None);
+                    self.begin_slot(commitment, now);
+                } else {
+                    self.pair.release(now);
+                }
+            }
+            PairEvent::PeerSilent(reason) => {
+                self.notice(MavSeverity::MAV_SEVERITY_WARNING, format!("vehicle {peer} fell silent: {reason:?}"));
+                let may_recover = matches!(
+                    reason,
+                    VeilwingSilence::VEILWING_SILENCE_POSE | VeilwingSilence::VEILWING_SILENCE_TRANSMITTER
+                );
+                if !may_recover {
+                    self.lose_peer(format!("vehicle {peer} fell silent for good ({reason:?})"), now);
+                }
+            }
+            PairEvent::Ordered(order) => self.obey(order, now),
+        }
+    }
+
+    fn lose_peer(&mut self, text: String, now: Instant) {
+        if self.phase.is_flying() || self.phase == Phase::Climbing {
+            self.abort(text, now);
+        } else {
+            self.notice(MavSeverity::MAV_SEVERITY_WARNING, text);
+        }
+    }
+
+    fn on_refused(&mut self, slot: u16, answer: &str, now: Instant) {
+        let Phase::Ready { refused_since, .. } = self.phase else { return };
+        let since = refused_since.unwrap_or(now);
+        let peer = self.settings.role.peer();
+        if refused_since.is_none() {
+            let text = format!("vehicle {peer} refused slot {slot}: {answer}");
+            self.notice(MavSeverity::MAV_SEVERITY_WARNING, text);
+        }
+        self.phase = Phase::Ready { refused_since: Some(since), propose_at: now + PROPOSE_AGAIN };
+        if now.saturating_since(since) > REFUSED_TOO_LONG {
+            self.abort(format!("vehicle {peer} keeps refusing slot {slot}: {answer}"), now);
+        }
+    }
+}
