@@ -1,0 +1,425 @@
+//! Both vehicles from where they are to the next poses (PROTOCOL F1): inside the geofence and the altitude band, and
+//! apart from each other.
+//!
+//! The vehicles' clocks differ and either may be late, so the paths are kept apart as sets of points wherever that is
+//! possible: then no timing brings the vehicles together. Tried are, in this order:
+//! 1. both directly;
+//! 2. one, the other or both by way of another altitude layer: of the pairs of paths that are clear of each other, the
+//!    one that is done first (ties: least motion in all, then the lower layers);
+//! 3. one after the other, with detours above, below and around (`sequence`). Here time separates the vehicles, the
+//!    result says so ([`Separation::Time`]), and whoever flies it should let no vehicle start before the other has
+//!    arrived.
+//!
+//! *Clearance*: [`clearance_m`](super::separation::clearance_m), or less where the ends themselves are closer than
+//! that: the vehicles then never come closer than they start or finish.
+
+use std::time::Duration;
+
+use super::geofence::{FenceError, Geofence};
+use super::route::Corridor;
+use super::separation::{clearance_m, polyline_distance_m};
+use super::sequence::{self, Move, PAUSE, Side};
+use super::trajectory::{Limits, Start, Trajectory};
+use crate::geo::{Attitude, Enu, Pose};
+use crate::planner::problem::Airspace;
+use crate::role::{PerVehicle, Role};
+
+/// How far outside the corridor a transit may start, in metres: a hovering vehicle is never exactly where it was told
+/// to be. Below the band it may start anywhere.
+const START_SLACK_M: f64 = 1.0;
+/// The part of the minimum separation that vehicles on their starting places must have, for the same reason.
+const START_SEPARATION: f64 = 0.9;
+/// What a planner's rounding may leave of a constraint, in metres.
+const GOAL_SLACK_M: f64 = 1e-6;
+
+/// Why there is no transit.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum TransitError {
+    /// The area is no geofence.
+    #[error(transparent)]
+    Fence(#[from] FenceError),
+    /// The altitude band is empty or not finite, or the separation is no distance.
+    #[error(
+        "altitude band {low_m} m to {high_m} m with a separation of {separation_m} m: give a rising finite band and a separation of 0 or more"
+    )]
+    Airspace {
+        /// Lower end in metres.
+        low_m: f64,
+        /// Upper end in metres.
+        high_m: f64,
+        /// `min_separation_m`.
+        separation_m: f64,
+    },
+    /// A limit is no positive finite number.
+    #[error("vehicle {role}: {key} is {value}; give a positive number")]
+    Limit {
+        /// Whose.
+        role: Role,
+        /// Which.
+        key: &'static str,
+        /// Its value.
+        value: f64,
+    },
+    /// A position is not finite.
+    #[error("vehicle {role}: the {end} is not a finite position")]
+    NotFinite {
+        /// Whose.
+        role: Role,
+        /// Which end.
+        end: End,
+    },
+    /// An end is outside the geofence or the altitude band.
+    #[error(
+        "vehicle {role}: the {end} ({east_m:.2}, {north_m:.2}, {up_m:.2}) is {outside_m:.2} m outside the airspace, allowed are {allowed_m} m: move it, or enlarge [airspace]"
+    )]
+    Outside {
+        /// Whose.
+        role: Role,
+        /// Which end.
+        end: End,
+        /// East, metres.
+        east_m: f64,
+        /// North, metres.
+        north_m: f64,
+        /// Up, metres.
+        up_m: f64,
+        /// Distance to the airspace in metres.
+        outside_m: f64,
+        /// How far it may be outside.
+        allowed_m: f64,
+    },
+    /// Both vehicles' starts or goals are too close to each other.
+    #[error(
+        "the vehicles are {distance_m:.2} m apart at the {end}, needed are {needed_m:.2} m: move one, or lower airspace.min_separation_m"
+    )]
+    TooClose {
+        /// Which ends.
+        end: End,
+        /// How far apart they are.
+        distance_m: f64,
+        /// How far apart they must be.
+        needed_m: f64,
+    },
+    /// Neither paths apart nor any order of moves was found.
+    #[error(
+        "no transit keeps {clearance_m:.2} m between the vehicles ({direct_m:.2} m on the direct paths), not even one after the other: widen the airspace or lower airspace.min_separation_m"
+    )]
+    NoWay {
+        /// What was to be kept.
+        clearance_m: f64,
+        /// Distance between the direct paths.
+        direct_m: f64,
+    },
+}
+
+/// An end of a transit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum End {
+    /// Where it starts.
+    Start,
+    /// Where it leads.
+    Goal,
+}
+
+impl std::fmt::Display for End {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Start => "start",
+            Self::Goal => "goal",
+        })
+    }
+}
+
+/// What keeps the vehicles apart.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Separation {
+    /// The paths are apart as sets of points: however late a vehicle is, they do not meet.
+    Paths,
+    /// The vehicles move in turns: apart as long as none starts before the other has arrived.
+    Time,
+}
+
+/// Both vehicles' way to the next poses. Both trajectories start at the same instant.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Transit {
+    /// Who flies what.
+    pub trajectories: PerVehicle<Trajectory>,
+    /// What keeps them apart.
+    pub separation: Separation,
+    /// The distance in metres that is kept (by [`Separation::Time`]: that is kept on time).
+    pub clearance_m: f64,
+}
+
+impl Transit {
+    /// Until both vehicles have arrived.
+    #[must_use]
+    pub fn duration(&self) -> Duration {
+        self.trajectories.i.duration().max(self.trajectories.j.duration())
+    }
+}
+
+/// Plans transits in one airspace for one pair of vehicles.
+#[derive(Debug, Clone)]
+pub struct Router {
+    corridor: Corridor,
+    limits: PerVehicle<Limits>,
+    min_separation_m: f64,
+    clearance_m: f64,
+}
+
+/// Where a vehicle goes.
+#[derive(Debug, Clone, Copy)]
+struct Goal {
+    position_enu_m: Enu,
+    attitude: Attitude,
+}
+
+impl Router {
+    /// A router for `airspace` and vehicles with `limits`.
+    ///
+    /// # Errors
+    /// [`TransitError`] if the airspace or a limit makes no sense.
+    pub fn new(airspace: &Airspace, limits: &PerVehicle<Limits>) -> Result<Self, TransitError> {
+        let [low_m, high_m] = airspace.altitude_m;
+        let separation_m = airspace.min_separation_m;
+        let sound = low_m.is_finite() && high_m.is_finite() && low_m <= high_m;
+        if !(sound && separation_m.is_finite() && separation_m >= 0.0) {
+            return Err(TransitError::Airspace { low_m, high_m, separation_m });
+        }
+        for role in Role::BOTH {
+            if let Some((key, value)) = limits[role].fault() {
+                return Err(TransitError::Limit { role, key, value });
+            }
+        }
+        let fence = Geofence::new(&airspace.area_enu_m)?;
+        Ok(Self {
+            corridor: Corridor { fence, altitude_m: airspace.altitude_m },
+            limits: *limits,
+            min_separation_m: separation_m,
+            clearance_m: clearance_m(airspace),
+        })
+    }
+
+    /// Both vehicles to the poses of a slot. A start below the altitude band is left vertically, level or as it is:
+    /// the vehicle turns once it is inside.
+    ///
+    /// # Errors
+    /// [`TransitError`] with the numbers if an end is outside the airspace, the ends are too close to each other, or
+    /// no way was found.
+    pub fn plan(&self, from: &PerVehicle<Start>, to: &PerVehicle<Pose>) -> Result<Transit, TransitError> {
+        for role in Role::BOTH {
+            let start = finite(role, End::Start, from[role].position_enu_m)?;
+            let below = Enu::new(start.x, start.y, start.z.max(self.corridor.altitude_m[0]));
+            self.check_inside(role, End::Start, &below, START_SLACK_M)?;
+        }
+        let distance_m = (from.i.position_enu_m - from.j.position_enu_m).norm();
+        let needed_m = START_SEPARATION * self.min_separation_m;
+        if distance_m < needed_m {
+            return Err(TransitError::TooClose { end: End::Start, distance_m, needed_m });
+        }
+        self.pair(
+            from,
+            &to.map(|pose| Goal { position_enu_m: pose.position_enu_m, attitude: pose.attitude() }),
+        )
+    }
+
+    /// Both vehicles to above their homes at the band's lowest altitude, level: from there the autopilots land. A
+    /// vehicle below the band beside its home stays where it is. Starts are taken as they are, even outside the
+    /// airspace or too close to each other.
+    ///
+    /// # Errors
+    /// [`TransitError`] if a home is outside the geofence, the homes are too close to each other, or no way was found.
+    pub fn home(&self, from: &PerVehicle<Start>, homes: &PerVehicle<Enu>) -> Result<Transit, TransitError> {
+        for role in Role::BOTH {
+            finite(role, End::Start, from[role].position_enu_m)?;
+        }
+        self.pair(from, &PerVehicle::from_fn(|role| self.above_home(&from[role], &homes[role])))
+    }
+
+    /// One vehicle home as in [`home`](Self::home), whatever the other does. `keep_out` is a polyline on which the
+    /// other may be: its last known position, or from there to its home; empty if nothing is known.
+    ///
+    /// # Errors
+    /// As [`home`](Self::home).
+    pub fn alone(
+        &self,
+        role: Role,
+        from: &Start,
+        home: &Enu,
+        keep_out: &[Enu],
+    ) -> Result<Trajectory, TransitError> {
+        let start = finite(role, End::Start, from.position_enu_m)?;
+        for &place in keep_out {
+            finite(role.peer(), End::Start, place)?;
+        }
+        let goal = self.above_home(from, home);
+        finite(role, End::Goal, goal.position_enu_m)?;
+        self.check_inside(role, End::Goal, &goal.position_enu_m, GOAL_SLACK_M)?;
+        let distance_to = |place: Enu| polyline_distance_m(&[place], keep_out);
+        let kept_m = self.kept_m(distance_to(start), distance_to(goal.position_enu_m))?;
+        let side =
+            Side::moving(&self.corridor, start, goal.position_enu_m, keep_out, kept_m, self.limits[role]);
+        let mut sides = PerVehicle::from_fn(|role| Side::staying(keep_out, self.limits[role]));
+        sides[role] = side;
+        let moves = sequence::search(&self.corridor, &sides, kept_m - GOAL_SLACK_M).ok_or_else(|| {
+            let direct = self.corridor.direct(&start, &goal.position_enu_m).unwrap_or_default();
+            TransitError::NoWay { clearance_m: kept_m, direct_m: polyline_distance_m(&direct, keep_out) }
+        })?;
+        let path: Vec<Enu> = moves.into_iter().flat_map(|m| m.path).collect();
+        let mut trajectory = Trajectory::rest(from);
+        trajectory.fly(&path, &self.limits[role]);
+        Ok(self.turned(role, trajectory, goal.attitude))
+    }
+
+    fn pair(&self, from: &PerVehicle<Start>, to: &PerVehicle<Goal>) -> Result<Transit, TransitError> {
+        for role in Role::BOTH {
+            let goal = finite(role, End::Goal, to[role].position_enu_m)?;
+            // A goal on the ground is a vehicle that stays there.
+            if goal != from[role].position_enu_m {
+                self.check_inside(role, End::Goal, &goal, GOAL_SLACK_M)?;
+            }
+        }
+        let apart = |a: Enu, b: Enu| (a - b).norm();
+        let start_m = apart(from.i.position_enu_m, from.j.position_enu_m);
+        let kept_m = self.kept_m(start_m, apart(to.i.position_enu_m, to.j.position_enu_m))?;
+        let (moves, separation) = match self.apart_as_sets(from, to, kept_m) {
+            Ok(paths) => {
+                (Role::BOTH.map(|role| Move { role, path: paths[role].clone() }).to_vec(), Separation::Paths)
+            }
+            Err(direct_m) => {
+                let found = self.in_turns(from, to, kept_m);
+                let moves = found.ok_or(TransitError::NoWay { clearance_m: kept_m, direct_m })?;
+                (moves, Separation::Time)
+            }
+        };
+        let trajectories = self.timed(from, to, &moves, separation);
+        Ok(Transit { trajectories, separation, clearance_m: kept_m })
+    }
+
+    /// The clearance kept between ends that are so far apart.
+    fn kept_m(&self, start_m: f64, goal_m: f64) -> Result<f64, TransitError> {
+        let needed_m = self.min_separation_m;
+        if goal_m < needed_m - GOAL_SLACK_M {
+            return Err(TransitError::TooClose { end: End::Goal, distance_m: goal_m, needed_m });
+        }
+        Ok(self.clearance_m.min(start_m).min(goal_m))
+    }
+
+    /// Steps 1 and 2. The error is the distance between the direct paths.
+    fn apart_as_sets(
+        &self,
+        from: &PerVehicle<Start>,
+        to: &PerVehicle<Goal>,
+        kept_m: f64,
+    ) -> Result<PerVehicle<Vec<Enu>>, f64> {
+        let ends = PerVehicle::from_fn(|role| [from[role].position_enu_m, to[role].position_enu_m]);
+        let direct = PerVehicle::from_fn(|role| {
+            let [start, goal] = &ends[role];
+            self.corridor.direct(start, goal).unwrap_or_default()
+        });
+        let direct_m = polyline_distance_m(&direct.i, &direct.j);
+        let clear = |i: &[Enu], j: &[Enu]| polyline_distance_m(i, j) >= kept_m - GOAL_SLACK_M;
+        if clear(&direct.i, &direct.j) {
+            return Ok(direct);
+        }
+        let levels = sequence::levels(&self.corridor, ends.i.iter().chain(&ends.j), kept_m);
+        let ways = PerVehicle::from_fn(|role| {
+            let [start, goal] = &ends[role];
+            let layered = levels.iter().filter_map(|&z| self.corridor.via_layer(start, goal, z));
+            let paths = std::iter::once(direct[role].clone()).chain(layered);
+            paths.map(|path| (self.limits[role].path_s(&path), path)).collect::<Vec<_>>()
+        });
+        let mut pairs: Vec<_> = ways
+            .i
+            .iter()
+            .flat_map(|(i_s, i)| ways.j.iter().map(move |(j_s, j)| (i_s.max(*j_s), i_s + j_s, i, j)))
+            .collect();
+        pairs.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
+        let found = pairs.into_iter().find(|(_, _, i, j)| clear(i, j));
+        found.map(|(_, _, i, j)| PerVehicle { i: i.clone(), j: j.clone() }).ok_or(direct_m)
+    }
+
+    /// Step 3.
+    fn in_turns(&self, from: &PerVehicle<Start>, to: &PerVehicle<Goal>, kept_m: f64) -> Option<Vec<Move>> {
+        let sides = PerVehicle::from_fn(|role| {
+            let peer = role.peer();
+            let around = [self.corridor.entry(&from[peer].position_enu_m), to[peer].position_enu_m];
+            let (start, goal) = (from[role].position_enu_m, to[role].position_enu_m);
+            Side::moving(&self.corridor, start, goal, &around, kept_m, self.limits[role])
+        });
+        sequence::search(&self.corridor, &sides, kept_m - GOAL_SLACK_M)
+    }
+
+    /// The moves in time: all at once, or each after the other vehicle's last.
+    fn timed(
+        &self,
+        from: &PerVehicle<Start>,
+        to: &PerVehicle<Goal>,
+        moves: &[Move],
+        separation: Separation,
+    ) -> PerVehicle<Trajectory> {
+        let mut trajectories = PerVehicle::from_fn(|role| Trajectory::rest(&from[role]));
+        for (k, Move { role, path }) in moves.iter().enumerate() {
+            if separation == Separation::Time && k > 0 {
+                let free_s = trajectories[role.peer()].motion_s();
+                if free_s > trajectories[*role].motion_s() {
+                    trajectories[*role].hold_until(free_s + PAUSE.as_secs_f64());
+                }
+            }
+            trajectories[*role].fly(path, &self.limits[*role]);
+        }
+        let PerVehicle { i, j } = trajectories;
+        PerVehicle { i: self.turned(Role::I, i, to.i.attitude), j: self.turned(Role::J, j, to.j.attitude) }
+    }
+
+    /// Turns to `attitude` as soon as the vehicle is above the band's lower end: near the ground it stays as it is.
+    fn turned(&self, role: Role, mut trajectory: Trajectory, attitude: Attitude) -> Trajectory {
+        let below = trajectory.sample(Duration::ZERO).position_enu_m.z < self.corridor.altitude_m[0];
+        let starts_s = if below { trajectory.first_leg_ends_s() } else { 0.0 };
+        trajectory.turn(attitude, starts_s, &self.limits[role]);
+        trajectory
+    }
+
+    /// The goal of the way home.
+    fn above_home(&self, from: &Start, home: &Enu) -> Goal {
+        let start = from.position_enu_m;
+        let low_m = self.corridor.altitude_m[0];
+        let stays = start.z < low_m && (start.xy() - home.xy()).norm() <= START_SLACK_M;
+        let position_enu_m = if stays { start } else { Enu::new(home.x, home.y, low_m) };
+        Goal { position_enu_m, attitude: levelled(&from.attitude) }
+    }
+
+    fn check_inside(&self, role: Role, end: End, point: &Enu, allowed_m: f64) -> Result<(), TransitError> {
+        if self.corridor.contains(point, allowed_m) {
+            return Ok(());
+        }
+        let outside_m = (self.corridor.entry(point) - point).norm();
+        let (east_m, north_m, up_m) = (point.x, point.y, point.z);
+        Err(TransitError::Outside { role, end, east_m, north_m, up_m, outside_m, allowed_m })
+    }
+}
+
+fn finite(role: Role, end: End, position: Enu) -> Result<Enu, TransitError> {
+    let finite = position.iter().all(|c| c.is_finite());
+    if finite { Ok(position) } else { Err(TransitError::NotFinite { role, end }) }
+}
+
+/// The level attitude nearest to `attitude`: the shortest rotation that brings the antenna axis upright.
+fn levelled(attitude: &Attitude) -> Attitude {
+    let axis = attitude.antenna_axis();
+    let up = nalgebra::Vector3::z();
+    match nalgebra::UnitQuaternion::rotation_between(&axis, &up) {
+        Some(upright) => Attitude::from_rotation(upright * attitude.rotation()),
+        // Upside down: any horizontal axis is as near.
+        None => Attitude::from_rotation(
+            attitude.rotation()
+                * nalgebra::UnitQuaternion::from_axis_angle(
+                    &nalgebra::Vector3::x_axis(),
+                    std::f64::consts::PI,
+                ),
+        ),
+    }
+}
+
+#[cfg(test)]
+mod tests;
