@@ -6,9 +6,11 @@
 //! the same table, bit for bit.
 
 pub mod geofence;
+pub mod order;
 mod route;
 pub mod separation;
 mod sequence;
+pub mod table;
 pub mod trajectory;
 pub mod transit;
 

@@ -111,6 +111,18 @@ struct Turn {
     lasts_s: f64,
 }
 
+impl Leg {
+    fn ends_s(&self) -> f64 {
+        self.starts_s + self.profile.lasts_s
+    }
+}
+
+impl Turn {
+    fn ends_s(&self) -> f64 {
+        self.starts_s + self.lasts_s
+    }
+}
+
 /// A trapezoidal (or triangular) speed profile over a distance, from rest to rest.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Profile {
@@ -178,8 +190,10 @@ impl Trajectory {
     /// When position and attitude have both arrived, rounded up to a nanosecond.
     #[must_use]
     pub fn duration(&self) -> Duration {
-        let end_s = self.motion_s.max(self.turn.starts_s + self.turn.lasts_s);
-        Duration::try_from_secs_f64(end_s).unwrap_or(Duration::MAX).saturating_add(Duration::from_nanos(1))
+        let end_s = self.motion_s.max(self.turn.ends_s());
+        let nearest = Duration::try_from_secs_f64(end_s).unwrap_or(Duration::MAX);
+        let short = nearest.as_secs_f64() < end_s;
+        nearest.saturating_add(Duration::from_nanos(u64::from(short)))
     }
 
     /// Position, velocity and attitude at `t` after the start.
@@ -209,7 +223,7 @@ impl Trajectory {
 
     /// When the first leg ends, in seconds; 0 without one.
     pub(super) fn first_leg_ends_s(&self) -> f64 {
-        self.legs.first().map_or(0.0, |leg| leg.starts_s + leg.profile.lasts_s)
+        self.legs.first().map_or(0.0, Leg::ends_s)
     }
 
     fn end_position_enu_m(&self) -> Enu {
@@ -222,7 +236,7 @@ impl Trajectory {
             return (self.start, Vector3::zeros());
         };
         let since_s = t_s - leg.starts_s;
-        if since_s >= leg.profile.lasts_s {
+        if t_s >= leg.ends_s() {
             return (leg.to, Vector3::zeros());
         }
         let (distance_m, speed_m_s) = leg.profile.at(since_s);
@@ -231,14 +245,13 @@ impl Trajectory {
     }
 
     fn attitude_at(&self, t_s: f64) -> Attitude {
-        let Turn { from, to, starts_s, lasts_s } = &self.turn;
-        let since_s = t_s - starts_s;
-        if since_s >= *lasts_s {
-            *to
-        } else if since_s <= 0.0 {
-            *from
+        let turn = &self.turn;
+        if t_s >= turn.ends_s() {
+            turn.to
+        } else if t_s <= turn.starts_s {
+            turn.from
         } else {
-            from.slerp(to, since_s / lasts_s)
+            turn.from.slerp(&turn.to, (t_s - turn.starts_s) / turn.lasts_s)
         }
     }
 }
