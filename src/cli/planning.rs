@@ -2,11 +2,15 @@
 
 use std::time::Duration;
 
-use crate::config::Mission;
+use crate::config::{self, Mission};
 use crate::link::clock::Clock;
 use crate::planner::plan::SlotPlan;
 use crate::planner::slots::{Plan, PlannedSlot, hex};
 use crate::planner::{Options, PlanError, plan_slot};
+use crate::role::PerVehicle;
+use crate::schedule::order::Order;
+use crate::schedule::table::Timing;
+use crate::schedule::trajectory::Limits;
 use crate::report::plan_document::{FORMAT, PlanDocument, SlotDocument};
 
 /// A plan and what each slot's search took.
@@ -42,6 +46,29 @@ pub(crate) fn plan_mission(mission: &Mission, options: &Options) -> Result<Timed
 /// The options that the mission file asks for.
 pub(crate) fn mission_options(mission: &Mission) -> Options {
     Options { method: mission.planner.method, seed: mission.seed, ..Options::default() }
+}
+
+/// What the slot table demands of each vehicle.
+pub(crate) fn transit_limits(mission: &Mission) -> PerVehicle<Limits> {
+    PerVehicle::from_fn(|role| {
+        let vehicle = &mission.vehicles[role];
+        Limits::new(vehicle.speed_m_s, vehicle.climb_m_s, vehicle.tilt_rate_rad_s)
+    })
+}
+
+/// Lengths of slots and number of superframes.
+pub(crate) fn timing(mission: &Mission) -> Timing {
+    let tdma = &mission.tdma;
+    let superframes = u16::try_from(tdma.superframes).unwrap_or(u16::MAX);
+    Timing::new(Duration::from_secs_f64(tdma.slot_s), Duration::from_secs_f64(tdma.guard_s), superframes)
+}
+
+/// The order of users.
+pub(crate) fn order(mission: &Mission) -> Order {
+    match mission.tdma.order {
+        config::Order::Listed => Order::Listed,
+        config::Order::Shortest => Order::Shortest,
+    }
 }
 
 /// The plan as a document.

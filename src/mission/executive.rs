@@ -10,18 +10,19 @@ use std::time::Duration;
 
 use mavlink::MavHeader;
 use mavlink::dialects::ardupilotmega::{
-    HEARTBEAT_DATA, MavAutopilot, MavMessage, MavModeFlag, MavSeverity, MavState, MavType,
+    MavMessage, MavSeverity, MavState,
 };
 
 use crate::autopilot::{self, Autopilot, Setpoint};
-use crate::geo::Enu;
+use crate::geo::{Attitude, Enu};
 use crate::pair::{self, Coordinator, Local, PlanTerms, wire};
 use crate::planner::slots::Plan;
 use crate::planner::problem::Airspace;
 use crate::role::{PerVehicle, Role};
-use crate::schedule::table::{Entry, Table};
-use crate::schedule::trajectory::{Limits, Trajectory};
-use crate::schedule::{self, trajectory};
+use crate::schedule::order::Order;
+use crate::schedule::table::{Entry, Table, TableError, Timing};
+use crate::schedule::trajectory::{self, Limits, Start, Trajectory};
+use crate::schedule::transit::{Router, TransitError};
 use crate::time::Instant;
 use crate::transmitter::Transmitter;
 
@@ -46,8 +47,10 @@ pub struct Settings {
     pub airspace: Airspace,
     /// What the slot table demands of each vehicle.
     pub limits: PerVehicle<Limits>,
-    /// The order of users and the lengths of slots.
-    pub tdma: schedule::table::Tdma,
+    /// Lengths of slots and number of superframes.
+    pub timing: Timing,
+    /// The order of users.
+    pub order: Order,
     /// Standard deviation of the attitude jitter the mission expects, radians per axis.
     pub jitter_rad: f64,
     /// Power ceilings beside the plan's.
@@ -87,6 +90,15 @@ pub enum Outcome {
     Interrupted,
 }
 
+/// Why the slots cannot be flown one after the other.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum NoTable {
+    #[error("slot table: {0}")]
+    Table(#[from] TableError),
+    #[error("way home: {0}")]
+    Home(#[from] TransitError),
+}
+
 /// What the setpoints follow.
 #[derive(Debug, Clone)]
 pub(super) struct Motion {
@@ -115,6 +127,9 @@ pub struct Executive {
     pub(super) phase_since: Instant,
     pub(super) plan: Option<Plan>,
     pub(super) table: Option<Table>,
+    /// From the last slot's poses to above the homes.
+    pub(super) home_trajectory: Option<Trajectory>,
+    pub(super) preflight_ok: bool,
     pub(super) motion: Option<Motion>,
     pub(super) slot: Option<SlotRun>,
     pub(super) next_slot: u16,
@@ -151,6 +166,8 @@ impl Executive {
             phase_since: now,
             plan: None,
             table: None,
+            home_trajectory: None,
+            preflight_ok: false,
             motion: None,
             slot: None,
             next_slot: 0,
@@ -171,10 +188,7 @@ impl Executive {
 
     /// The plan, made elsewhere (planning never blocks the loop).
     pub fn handle_plan(&mut self, plan: Plan) {
-        let slots = usize::from(self.settings.tdma.superframes);
-        let order = (0..slots).flat_map(|_| plan.slots.iter());
         self.notice(MavSeverity::MAV_SEVERITY_INFO, format!("planned {} slots", plan.slots.len()));
-        drop(order);
         self.plan = Some(plan);
     }
 
@@ -284,7 +298,7 @@ impl Executive {
     }
 
     /// Makes the table once the plan and both homes are known, and tells the pair protocol.
-    pub(super) fn make_table(&mut self) -> Result<(), schedule::table::TableError> {
+    pub(super) fn make_table(&mut self) -> Result<(), NoTable> {
         let (Some(plan), Some(own), Some(peer)) = (&self.plan, self.home_enu_m, self.pair.peer().home_enu_m) else {
             return Ok(());
         };
@@ -292,8 +306,15 @@ impl Executive {
             return Ok(());
         }
         let homes = PerVehicle::from_fn(|role| if role == self.settings.role { own } else { peer });
-        let poses: Vec<_> = plan.slots.iter().map(|slot| slot.plan.vehicles.map(|v| v.pose)).collect();
-        let table = Table::new(&poses, homes, &self.settings.airspace, &self.settings.limits, &self.settings.tdma)?;
+        let start = homes.map(|home| Start { position_enu_m: self.above(home), attitude: Attitude::level() });
+        let router = Router::new(&self.settings.airspace, &self.settings.limits)?;
+        let users: Vec<_> = plan.slots.iter().map(|slot| vec![slot.plan.vehicles.map(|v| v.pose)]).collect();
+        let table = Table::build(&router, &start, &users, &self.settings.timing, self.settings.order)?;
+        if let Some(last) = table.entries.last() {
+            let from = PerVehicle::from_fn(|role| last.transit[role].end());
+            let home = router.home(&from, &homes)?;
+            self.home_trajectory = Some(home.trajectories[self.settings.role].clone());
+        }
         let slots = table.entries.iter().filter_map(|e| plan.slots.get(e.user_index)).map(|s| s.plan.vehicles);
         self.pair.set_plan(PlanTerms { digest: plan.digest, slots: slots.collect() });
         self.table = Some(table);
@@ -321,7 +342,7 @@ impl Executive {
     }
 
     fn facts(&self, now: Instant) -> Facts {
-        let estimator_ok = self.autopilot.state().estimator_ok;
+        let estimator_ok = self.estimator_ok();
         let base = Facts {
             window: None,
             state_fresh: self.autopilot.fresh(now),
@@ -383,16 +404,26 @@ impl Executive {
         let state = self.autopilot.state();
         let local = Local {
             home_enu_m: self.home_enu_m,
-            position_enu_m: state.position_enu_m(),
-            preflight_ok: self.waiting_for.is_empty(),
+            position_enu_m: state.position_enu_m.map(|p| p.value),
+            preflight_ok: self.preflight_ok,
             airborne: self.phase.is_flying() && self.autopilot.in_control(),
             on_station,
             radiating: !self.interlock.is_off(now),
             ended: self.phase.is_ending(),
-            landed: state.landed == Some(true),
+            landed: state.is_airborne() == Some(false),
         };
         self.pair.set_local(local, now);
         self.tell_pair_of_slot(now);
+    }
+
+    /// No word against the estimate: an autopilot that does not report its health is judged by its state's freshness.
+    pub(super) fn estimator_ok(&self) -> bool {
+        self.autopilot.state().estimator_ok.is_none_or(|ok| ok.value)
+    }
+
+    /// The autopilot's newest position.
+    pub(super) fn position(&self) -> Option<Enu> {
+        self.autopilot.state().position_enu_m.map(|p| p.value)
     }
 
     fn heartbeat(&self) -> MavMessage {
@@ -402,13 +433,6 @@ impl Executive {
             (Phase::Standby, None) => MavState::MAV_STATE_STANDBY,
             _ => MavState::MAV_STATE_ACTIVE,
         };
-        MavMessage::HEARTBEAT(HEARTBEAT_DATA {
-            custom_mode: 0,
-            mavtype: MavType::MAV_TYPE_ONBOARD_CONTROLLER,
-            autopilot: MavAutopilot::MAV_AUTOPILOT_INVALID,
-            base_mode: MavModeFlag::empty(),
-            system_status,
-            mavlink_version: 3,
-        })
+        autopilot::heartbeat(system_status)
     }
 }

@@ -5,13 +5,13 @@ use std::time::Duration;
 use mavlink::dialects::ardupilotmega::MavSeverity;
 
 use crate::autopilot::Event as AutopilotEvent;
-use crate::autopilot::preflight::Outcome as CheckOutcome;
+use crate::autopilot::Verdict;
 use crate::geo::{Attitude, Enu};
 use crate::pair::wire::{VeilwingFlags, VeilwingSilence};
 use crate::pair::{Event as PairEvent, Readiness};
 use crate::role::Role;
 use crate::schedule::trajectory::{Start, Trajectory};
-use crate::schedule::transit;
+use crate::schedule::transit::Router;
 use crate::time::{Instant, Utc};
 
 use super::executive::{Executive, Motion, Outcome};
@@ -93,7 +93,7 @@ impl Executive {
     pub(super) fn step(&mut self, now: Instant) {
         match self.phase {
             Phase::Connecting => {
-                if self.autopilot.fresh(now) && self.autopilot.state().estimator_ok {
+                if self.autopilot.fresh(now) && self.estimator_ok() {
                     self.enter(Phase::Standby, now);
                 }
             }
@@ -142,7 +142,7 @@ impl Executive {
     /// On the ground: takes off once nothing is missing.
     fn stand_by(&mut self, now: Instant) {
         if self.home_enu_m.is_none() {
-            self.home_enu_m = self.autopilot.state().position_enu_m();
+            self.home_enu_m = self.position();
         }
         if let Err(error) = self.make_table() {
             return self.wait_for(vec![error.to_string()], now);
@@ -180,7 +180,7 @@ impl Executive {
         let checks = self.autopilot.preflight(now).into_iter().chain(self.interlock.transmitter().preflight());
         missing.extend(
             checks
-                .filter(|check| check.outcome == CheckOutcome::Fail)
+                .filter(|check| check.verdict == Verdict::Fail)
                 .map(|check| format!("{}: {}", check.name, check.detail)),
         );
         if self.autopilot.utc(now).is_none() {
@@ -242,8 +242,7 @@ impl Executive {
 
     /// All slots are over: both go home along the table's last transit.
     fn finish(&mut self, now: Instant) {
-        let role = self.settings.role;
-        self.motion = self.table.as_ref().map(|table| Motion { trajectory: table.home[role].clone(), starts_at: now });
+        self.motion = self.home_trajectory.clone().map(|trajectory| Motion { trajectory, starts_at: now });
         self.notice(MavSeverity::MAV_SEVERITY_INFO, "all slots are over, returning".into());
         self.enter(Phase::Returning, now);
     }
@@ -309,10 +308,10 @@ impl Executive {
     fn go_home(&mut self, now: Instant) {
         let (Some(home), Some(start)) = (self.home_enu_m, self.motion.as_ref().map(|m| m.sample(now))) else { return };
         let start = Start { position_enu_m: start.position_enu_m, attitude: start.attitude };
-        let keep_out = self.pair.peer().position_enu_m;
-        let limits = self.settings.limits[self.settings.role];
-        let above_home = self.above(home);
-        match transit::alone(&start, above_home, keep_out, &self.settings.airspace, &limits) {
+        let keep_out: Vec<_> = self.pair.peer().position_enu_m.into_iter().collect();
+        let way = Router::new(&self.settings.airspace, &self.settings.limits)
+            .and_then(|router| router.alone(self.settings.role, &start, &home, &keep_out));
+        match way {
             Ok(trajectory) => {
                 self.motion = Some(Motion { trajectory, starts_at: now });
                 self.notice(MavSeverity::MAV_SEVERITY_INFO, "returning home".into());
@@ -335,9 +334,8 @@ impl Executive {
 
     /// The autopilot's present pose.
     fn here(&self) -> Option<Start> {
-        let state = self.autopilot.state();
-        let attitude = state.attitude.map(|(attitude, _)| attitude)?;
-        Some(Start { position_enu_m: state.position_enu_m()?, attitude })
+        let attitude = self.autopilot.state().attitude?.value;
+        Some(Start { position_enu_m: self.position()?, attitude })
     }
 
     /// The point above `home` at the bottom of the altitude band.
@@ -370,14 +368,14 @@ impl Executive {
 
     fn distance_left(&self) -> String {
         let target = self.motion.as_ref().map(|m| m.trajectory.end().position_enu_m);
-        let position = self.autopilot.state().position_enu_m();
+        let position = self.position();
         target.zip(position).map_or("?".into(), |(t, p)| format!("{:.1}", (t - p).norm()))
     }
 
     fn arrived(&self, now: Instant) -> bool {
         let Some(motion) = self.motion.as_ref().filter(|motion| now >= motion.ends_at()) else { return false };
         let target = motion.trajectory.end().position_enu_m;
-        self.autopilot.state().position_enu_m().is_some_and(|p| (p - target).norm() < ARRIVED_M)
+        self.position().is_some_and(|p| (p - target).norm() < ARRIVED_M)
     }
 
     pub(super) fn on_autopilot(&mut self, event: AutopilotEvent, now: Instant) {
@@ -407,20 +405,34 @@ impl Executive {
                     now,
                 ),
             },
-            AutopilotEvent::EstimatorFailure { detail } => match self.phase {
+            AutopilotEvent::EstimatorFailure(fault) => match self.phase {
                 Phase::Ready { .. } | Phase::Slot | Phase::Climbing => {
                     self.pair.silent(VeilwingSilence::VEILWING_SILENCE_ESTIMATOR, now);
-                    self.abort(format!("estimator: {detail}"), now);
+                    self.abort(format!("estimator: {fault}"), now);
                 }
                 _ => {}
             },
-            AutopilotEvent::Refused { what, detail } => {
-                let text = format!("autopilot refused {what}: {detail}");
+            AutopilotEvent::Refused { what, result, statustext } => {
+                let answer = result.map_or("no answer".to_owned(), |result| format!("{result:?}"));
+                let text = format!("autopilot refused {what}: {answer} {}", statustext.unwrap_or_default());
                 match self.phase {
                     Phase::TakingControl | Phase::Arming => self.abort(text, now),
                     _ => self.notice(MavSeverity::MAV_SEVERITY_WARNING, text),
                 }
             }
+            AutopilotEvent::NotReady { what, result, statustext, waited } => {
+                let why = statustext.unwrap_or_else(|| format!("{result:?}"));
+                let text = format!("waiting for the autopilot to {what}: {why} ({:.0} s)", waited.as_secs_f64());
+                self.notice(MavSeverity::MAV_SEVERITY_INFO, text);
+            }
+            AutopilotEvent::Restarted => match self.phase {
+                Phase::Connecting | Phase::Standby | Phase::Ended => {}
+                _ => self.surrender(
+                    "the autopilot restarted".into(),
+                    VeilwingSilence::VEILWING_SILENCE_CONTROL,
+                    now,
+                ),
+            },
             AutopilotEvent::Landed if matches!(self.phase, Phase::Landing) => self.autopilot.disarm(now),
             AutopilotEvent::Disarmed => match self.phase {
                 Phase::Landing | Phase::Surrendered => {

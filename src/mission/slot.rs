@@ -83,11 +83,11 @@ impl Executive {
     pub(super) fn watch_pose(&mut self) {
         let state = self.autopilot.state();
         if let Some(slot) = self.slot.as_mut() {
-            if let Some(position) = state.position_enu_m() {
-                slot.monitor.position(position);
+            if let Some(position) = state.position_enu_m {
+                slot.monitor.position(position.value);
             }
-            if let Some((attitude, at)) = state.attitude {
-                slot.monitor.attitude(&attitude, at);
+            if let Some(attitude) = state.attitude {
+                slot.monitor.attitude(&attitude.value, attitude.received_at);
             }
         }
     }
