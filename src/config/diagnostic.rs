@@ -7,8 +7,8 @@ use std::sync::Arc;
 /// Bytes of a file's text.
 pub(super) type Span = Range<usize>;
 
-/// Findings printed before the rest is only counted: binary garbage can hold thousands.
-const PRINTED: usize = 100;
+/// Findings kept before the rest is only counted: garbage can hold half a million.
+const KEPT: usize = 1000;
 /// Longest piece of an offending line that is shown, in characters.
 const SHOWN_CHARS: usize = 120;
 
@@ -43,14 +43,18 @@ pub struct Diagnostic {
 pub struct Diagnostics {
     file: String,
     text: Arc<str>,
+    lines: Lines,
     list: Vec<Diagnostic>,
+    errors: usize,
+    omitted: usize,
 }
 
 impl std::error::Error for Diagnostics {}
 
 impl Diagnostics {
     pub(super) fn new(file: &str, text: Arc<str>) -> Self {
-        Self { file: file.to_owned(), text, list: Vec::new() }
+        let lines = Lines::of(&text);
+        Self { file: file.to_owned(), text, lines, list: Vec::new(), errors: 0, omitted: 0 }
     }
 
     /// An error about the file as a whole, such as one that cannot be read. Placed at line 1, column 1.
@@ -61,12 +65,18 @@ impl Diagnostics {
     }
 
     pub(super) fn push(&mut self, severity: Severity, span: Span, message: String, help: String) {
-        let (line, column) = line_and_column(&self.text, span.start);
+        self.errors += usize::from(severity == Severity::Error);
+        if self.list.len() >= KEPT {
+            self.omitted += 1;
+            return;
+        }
+        let (line, column) = self.lines.place(&self.text, span.start);
         self.list.push(Diagnostic { severity, line, column, message, help, span });
     }
 
-    pub(super) fn sort(&mut self) {
-        self.list.sort_by_key(|finding| finding.span.start);
+    /// The line of a byte offset, from 1.
+    pub(super) fn line_of(&self, offset: usize) -> usize {
+        self.lines.line_of(offset)
     }
 
     /// The file's name as given.
@@ -90,7 +100,7 @@ impl Diagnostics {
     /// Whether one of the findings is an error.
     #[must_use]
     pub fn has_errors(&self) -> bool {
-        self.list.iter().any(|finding| finding.severity == Severity::Error)
+        self.errors > 0
     }
 
     /// The warnings if there are no errors, else everything.
@@ -102,9 +112,10 @@ impl Diagnostics {
     }
 
     fn fmt_excerpt(&self, finding: &Diagnostic, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Some(line) = self.text.lines().nth(finding.line - 1).filter(|line| !line.is_empty()) else {
+        let line = self.lines.text(&self.text, finding.line);
+        if line.is_empty() {
             return Ok(());
-        };
+        }
         let before = finding.column - 1;
         let from = before.saturating_sub(SHOWN_CHARS / 2);
         let shown: String = line
@@ -131,28 +142,48 @@ impl Diagnostics {
 
 impl fmt::Display for Diagnostics {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for finding in self.list.iter().take(PRINTED) {
+        for finding in &self.list {
             let kind = if finding.severity == Severity::Warning { "warning: " } else { "" };
             writeln!(f, "{}:{}:{}: {kind}{}", self.file, finding.line, finding.column, finding.message)?;
             self.fmt_excerpt(finding, f)?;
             writeln!(f, "      help: {}", finding.help)?;
         }
-        match self.list.len().saturating_sub(PRINTED) {
+        match self.omitted {
             0 => Ok(()),
             more => writeln!(f, "{}: and {more} more", self.file),
         }
     }
 }
 
-/// Line and column (in characters) of a byte offset, both from 1.
-pub(super) fn line_and_column(text: &str, offset: usize) -> (usize, usize) {
-    let mut start = offset.min(text.len());
-    while !text.is_char_boundary(start) {
-        start -= 1;
+/// Where each line starts, in bytes.
+#[derive(Debug, Clone, PartialEq, Eq)]
+struct Lines(Vec<usize>);
+
+impl Lines {
+    fn of(text: &str) -> Self {
+        Self(std::iter::once(0).chain(text.match_indices('\n').map(|(newline, _)| newline + 1)).collect())
     }
-    let before = &text[..start];
-    let line_start = before.rfind('\n').map_or(0, |newline| newline + 1);
-    (before.matches('\n').count() + 1, before[line_start..].chars().count() + 1)
+
+    fn line_of(&self, offset: usize) -> usize {
+        self.0.partition_point(|start| *start <= offset).max(1)
+    }
+
+    /// Line and column (in characters) of a byte offset, both from 1.
+    fn place(&self, text: &str, offset: usize) -> (usize, usize) {
+        let mut end = offset.min(text.len());
+        while !text.is_char_boundary(end) {
+            end -= 1;
+        }
+        let line = self.line_of(end);
+        (line, text[self.0[line - 1]..end].chars().count() + 1)
+    }
+
+    /// The text of a line, counted from 1, without its end.
+    fn text<'t>(&self, text: &'t str, line: usize) -> &'t str {
+        let from = self.0[line - 1];
+        let to = self.0.get(line).copied().unwrap_or(text.len());
+        text[from..to].trim_end_matches(['\r', '\n'])
+    }
 }
 
 #[cfg(test)]
@@ -162,11 +193,13 @@ mod tests {
     #[test]
     fn val_columns_are_characters_and_never_split_one() {
         let text = "a = 1\nč = \"žluť\"";
-        assert_eq!(line_and_column(text, 0), (1, 1));
-        assert_eq!(line_and_column(text, 6), (2, 1));
-        assert_eq!(line_and_column(text, 7), (2, 1));
-        assert_eq!(line_and_column(text, 9), (2, 3));
-        assert_eq!(line_and_column(text, 1000), (2, 11));
+        let lines = Lines::of(text);
+        for (offset, place) in
+            [(0, (1, 1)), (5, (1, 6)), (6, (2, 1)), (7, (2, 1)), (9, (2, 3)), (1000, (2, 11))]
+        {
+            assert_eq!(lines.place(text, offset), place, "{offset}");
+        }
+        assert_eq!((lines.text(text, 1), Lines::of("\r\n").text("\r\n", 1)), ("a = 1", ""));
     }
 
     #[test]

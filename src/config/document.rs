@@ -8,7 +8,7 @@ use std::sync::Arc;
 use serde_json::Value as Json;
 use toml::de::DeTable;
 
-use super::diagnostic::{Diagnostics, Severity, Span, line_and_column};
+use super::diagnostic::{Diagnostics, Severity, Span};
 use super::reader::Section;
 
 /// Largest file that is read, in bytes.
@@ -80,9 +80,18 @@ pub(super) struct Document {
     pub(super) settings: Vec<(String, Json)>,
     /// The same file is read without a document, to collect the schema.
     pub(super) describing: bool,
-    findings: Vec<(Severity, Span, String, String)>,
-    /// Findings about what is missing, which a syntax error elsewhere may have caused.
-    missing: Vec<(Span, String, String)>,
+    findings: Vec<Finding>,
+}
+
+/// Something found before it is known to be worth telling.
+#[derive(Debug, Clone)]
+struct Finding {
+    severity: Severity,
+    span: Span,
+    message: String,
+    help: String,
+    /// It is about what is missing, which a syntax error elsewhere may have caused.
+    absence: bool,
 }
 
 impl Document {
@@ -95,7 +104,6 @@ impl Document {
             settings: Vec::new(),
             describing,
             findings: Vec::new(),
-            missing: Vec::new(),
         }
     }
 
@@ -114,27 +122,19 @@ impl Document {
         check(&value, &mut document);
 
         let mut all = Diagnostics::new(file, Arc::clone(&text));
-        let mut bad_lines = BTreeSet::new();
-        for error in &syntax_errors {
-            let span = error.span().unwrap_or_default();
-            bad_lines.insert(line_and_column(&text, span.start).0);
-            all.push(
-                Severity::Error,
-                span,
-                error.message().to_owned(),
-                syntax_help(error.message()).to_owned(),
-            );
+        let syntax: Vec<Finding> = syntax_errors.iter().map(|error| syntax_finding(error, &text)).collect();
+        let bad_lines: BTreeSet<usize> =
+            syntax.iter().map(|finding| all.line_of(finding.span.start)).collect();
+        let mut findings = std::mem::take(&mut document.findings);
+        // What recovery put in the place of a broken value, or lost, says nothing about the file.
+        findings.retain(|found| {
+            bad_lines.is_empty() || !(found.absence || bad_lines.contains(&all.line_of(found.span.start)))
+        });
+        findings.extend(syntax);
+        findings.sort_by_key(|finding| finding.span.start);
+        for Finding { severity, span, message, help, .. } in findings {
+            all.push(severity, span, message, help);
         }
-        for (severity, span, message, help) in document.findings.drain(..) {
-            // What recovery put in the place of a broken value says nothing about the file.
-            if !bad_lines.contains(&line_and_column(&text, span.start).0) {
-                all.push(severity, span, message, help);
-            }
-        }
-        for (span, message, help) in document.missing.drain(..).filter(|_| bad_lines.is_empty()) {
-            all.push(Severity::Error, span, message, help);
-        }
-        all.sort();
         (value, document, all)
     }
 
@@ -185,26 +185,50 @@ impl Document {
     }
 
     pub(super) fn error(&mut self, span: Span, message: String, help: String) {
-        self.findings.push((Severity::Error, span, message, help));
+        self.findings.push(Finding { severity: Severity::Error, span, message, help, absence: false });
     }
 
     pub(super) fn warning(&mut self, span: Span, message: String, help: String) {
-        self.findings.push((Severity::Warning, span, message, help));
+        self.findings.push(Finding { severity: Severity::Warning, span, message, help, absence: false });
     }
 
+    /// An error about something that is not there.
     pub(super) fn missing(&mut self, span: Span, message: String, help: String) {
-        self.missing.push((span, message, help));
+        self.findings.push(Finding { severity: Severity::Error, span, message, help, absence: true });
     }
 }
 
-fn syntax_help(message: &str) -> &'static str {
-    if message.contains("duplicate key") {
+fn syntax_finding(error: &toml::de::Error, text: &str) -> Finding {
+    let span = error.span().unwrap_or_default();
+    let rest = text.get(span.start..).and_then(|rest| rest.lines().next()).unwrap_or("").trim();
+    let message = match error.message() {
+        quoted
+            if quoted.starts_with("string values must be quoted")
+                && (rest.is_empty() || rest.starts_with('#')) =>
+        {
+            "there is no value after `=`"
+        }
+        quoted if quoted.starts_with("string values must be quoted") => {
+            "this is no value; text must be in quotes"
+        }
+        message => message.trim_end_matches(", expected nothing"),
+    };
+    let help = if message.contains("duplicate key") {
         "each key and [table] may be given once; write [[name]] for one of several"
-    } else if message.contains("string values must be quoted") {
-        "put text in double quotes, and give a value after `=`"
+    } else if message.contains("quotes") {
+        "put text in double quotes"
+    } else if message.contains("no value") {
+        "give a value, or remove the line to use the default"
     } else if message.contains("table") {
         "a table starts with [name] on a line of its own, one of several with [[name]]"
     } else {
         "the file is TOML (https://toml.io): `key = value` lines under [table] headings"
+    };
+    Finding {
+        severity: Severity::Error,
+        span,
+        message: message.to_owned(),
+        help: help.to_owned(),
+        absence: false,
     }
 }

@@ -121,15 +121,18 @@ fn nodes(draft: &Draft, file: &mut Document) {
             node(draft, file, kind, &path, position);
         }
     }
-    for (user_index, (user, at)) in draft.users.iter().enumerate() {
-        for (index, (eavesdropper, position, _)) in draft.eavesdroppers.iter().enumerate() {
-            let (of_user, of_node) = (format!("user[{user_index}]"), format!("eavesdropper[{index}]"));
-            if file.sound(&[&of_user, &of_node]) && at.enu(draft.origin) == position.enu(draft.origin) {
-                let message = format!(
-                    "eavesdropper {eavesdropper:?} stands where user {user:?} does: no secrecy is possible"
-                );
-                file.warning(file.at(&of_node), message, "check both positions".to_owned());
-            }
+    let users: Vec<Enu> = draft.users.iter().map(|(_, at)| at.enu(draft.origin)).collect();
+    for (index, (name, at, _)) in draft.eavesdroppers.iter().enumerate() {
+        let at = at.enu(draft.origin);
+        let path = format!("eavesdropper[{index}]");
+        if let Some(user) = users.iter().position(|user| *user == at)
+            && file.sound(&[&format!("user[{user}]"), &path])
+        {
+            let message = format!(
+                "eavesdropper {name:?} stands where user {:?} does: no secrecy is possible",
+                draft.users[user].0
+            );
+            file.warning(file.at(&path), message, "check both positions".to_owned());
         }
     }
 }

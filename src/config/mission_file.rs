@@ -25,7 +25,7 @@ const TILT: Number = Number::within("deg", 0.0, 90.0);
 const POINT: Numbers<3> = Numbers([("east", HORIZONTAL), ("north", HORIZONTAL), ("up", HEIGHT)]);
 const NAME: Text = Text { max_chars: 64 };
 /// The words for planning methods, as in the mission file and on the command line.
-pub(super) const METHODS: &[(&str, Method)] = &[
+pub const METHODS: &[(&str, Method)] = &[
     ("veilwing", Method::Veilwing),
     ("paper", Method::Paper),
     ("interior-point", Method::InteriorPoint),

@@ -12,6 +12,7 @@ mod mission_checks;
 mod mission_file;
 mod polygon;
 mod reader;
+mod schema;
 mod vehicle;
 mod vehicle_file;
 
@@ -21,6 +22,8 @@ pub use mission::{
     Difference, Emission, Mission, NamedEavesdropper, Order, PlannerSettings, PowerLimit, Tdma, User,
     VehicleSettings,
 };
+pub use mission_file::METHODS;
+pub use schema::schema;
 pub use vehicle::{
     Actuation, Autopilot, Firmware, Level, Limits, ParameterProtocol, PowerParameter, PowerUnit, Transmitter,
     TransmitterKind, Vehicle,

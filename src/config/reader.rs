@@ -8,11 +8,16 @@ use super::diagnostic::Span;
 use super::document::Document;
 use super::kind::{Fault, Item, Kind, nearest};
 
+/// Most `[[tables]]` of one name. Far above any mission, and low enough that checking each against each is quick.
+const MOST_TABLES: usize = 1000;
+
 /// One table of a file while it is read.
 pub(super) struct Section<'c, 'd> {
     document: &'c mut Document,
     table: Option<&'d DeTable<'d>>,
     path: String,
+    /// Keys that were asked for.
+    known: Vec<&'static str>,
     properties: Map<String, Json>,
     required: Vec<&'static str>,
     rules: Vec<Json>,
@@ -24,7 +29,15 @@ impl<'c, 'd> Section<'c, 'd> {
     }
 
     fn at_path(document: &'c mut Document, table: Option<&'d DeTable<'d>>, path: String) -> Self {
-        Self { document, table, path, properties: Map::new(), required: Vec::new(), rules: Vec::new() }
+        Self {
+            document,
+            table,
+            path,
+            known: Vec::new(),
+            properties: Map::new(),
+            required: Vec::new(),
+            rules: Vec::new(),
+        }
     }
 
     /// Runs `f` on this table, refuses the keys it did not ask for, and gives what it made and the table's schema.
@@ -113,11 +126,11 @@ impl<'c, 'd> Section<'c, 'd> {
         sentence: &str,
         f: impl FnOnce(&mut Section<'_, '_>) -> T,
     ) -> Option<T> {
-        let there = self.item(key).is_some();
+        let there = self.ask(key).is_some();
         (there || self.document.describing).then(|| self.table(key, sentence, f)).filter(|_| there)
     }
 
-    /// `[[key]]` tables, at least `at_least` of them; `f` is given each one's index.
+    /// `[[key]]` tables, from `at_least` to [`MOST_TABLES`] of them; `f` is given each one's index.
     pub(super) fn tables<T>(
         &mut self,
         key: &'static str,
@@ -127,12 +140,16 @@ impl<'c, 'd> Section<'c, 'd> {
     ) -> Vec<T> {
         if self.document.describing {
             let (_, each) = Section::at_path(self.document, None, self.path_of(key)).describe(|s| f(s, 0));
-            self.property(key, sentence, json!({ "type": "array", "items": each, "minItems": at_least }));
+            self.property(
+                key,
+                sentence,
+                json!({ "type": "array", "items": each, "minItems": at_least, "maxItems": MOST_TABLES }),
+            );
         }
         if at_least > 0 {
             self.required.push(key);
         }
-        let Some(item) = self.item(key) else {
+        let Some(item) = self.ask(key) else {
             if at_least > 0 {
                 let help = format!("add a [[{}]] table", self.path_of(key));
                 self.missing(key, &help);
@@ -234,6 +251,14 @@ impl<'c, 'd> Section<'c, 'd> {
         }
     }
 
+    /// Notes that `key` exists, and gives what the file says of it.
+    fn ask(&mut self, key: &'static str) -> Option<&'d Item<'d>> {
+        if !self.known.contains(&key) {
+            self.known.push(key);
+        }
+        self.item(key)
+    }
+
     fn item(&self, key: &str) -> Option<&'d Item<'d>> {
         self.table.and_then(|table| table.get(key))
     }
@@ -243,11 +268,17 @@ impl<'c, 'd> Section<'c, 'd> {
     }
 
     fn title(&self) -> String {
-        if self.path.is_empty() { "the file".to_owned() } else { format!("[{}]", self.path) }
+        match self.path.strip_suffix(']').and_then(|path| path.rsplit_once('[')) {
+            Some((list, index)) => {
+                format!("[[{list}]] number {}", index.parse().map_or(1, |index: usize| index + 1))
+            }
+            None if self.path.is_empty() => "the file".to_owned(),
+            None => format!("[{}]", self.path),
+        }
     }
 
     fn value<K: Kind>(&mut self, key: &'static str, kind: &K, default: Option<&Json>) -> Option<K::Out> {
-        let item = self.item(key)?;
+        let item = self.ask(key)?;
         let path = self.path_of(key);
         self.document.place(&path, item.span());
         let mut faults = Vec::new();
@@ -283,7 +314,7 @@ impl<'c, 'd> Section<'c, 'd> {
     }
 
     fn subtable(&mut self, key: &'static str) -> Option<&'d DeTable<'d>> {
-        let item = self.item(key)?;
+        let item = self.ask(key)?;
         let path = self.path_of(key);
         self.document.place(&path, item.span());
         let table = item.get_ref().as_table();
@@ -296,10 +327,9 @@ impl<'c, 'd> Section<'c, 'd> {
 
     fn refuse_unknown(&mut self) {
         let Some(table) = self.table else { return };
-        let known = || self.properties.keys().map(String::as_str);
+        let known = || self.known.iter().copied();
         let mut unknown = Vec::new();
-        for (key, _) in table.iter().filter(|(key, _)| !self.properties.contains_key(key.get_ref().as_ref()))
-        {
+        for (key, _) in table.iter().filter(|(key, _)| !self.known.contains(&key.get_ref().as_ref())) {
             let help = nearest(key.get_ref(), known()).map_or_else(
                 || format!("its keys are {}", known().collect::<Vec<_>>().join(", ")),
                 |word| format!("did you mean `{word}`?"),

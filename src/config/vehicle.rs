@@ -28,6 +28,8 @@ pub struct Vehicle {
     pub limits: Limits,
     /// Directory for logs.
     pub log_dir: PathBuf,
+    /// What the operator should know although the file can be used. No errors.
+    pub warnings: Diagnostics,
     document: Document,
 }
 
@@ -214,7 +216,17 @@ impl Vehicle {
         if let Some(parameter) = &mut transmitter.parameter {
             parameter.levels.sort_by(|a, b| a.power_w.total_cmp(&b.power_w));
         }
-        Ok(Self { role, autopilot, transmitter, pair_link, key_file, limits, log_dir, document })
+        Ok(Self {
+            role,
+            autopilot,
+            transmitter,
+            pair_link,
+            key_file,
+            limits,
+            log_dir,
+            warnings: findings,
+            document,
+        })
     }
 
     /// The JSON Schema of the vehicle file.
@@ -297,7 +309,6 @@ impl Vehicle {
             let help = "add [emission] with who authorised it, the band and the largest power, or set simulated = true";
             all.push(Severity::Error, file.at("transmitter.simulated"), message, help.to_owned());
         }
-        all.sort();
         all
     }
 }
