@@ -201,34 +201,27 @@ impl Document {
 fn syntax_finding(error: &toml::de::Error, text: &str) -> Finding {
     let span = error.span().unwrap_or_default();
     let rest = text.get(span.start..).and_then(|rest| rest.lines().next()).unwrap_or("").trim();
-    let message = match error.message() {
-        quoted
-            if quoted.starts_with("string values must be quoted")
-                && (rest.is_empty() || rest.starts_with('#')) =>
-        {
-            "there is no value after `=`"
+    let unquoted = error.message().starts_with("string values must be quoted");
+    let (message, help) = match error.message() {
+        _ if unquoted && (rest.is_empty() || rest.starts_with('#')) => {
+            ("there is no value after `=`", "give a value, or remove the line to use the default")
         }
-        quoted if quoted.starts_with("string values must be quoted") => {
-            "this is no value; text must be in quotes"
+        _ if unquoted => ("this is no value; text must be in quotes", "put text in double quotes"),
+        "duplicate key" => {
+            ("this is here twice", "give each key and [table] once; write [[name]] for one of several tables")
         }
-        message => message.trim_end_matches(", expected nothing"),
+        message if message.contains("string") => (message, "close the text with a quote, on the same line"),
+        message if message.contains("table") => {
+            (message, "a table starts with [name] on a line of its own, one of several with [[name]]")
+        }
+        message => {
+            (message, "the file is TOML (https://toml.io): `key = value` lines under [table] headings")
+        }
     };
-    let help = if message.contains("duplicate key") {
-        "each key and [table] may be given once; write [[name]] for one of several"
-    } else if message.contains("quotes") {
-        "put text in double quotes"
-    } else if message.contains("no value") {
-        "give a value, or remove the line to use the default"
-    } else if message.contains("table") {
-        "a table starts with [name] on a line of its own, one of several with [[name]]"
-    } else {
-        "the file is TOML (https://toml.io): `key = value` lines under [table] headings"
+    let message = match text.get(span.clone()) {
+        Some(key) if error.message() == "duplicate key" => format!("duplicate key `{key}`: {message}"),
+        _ => message.trim_end_matches(", expected nothing").to_owned(),
     };
-    Finding {
-        severity: Severity::Error,
-        span,
-        message: message.to_owned(),
-        help: help.to_owned(),
-        absence: false,
-    }
+    let help = help.to_owned();
+    Finding { severity: Severity::Error, span, message, help, absence: false }
 }

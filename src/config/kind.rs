@@ -69,3 +69,14 @@ pub(super) fn nearest<'w>(text: &str, words: impl Iterator<Item = &'w str>) -> O
         .max_by(|a, b| a.0.total_cmp(&b.0))
         .map(|(_, word)| word)
 }
+
+/// What is wrong with the length of a list, as a clause that continues its name.
+pub(super) fn miscount(entries: usize, at_least: usize, at_most: usize) -> Option<String> {
+    if entries < at_least {
+        Some(format!("has {entries} entries, fewer than the {at_least} it needs"))
+    } else if entries > at_most {
+        Some(format!("has {entries} entries, more than the {at_most} it may have"))
+    } else {
+        None
+    }
+}

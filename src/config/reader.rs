@@ -6,7 +6,7 @@ use toml::de::{DeTable, DeValue};
 
 use super::diagnostic::Span;
 use super::document::Document;
-use super::kind::{Fault, Item, Kind, nearest};
+use super::kind::{Fault, Item, Kind, miscount, nearest};
 
 /// Most `[[tables]]` of one name. Far above any mission, and low enough that checking each against each is quick.
 const MOST_TABLES: usize = 1000;
@@ -156,42 +156,49 @@ impl<'c, 'd> Section<'c, 'd> {
             }
             return Vec::new();
         };
-        let path = self.path_of(key);
-        self.document.place(&path, item.span());
-        let DeValue::Array(items) = item.get_ref() else {
-            let message = format!("`{key}` must be a list of tables, found {}", article(item));
-            self.refuse(&path, item.span(), message, format!("write [[{path}]], with double brackets"));
-            return Vec::new();
+        let tables = self.table_list(key, item, at_least).unwrap_or_default();
+        let read = |(index, (path, table))| {
+            Section::at_path(self.document, Some(table), path).describe(|s| f(s, index)).0
         };
-        if items.len() < at_least {
-            let message =
-                format!("the list of `{key}` has {} entries, but needs at least {at_least}", items.len());
-            self.refuse(&path, item.span(), message, format!("add a [[{path}]] table"));
+        tables.into_iter().enumerate().map(read).collect()
+    }
+
+    /// The tables of a list with their paths, if it is a list of so many tables.
+    fn table_list(
+        &mut self,
+        key: &str,
+        list: &'d Item<'d>,
+        at_least: usize,
+    ) -> Option<Vec<(String, &'d DeTable<'d>)>> {
+        let path = self.path_of(key);
+        self.document.place(&path, list.span());
+        let DeValue::Array(items) = list.get_ref() else {
+            let message = format!("`{key}` must be a list of tables, found {}", article(list));
+            self.refuse(&path, list.span(), message, format!("write [[{path}]], with double brackets"));
+            return None;
+        };
+        if let Some(clause) = miscount(items.len(), at_least, MOST_TABLES) {
+            let message = format!("the list of `{key}` {clause}");
+            self.refuse(&path, list.span(), message, format!("write one [[{path}]] table for each"));
+            return None;
         }
         let mut tables = Vec::with_capacity(items.len());
         for (index, item) in items.iter().enumerate() {
             let path = format!("{path}[{index}]");
             self.document.place(&path, item.span());
-            match item.get_ref() {
-                DeValue::Table(table) => tables.push((path, table)),
-                _ => {
-                    let message = format!("each `{key}` must be a table, found {}", article(item));
-                    self.refuse(
-                        &path,
-                        item.span(),
-                        message,
-                        format!("write [[{key}]] and its settings below it"),
-                    );
-                }
+            if let DeValue::Table(table) = item.get_ref() {
+                tables.push((path, table));
+            } else {
+                let message = format!("each `{key}` must be a table, found {}", article(item));
+                self.refuse(
+                    &path,
+                    item.span(),
+                    message,
+                    format!("write [[{key}]] and its settings below it"),
+                );
             }
         }
-        if tables.len() < items.len() {
-            return Vec::new();
-        }
-        let mut read = |(index, (path, table))| {
-            Section::at_path(self.document, Some(table), path).describe(|s| f(s, index)).0
-        };
-        tables.into_iter().enumerate().map(&mut read).collect()
+        (tables.len() == items.len()).then_some(tables)
     }
 
     /// Of these groups of keys at most one may be given, and exactly one if it is `needed`.
@@ -284,7 +291,8 @@ impl<'c, 'd> Section<'c, 'd> {
         let mut faults = Vec::new();
         let value = kind.read(item, &mut faults);
         for Fault { at, clause } in faults {
-            let default = default.map_or(String::new(), |value| format!("; the default is {value}"));
+            let default =
+                default.map_or(String::new(), |value| format!("; the default is {}", as_toml(value)));
             self.refuse(&path, at, format!("`{key}` {clause}"), format!("give {}{default}", kind.expected()));
         }
         value
@@ -351,4 +359,9 @@ fn article(item: &Item<'_>) -> String {
 
 fn quoted(keys: &[&str]) -> String {
     keys.iter().map(|key| format!("`{key}`")).collect::<Vec<_>>().join(", ")
+}
+
+/// A value as it would be written in the file.
+fn as_toml(value: &Json) -> String {
+    toml::Value::try_from(value).map_or_else(|_| value.to_string(), |value| value.to_string())
 }

@@ -288,18 +288,26 @@ impl Vehicle {
             lower("tilt_rate_deg_s"),
         );
         let tilt = planned.max_tilt_rad.min(mission.airspace_max_tilt_rad).to_degrees();
-        let refused = "plans beyond the limit will be refused in flight; ".to_owned();
+        let tilt_help = format!("plans beyond the limit are refused in flight; {}", lower("max_tilt_deg"));
         compare(
             "limits.max_tilt_deg",
             "deg",
             degrees(limits.max_tilt_rad),
             tilt,
             Severity::Warning,
-            refused.clone() + &lower("max_tilt_deg"),
+            tilt_help,
         );
         let power = mission.power_ceiling(self.role).0;
-        let help = refused + "lower radio.max_power_w in the mission, on both vehicles, or raise the limit";
-        compare("limits.max_power_w", "W", limits.max_power_w, power, Severity::Warning, help);
+        let power_help = "the lower of the two holds, and the flight falls short of its plan; \
+                          lower radio.max_power_w in the mission, on both vehicles, or raise the limit";
+        compare(
+            "limits.max_power_w",
+            "W",
+            limits.max_power_w,
+            power,
+            Severity::Warning,
+            power_help.to_owned(),
+        );
 
         if self.transmitter.kind != TransmitterKind::None
             && !self.transmitter.simulated

@@ -11,6 +11,8 @@ use nalgebra::Vector2;
 
 /// A point this far outside, in metres, still counts as inside: the boundary belongs to the fence.
 pub const BOUNDARY_TOLERANCE_M: f64 = 1e-9;
+/// Coordinates beyond this, in metres, are no part of a tangent plane on Earth.
+pub const MAX_COORDINATE_M: f64 = 1e7;
 /// How far corners are kept away from, in metres, in the order tried.
 const CORNER_MARGINS_M: [f64; 3] = [0.5, 0.05, 0.0];
 
@@ -23,9 +25,9 @@ pub enum FenceError {
         /// How many there are.
         vertices: usize,
     },
-    /// A coordinate is infinite or not a number.
-    #[error("vertex {index} of the area is ({x_m}, {y_m}); give finite coordinates")]
-    NotFinite {
+    /// A coordinate is not a number, or beyond [`MAX_COORDINATE_M`].
+    #[error("vertex {index} of the area is ({x_m}, {y_m}); give coordinates within {MAX_COORDINATE_M:e} m")]
+    NotUsable {
         /// Position in the list, from 0.
         index: usize,
         /// East, metres.
@@ -66,10 +68,9 @@ impl Geofence {
     /// # Errors
     /// [`FenceError`] if the polygon has no interior or a vertex is not finite.
     pub fn new(area_enu_m: &[Vector2<f64>]) -> Result<Self, FenceError> {
-        if let Some((index, v)) =
-            area_enu_m.iter().enumerate().find(|(_, v)| !(v.x.is_finite() && v.y.is_finite()))
-        {
-            return Err(FenceError::NotFinite { index, x_m: v.x, y_m: v.y });
+        let usable = |v: &Vector2<f64>| v.iter().all(|c| c.abs() <= MAX_COORDINATE_M);
+        if let Some((index, v)) = area_enu_m.iter().enumerate().find(|(_, v)| !usable(v)) {
+            return Err(FenceError::NotUsable { index, x_m: v.x, y_m: v.y });
         }
         let mut vertices = area_enu_m.to_vec();
         vertices.dedup();
@@ -382,7 +383,7 @@ mod tests {
         assert_eq!(fence(&[[0., 0.], [1., 1.], [2., 2.]]), Err(FenceError::NoArea { area_m2: 0.0 }));
         assert!(matches!(
             fence(&[[0., 0.], [1., f64::NAN], [2., 2.]]),
-            Err(FenceError::NotFinite { index: 1, .. })
+            Err(FenceError::NotUsable { index: 1, .. })
         ));
     }
 

@@ -18,6 +18,7 @@ use super::order::{Order, Places, Tour};
 use super::trajectory::{Start, Trajectory};
 use super::transit::{Router, Separation, Transit, TransitError};
 use crate::geo::Pose;
+use crate::planner::plan::SlotPlan;
 use crate::role::PerVehicle;
 
 /// Slots open on multiples of this: both vehicles' logs and clocks show round figures.
@@ -158,6 +159,18 @@ impl Table {
     }
 }
 
+/// The plans of one user that are nearly as good as its best: rate at least `1 - tolerance` of the best one's, by
+/// position in `plans`, the best first and equal ones in their order. Given to [`Table::build`] as the user's
+/// candidates, they let transits be short at a bounded price in rate.
+#[must_use]
+pub fn near_best(plans: &[SlotPlan], tolerance: f64) -> Vec<usize> {
+    let best_bps = plans.iter().map(|plan| plan.secrecy_rate_bps).fold(f64::NEG_INFINITY, f64::max);
+    let mut near: Vec<usize> =
+        (0..plans.len()).filter(|&k| plans[k].secrecy_rate_bps >= best_bps * (1.0 - tolerance)).collect();
+    near.sort_by(|&a, &b| plans[b].secrecy_rate_bps.total_cmp(&plans[a].secrecy_rate_bps));
+    near
+}
+
 /// The transits between places, planned when first asked for.
 struct Legs<'a> {
     router: &'a Router,
@@ -284,6 +297,7 @@ mod tests {
 
     use super::*;
     use crate::geo::{Attitude, Enu};
+    use crate::planner::plan::{BoundKind, Status, VehiclePlan};
     use crate::planner::problem::Airspace;
     use crate::role::Role;
     use crate::schedule::testing;
@@ -369,6 +383,24 @@ mod tests {
         let listed = built(&users, &once, Order::Listed).unwrap();
         assert_eq!(users_of(&listed), [(0, 0), (1, 0), (2, 1)]);
         assert!(shortest.ends < listed.ends);
+    }
+
+    #[test]
+    fn val_plans_near_the_best_come_best_first() {
+        let plan = |secrecy_rate_bps| SlotPlan {
+            status: Status::Converged,
+            vehicles: poses(0.0).map(|pose| VehiclePlan { pose, tx_power_w: 0.1 }),
+            secrecy_rate_bps,
+            standard_error_bps: 0.0,
+            upper_bound_bps: 20e6,
+            upper_bound_kind: BoundKind::Cap,
+            user_sinr: 1.0,
+            eavesdropper_sinr: vec![],
+        };
+        let plans = [9.89e6, 9.95e6, 10e6, 9.95e6, 9.9e6].map(plan);
+        assert_eq!(near_best(&plans, 0.01), [2, 1, 3, 4]);
+        assert_eq!(near_best(&plans, 0.0), [2]);
+        assert_eq!(near_best(&[], 0.1), [0; 0]);
     }
 
     #[test]

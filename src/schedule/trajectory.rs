@@ -11,6 +11,9 @@ use nalgebra::Vector3;
 
 use crate::geo::{Attitude, Enu};
 
+/// Limits beyond this, in SI units, are taken for mistakes.
+pub const LIMIT_RANGE: std::ops::RangeInclusive<f64> = 1e-6..=1e6;
+
 /// What a trajectory demands of a vehicle at most.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Limits {
@@ -35,7 +38,7 @@ impl Limits {
         Self { speed_m_s, climb_m_s, acceleration_m_s2: Self::DEFAULT_ACCELERATION_M_S2, tilt_rate_rad_s }
     }
 
-    /// The first limit that is not a positive finite number, as (key, value).
+    /// The first limit outside [`LIMIT_RANGE`], as (key, value).
     #[must_use]
     pub fn fault(&self) -> Option<(&'static str, f64)> {
         let all = [
@@ -44,7 +47,7 @@ impl Limits {
             ("acceleration_m_s2", self.acceleration_m_s2),
             ("tilt_rate_rad_s", self.tilt_rate_rad_s),
         ];
-        all.into_iter().find(|(_, value)| !(value.is_finite() && *value > 0.0))
+        all.into_iter().find(|(_, value)| !LIMIT_RANGE.contains(value))
     }
 
     /// How long a polyline takes from rest to rest at every corner, in seconds.

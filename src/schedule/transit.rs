@@ -6,20 +6,22 @@
 //! 1. both directly;
 //! 2. one, the other or both by way of another altitude layer: of the pairs of paths that are clear of each other, the
 //!    one that is done first (ties: least motion in all, then the lower layers);
-//! 3. one after the other, with detours above, below and around (`sequence`). Here time separates the vehicles, the
-//!    result says so ([`Separation::Time`]), and whoever flies it should let no vehicle start before the other has
-//!    arrived.
+//! 3. one directly, the other by a detour above, below or round the whole of the first one's path (J, or I if that is
+//!    done sooner);
+//! 4. in turns, one after the other, with detours and steps aside (`sequence`). Here time separates the vehicles and the
+//!    result says so ([`Separation::Time`]): whoever flies it should move a vehicle only while the other rests where its
+//!    trajectory says.
 //!
 //! *Clearance*: [`clearance_m`](super::separation::clearance_m), or less where the ends themselves are closer than
 //! that: the vehicles then never come closer than they start or finish.
 
 use std::time::Duration;
 
-use super::geofence::{FenceError, Geofence};
+use super::geofence::{FenceError, Geofence, MAX_COORDINATE_M};
 use super::route::Corridor;
 use super::separation::{clearance_m, polyline_distance_m};
 use super::sequence::{self, Move, PAUSE, Side};
-use super::trajectory::{Limits, Start, Trajectory};
+use super::trajectory::{LIMIT_RANGE, Limits, Start, Trajectory};
 use crate::geo::{Attitude, Enu, Pose};
 use crate::planner::problem::Airspace;
 use crate::role::{PerVehicle, Role};
@@ -50,8 +52,8 @@ pub enum TransitError {
         /// `min_separation_m`.
         separation_m: f64,
     },
-    /// A limit is no positive finite number.
-    #[error("vehicle {role}: {key} is {value}; give a positive number")]
+    /// A limit is outside [`LIMIT_RANGE`].
+    #[error("vehicle {role}: {key} is {value}; give a number from {} to {}", LIMIT_RANGE.start(), LIMIT_RANGE.end())]
     Limit {
         /// Whose.
         role: Role,
@@ -60,9 +62,9 @@ pub enum TransitError {
         /// Its value.
         value: f64,
     },
-    /// A position is not finite.
-    #[error("vehicle {role}: the {end} is not a finite position")]
-    NotFinite {
+    /// A position or attitude is not finite, or beyond [`MAX_COORDINATE_M`].
+    #[error("vehicle {role}: the {end} is not finite or more than {MAX_COORDINATE_M:e} m away")]
+    NotUsable {
         /// Whose.
         role: Role,
         /// Which end.
@@ -99,6 +101,12 @@ pub enum TransitError {
         distance_m: f64,
         /// How far apart they must be.
         needed_m: f64,
+    },
+    /// The geofence has no way between a vehicle's ends: it crosses itself.
+    #[error("vehicle {role}: no way inside the geofence: does airspace.area_enu_m cross itself?")]
+    NoPath {
+        /// Whose.
+        role: Role,
     },
     /// Neither paths apart nor any order of moves was found.
     #[error(
@@ -208,7 +216,7 @@ impl Router {
     /// no way was found.
     pub fn plan(&self, from: &PerVehicle<Start>, to: &PerVehicle<Pose>) -> Result<Transit, TransitError> {
         for role in Role::BOTH {
-            let start = finite(role, End::Start, from[role].position_enu_m)?;
+            let start = usable(role, End::Start, from[role].position_enu_m)?;
             let below = Enu::new(start.x, start.y, start.z.max(self.corridor.altitude_m[0]));
             self.check_inside(role, End::Start, &below, START_SLACK_M)?;
         }
@@ -216,6 +224,12 @@ impl Router {
         let needed_m = START_SEPARATION * self.min_separation_m;
         if distance_m < needed_m {
             return Err(TransitError::TooClose { end: End::Start, distance_m, needed_m });
+        }
+        for role in Role::BOTH {
+            let Pose { roll_rad, pitch_rad, yaw_rad, .. } = to[role];
+            if ![roll_rad, pitch_rad, yaw_rad].iter().all(|angle| angle.is_finite()) {
+                return Err(TransitError::NotUsable { role, end: End::Goal });
+            }
         }
         self.pair(
             from,
@@ -227,11 +241,14 @@ impl Router {
     /// vehicle below the band beside its home stays where it is. Starts are taken as they are, even outside the
     /// airspace or too close to each other.
     ///
+    /// When the link between the vehicles is lost, both still know the table: planned from a slot's poses, not from
+    /// measured positions, this gives both the same answer, and each flies its own part of it clear of the other's.
+    ///
     /// # Errors
     /// [`TransitError`] if a home is outside the geofence, the homes are too close to each other, or no way was found.
     pub fn home(&self, from: &PerVehicle<Start>, homes: &PerVehicle<Enu>) -> Result<Transit, TransitError> {
         for role in Role::BOTH {
-            finite(role, End::Start, from[role].position_enu_m)?;
+            usable(role, End::Start, from[role].position_enu_m)?;
         }
         self.pair(from, &PerVehicle::from_fn(|role| self.above_home(&from[role], &homes[role])))
     }
@@ -248,24 +265,24 @@ impl Router {
         home: &Enu,
         keep_out: &[Enu],
     ) -> Result<Trajectory, TransitError> {
-        let start = finite(role, End::Start, from.position_enu_m)?;
+        let start = usable(role, End::Start, from.position_enu_m)?;
         for &place in keep_out {
-            finite(role.peer(), End::Start, place)?;
+            usable(role.peer(), End::Start, place)?;
         }
         let goal = self.above_home(from, home);
-        finite(role, End::Goal, goal.position_enu_m)?;
+        usable(role, End::Goal, goal.position_enu_m)?;
         self.check_inside(role, End::Goal, &goal.position_enu_m, GOAL_SLACK_M)?;
         let distance_to = |place: Enu| polyline_distance_m(&[place], keep_out);
         let kept_m = self.kept_m(distance_to(start), distance_to(goal.position_enu_m))?;
-        let side =
-            Side::moving(&self.corridor, start, goal.position_enu_m, keep_out, kept_m, self.limits[role]);
-        let mut sides = PerVehicle::from_fn(|role| Side::staying(keep_out, self.limits[role]));
-        sides[role] = side;
-        let moves = sequence::search(&self.corridor, &sides, kept_m - GOAL_SLACK_M).ok_or_else(|| {
-            let direct = self.corridor.direct(&start, &goal.position_enu_m).unwrap_or_default();
-            TransitError::NoWay { clearance_m: kept_m, direct_m: polyline_distance_m(&direct, keep_out) }
-        })?;
-        let path: Vec<Enu> = moves.into_iter().flat_map(|m| m.path).collect();
+        let ends = [start, goal.position_enu_m];
+        let direct = self.corridor.direct(&ends[0], &ends[1]).ok_or(TransitError::NoPath { role })?;
+        let direct_m = polyline_distance_m(&direct, keep_out);
+        let found = if clear(&direct, keep_out, kept_m) {
+            Some(direct)
+        } else {
+            self.past(role, &ends, keep_out, kept_m)
+        };
+        let path = found.ok_or(TransitError::NoWay { clearance_m: kept_m, direct_m })?;
         let mut trajectory = Trajectory::rest(from);
         trajectory.fly(&path, &self.limits[role]);
         Ok(self.turned(role, trajectory, goal.attitude))
@@ -273,7 +290,7 @@ impl Router {
 
     fn pair(&self, from: &PerVehicle<Start>, to: &PerVehicle<Goal>) -> Result<Transit, TransitError> {
         for role in Role::BOTH {
-            let goal = finite(role, End::Goal, to[role].position_enu_m)?;
+            let goal = usable(role, End::Goal, to[role].position_enu_m)?;
             // A goal on the ground is a vehicle that stays there.
             if goal != from[role].position_enu_m {
                 self.check_inside(role, End::Goal, &goal, GOAL_SLACK_M)?;
@@ -282,12 +299,19 @@ impl Router {
         let apart = |a: Enu, b: Enu| (a - b).norm();
         let start_m = apart(from.i.position_enu_m, from.j.position_enu_m);
         let kept_m = self.kept_m(start_m, apart(to.i.position_enu_m, to.j.position_enu_m))?;
-        let (moves, separation) = match self.apart_as_sets(from, to, kept_m) {
-            Ok(paths) => {
-                (Role::BOTH.map(|role| Move { role, path: paths[role].clone() }).to_vec(), Separation::Paths)
+        let ends = PerVehicle::from_fn(|role| [from[role].position_enu_m, to[role].position_enu_m]);
+        let mut direct = PerVehicle::default();
+        for role in Role::BOTH {
+            let [start, goal] = &ends[role];
+            direct[role] = self.corridor.direct(start, goal).ok_or(TransitError::NoPath { role })?;
+        }
+        let direct_m = polyline_distance_m(&direct.i, &direct.j);
+        let (moves, separation) = match self.apart_as_sets(&ends, direct, kept_m) {
+            Some(PerVehicle { i, j }) => {
+                (vec![Move { role: Role::I, path: i }, Move { role: Role::J, path: j }], Separation::Paths)
             }
-            Err(direct_m) => {
-                let found = self.in_turns(from, to, kept_m);
+            None => {
+                let found = self.in_turns(&ends, kept_m);
                 let moves = found.ok_or(TransitError::NoWay { clearance_m: kept_m, direct_m })?;
                 (moves, Separation::Time)
             }
@@ -305,23 +329,26 @@ impl Router {
         Ok(self.clearance_m.min(start_m).min(goal_m))
     }
 
-    /// Steps 1 and 2. The error is the distance between the direct paths.
+    /// Steps 1 to 3.
     fn apart_as_sets(
         &self,
-        from: &PerVehicle<Start>,
-        to: &PerVehicle<Goal>,
+        ends: &PerVehicle<[Enu; 2]>,
+        direct: PerVehicle<Vec<Enu>>,
         kept_m: f64,
-    ) -> Result<PerVehicle<Vec<Enu>>, f64> {
-        let ends = PerVehicle::from_fn(|role| [from[role].position_enu_m, to[role].position_enu_m]);
-        let direct = PerVehicle::from_fn(|role| {
-            let [start, goal] = &ends[role];
-            self.corridor.direct(start, goal).unwrap_or_default()
-        });
-        let direct_m = polyline_distance_m(&direct.i, &direct.j);
-        let clear = |i: &[Enu], j: &[Enu]| polyline_distance_m(i, j) >= kept_m - GOAL_SLACK_M;
-        if clear(&direct.i, &direct.j) {
-            return Ok(direct);
+    ) -> Option<PerVehicle<Vec<Enu>>> {
+        if clear(&direct.i, &direct.j, kept_m) {
+            return Some(direct);
         }
+        self.in_layers(ends, &direct, kept_m).or_else(|| self.round(ends, direct, kept_m))
+    }
+
+    /// Step 2.
+    fn in_layers(
+        &self,
+        ends: &PerVehicle<[Enu; 2]>,
+        direct: &PerVehicle<Vec<Enu>>,
+        kept_m: f64,
+    ) -> Option<PerVehicle<Vec<Enu>>> {
         let levels = sequence::levels(&self.corridor, ends.i.iter().chain(&ends.j), kept_m);
         let ways = PerVehicle::from_fn(|role| {
             let [start, goal] = &ends[role];
@@ -335,16 +362,44 @@ impl Router {
             .flat_map(|(i_s, i)| ways.j.iter().map(move |(j_s, j)| (i_s.max(*j_s), i_s + j_s, i, j)))
             .collect();
         pairs.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
-        let found = pairs.into_iter().find(|(_, _, i, j)| clear(i, j));
-        found.map(|(_, _, i, j)| PerVehicle { i: i.clone(), j: j.clone() }).ok_or(direct_m)
+        let found = pairs.into_iter().find(|(_, _, i, j)| clear(i, j, kept_m));
+        found.map(|(_, _, i, j)| PerVehicle { i: i.clone(), j: j.clone() })
     }
 
     /// Step 3.
-    fn in_turns(&self, from: &PerVehicle<Start>, to: &PerVehicle<Goal>, kept_m: f64) -> Option<Vec<Move>> {
+    fn round(
+        &self,
+        ends: &PerVehicle<[Enu; 2]>,
+        direct: PerVehicle<Vec<Enu>>,
+        kept_m: f64,
+    ) -> Option<PerVehicle<Vec<Enu>>> {
+        let detour = |role: Role| {
+            let path = self.past(role, &ends[role], &direct[role.peer()], kept_m)?;
+            Some((self.limits[role].path_s(&path), role, path))
+        };
+        let found = [detour(Role::J), detour(Role::I)].into_iter().flatten();
+        let (_, role, path) = found.min_by(|a, b| a.0.total_cmp(&b.0))?;
+        let mut paths = direct;
+        paths[role] = path;
+        Some(paths)
+    }
+
+    /// A vehicle's quickest way that stays clear of the polyline `keep_out`.
+    fn past(&self, role: Role, [start, goal]: &[Enu; 2], keep_out: &[Enu], kept_m: f64) -> Option<Vec<Enu>> {
+        let limits = self.limits[role];
+        let mut sides = PerVehicle::from_fn(|_| Side::staying(keep_out, limits));
+        sides[role] = Side::moving(&self.corridor, *start, *goal, keep_out, kept_m, limits);
+        let moves = sequence::search(&self.corridor, &sides, kept_m - GOAL_SLACK_M)?;
+        let mut path: Vec<Enu> = moves.into_iter().flat_map(|m| m.path).collect();
+        path.dedup();
+        Some(path)
+    }
+
+    /// Step 4.
+    fn in_turns(&self, ends: &PerVehicle<[Enu; 2]>, kept_m: f64) -> Option<Vec<Move>> {
         let sides = PerVehicle::from_fn(|role| {
-            let peer = role.peer();
-            let around = [self.corridor.entry(&from[peer].position_enu_m), to[peer].position_enu_m];
-            let (start, goal) = (from[role].position_enu_m, to[role].position_enu_m);
+            let ([start, goal], [peer_start, peer_goal]) = (ends[role], ends[role.peer()]);
+            let around = [self.corridor.entry(&peer_start), peer_goal];
             Side::moving(&self.corridor, start, goal, &around, kept_m, self.limits[role])
         });
         sequence::search(&self.corridor, &sides, kept_m - GOAL_SLACK_M)
@@ -399,9 +454,15 @@ impl Router {
     }
 }
 
-fn finite(role: Role, end: End, position: Enu) -> Result<Enu, TransitError> {
-    let finite = position.iter().all(|c| c.is_finite());
-    if finite { Ok(position) } else { Err(TransitError::NotFinite { role, end }) }
+/// `position` if it can be computed with.
+fn usable(role: Role, end: End, position: Enu) -> Result<Enu, TransitError> {
+    let usable = position.iter().all(|c| c.abs() <= MAX_COORDINATE_M);
+    if usable { Ok(position) } else { Err(TransitError::NotUsable { role, end }) }
+}
+
+/// Whether two paths are `kept_m` apart, to rounding.
+fn clear(a: &[Enu], b: &[Enu], kept_m: f64) -> bool {
+    polyline_distance_m(a, b) >= kept_m - GOAL_SLACK_M
 }
 
 /// The level attitude nearest to `attitude`: the shortest rotation that brings the antenna axis upright.

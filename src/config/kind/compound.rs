@@ -4,7 +4,7 @@ use serde_json::{Value as Json, json};
 use toml::de::DeValue;
 
 use super::scalar::Number;
-use super::{Fault, Item, Kind, wrong_type};
+use super::{Fault, Item, Kind, miscount, wrong_type};
 use crate::role::{PerVehicle, Role};
 
 /// A fixed number of numbers, each with its name and range.
@@ -64,9 +64,7 @@ impl<K: Kind> Kind for List<K> {
             return None;
         };
         let values: Vec<Option<K::Out>> = items.iter().map(|item| self.each.read(item, faults)).collect();
-        if !(self.at_least..=self.at_most).contains(&items.len()) {
-            let clause =
-                format!("has {} entries, outside {} to {}", items.len(), self.at_least, self.at_most);
+        if let Some(clause) = miscount(items.len(), self.at_least, self.at_most) {
             faults.push(Fault { at: item.span(), clause });
             return None;
         }

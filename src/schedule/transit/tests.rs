@@ -129,8 +129,22 @@ fn val_crossing_paths_take_different_layers() {
 }
 
 #[test]
-fn val_crossing_in_a_band_of_one_altitude_goes_one_after_the_other() {
+fn val_crossing_in_a_band_of_one_altitude_goes_round_where_there_is_room() {
     let router = router(square(200.0), [30.0, 30.0]);
+    let from = PerVehicle { i: start(-50.0, 0.0, 30.0), j: start(0.0, -50.0, 30.0) };
+    let to = PerVehicle { i: pose(50.0, 0.0, 30.0), j: pose(0.0, 50.0, 30.0) };
+    let transit = router.plan(&from, &to).unwrap();
+    assert_sound(&router, &transit, &from, &to);
+    assert_eq!(transit.separation, Separation::Paths);
+    // J goes round an end of I's path.
+    assert_eq!(transit.trajectories.i.path().len(), 2);
+    assert!(transit.trajectories.j.path().iter().any(|p| p.x.abs() > 50.0));
+}
+
+#[test]
+fn val_crossing_in_a_band_of_one_altitude_takes_turns_where_there_is_none() {
+    // Nobody gets round the ends of the other's path.
+    let router = router(square(55.0), [30.0, 30.0]);
     let from = PerVehicle { i: start(-50.0, 0.0, 30.0), j: start(0.0, -50.0, 30.0) };
     let to = PerVehicle { i: pose(50.0, 0.0, 30.0), j: pose(0.0, 50.0, 30.0) };
     let transit = router.plan(&from, &to).unwrap();
@@ -175,7 +189,7 @@ fn val_bad_ends_are_named() {
     assert_eq!(with(&|_, to| to.j.position_enu_m.x = 4.0), close(End::Goal, 4.0, 5.0));
     assert_eq!(
         with(&|_, to| to.i.position_enu_m.y = f64::NAN),
-        Err(TransitError::NotFinite { role: Role::I, end: End::Goal })
+        Err(TransitError::NotUsable { role: Role::I, end: End::Goal })
     );
     for (result, role, end, outside_m) in [
         (with(&|_, to| to.j.position_enu_m.x = 103.0), Role::J, End::Goal, 3.0),
@@ -244,6 +258,78 @@ fn val_alone_goes_round_where_the_other_may_be() {
     let near = [Enu::new(41.0, 0.0, 20.0)];
     let refused = router.alone(Role::J, &from, &home, &near);
     assert!(matches!(refused, Err(TransitError::TooClose { end: End::Goal, .. })), "{refused:?}");
+}
+
+#[test]
+fn val_numbers_that_cannot_be_computed_with_are_refused() {
+    let router = router(square(100.0), [20.0, 100.0]);
+    let from = PerVehicle { i: start(0.0, 0.0, 30.0), j: start(20.0, 0.0, 30.0) };
+    let to = PerVehicle { i: pose(0.0, 50.0, 30.0), j: pose(20.0, 50.0, 30.0) };
+    let unusable = |role, end| TransitError::NotUsable { role, end };
+    for bad in [f64::NAN, f64::INFINITY, 1e300] {
+        let mut turned = to;
+        turned.j.roll_rad = if bad == 1e300 { f64::NAN } else { bad };
+        assert_eq!(router.plan(&from, &turned), Err(unusable(Role::J, End::Goal)));
+        let far = PerVehicle { i: start(bad, 0.0, 30.0), ..from };
+        let homes = PerVehicle { i: Enu::zeros(), j: Enu::new(20.0, 0.0, 0.0) };
+        assert_eq!(router.home(&far, &homes), Err(unusable(Role::I, End::Start)));
+        let home = Enu::new(0.0, bad, 0.0);
+        assert_eq!(router.home(&from, &PerVehicle { j: home, ..homes }), Err(unusable(Role::J, End::Goal)));
+        assert_eq!(router.alone(Role::I, &from.i, &home, &[]), Err(unusable(Role::I, End::Goal)));
+        assert_eq!(router.alone(Role::I, &far.i, &homes.i, &[]), Err(unusable(Role::I, End::Start)));
+        assert_eq!(router.alone(Role::I, &from.i, &homes.i, &[home]), Err(unusable(Role::J, End::Start)));
+    }
+}
+
+#[test]
+fn prop_ways_home_keep_apart_together_and_alone() {
+    let mut rng = testing::rng(10);
+    let (mut together, mut round) = (0, 0);
+    for case in 0..200 {
+        let radius_m = [40.0, 200.0][case % 2];
+        let router = router(star(&mut rng, radius_m), [[20.0, 60.0], [20.0, 20.0]][case / 2 % 2]);
+        let attitude = Attitude::from_euler(rng.random_range(-1.5..1.5), rng.random_range(-1.5..1.5), 0.0);
+        let from =
+            places(&mut rng, &router, radius_m, 5.0).map(|position_enu_m| Start { position_enu_m, attitude });
+        let homes = loop {
+            let homes = places(&mut rng, &router, radius_m, 5.0).map(|p| Enu::new(p.x, p.y, 0.0));
+            if (homes.i - homes.j).norm() >= 5.0 {
+                break homes;
+            }
+        };
+        let to = homes.map(|home| Pose {
+            position_enu_m: Enu::new(home.x, home.y, 20.0),
+            roll_rad: 0.0,
+            pitch_rad: 0.0,
+            yaw_rad: 0.0,
+        });
+        let level = levelled(&attitude);
+        if let Ok(mut transit) = router.home(&from, &homes) {
+            together += 1;
+            for trajectory in [&mut transit.trajectories.i, &mut transit.trajectories.j] {
+                assert_eq!(trajectory.end().attitude, level);
+                assert!(level.tilt_rad() < 1e-6);
+                // Ends level, heading aside: `assert_sound` compares with the poses' own.
+                trajectory.turn(Attitude::level(), 0.0, &LIMITS);
+            }
+            assert_sound(&router, &transit, &from, &to);
+        }
+        let keep_out = [from.j.position_enu_m, to.j.position_enu_m];
+        if let Ok(alone) = router.alone(Role::I, &from.i, &homes.i, &keep_out) {
+            let n = 1000;
+            let wall: Vec<_> = (0..=n)
+                .map(|k| keep_out[0] + (keep_out[1] - keep_out[0]) * (f64::from(k) / f64::from(n)))
+                .collect();
+            let flown = sampled(&alone, alone.duration(), 1000);
+            let ends = [flown[0], flown[flown.len() - 1]];
+            let kept_m = 7f64.min(least_distance(&ends, &wall));
+            assert!(least_distance(&flown, &wall) >= kept_m - 1e-3);
+            assert!(flown.iter().all(|p| router.corridor.contains(p, 1e-8)));
+            round += usize::from(alone.path().len() > 2);
+        }
+    }
+    println!("200 ways home: {together} together, {round} alone with a detour or corner");
+    assert!(together > 180 && round > 50);
 }
 
 #[test]
