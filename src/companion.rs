@@ -9,8 +9,8 @@ use mavlink::dialects::ardupilotmega::MavSeverity;
 use tokio::sync::oneshot;
 use tracing::{debug, error, info, warn};
 
-use crate::link::clock::Clock;
-use crate::link::{Link, LinkConfig, LinkError};
+use crate::config::LinkAddress;
+use crate::link::{Clock, Link, LinkConfig, LinkError};
 use crate::mission::{Executive, Notice, Outcome, Outgoing, Settings};
 use crate::pair::wire;
 use crate::planner::slots::Plan;
@@ -26,9 +26,9 @@ pub struct Companion {
     /// The transmitter's driver.
     pub transmitter: Transmitter,
     /// Link to the autopilot.
-    pub autopilot: LinkConfig,
+    pub autopilot: (LinkAddress, LinkConfig),
     /// Link to the other companion.
-    pub pair: LinkConfig,
+    pub pair: (LinkAddress, LinkConfig),
     /// Makes the plan; runs on a thread of its own.
     pub planner: Box<dyn FnOnce() -> Result<Plan, String> + Send>,
 }
@@ -52,8 +52,8 @@ impl Companion {
     pub async fn run(self, clock: Clock, stop: impl Future<Output = ()>) -> Result<Outcome, CompanionError> {
         let role = self.settings.role;
         let own = self.settings.own;
-        let mut autopilot: Link<AutopilotMessage> = Link::open(self.autopilot, clock.clone()).await?;
-        let mut pair: Link<wire::MavMessage> = Link::open(self.pair, clock.clone()).await?;
+        let mut autopilot: Link<AutopilotMessage> = Link::open(self.autopilot.0, self.autopilot.1, clock.clone()).await?;
+        let mut pair: Link<wire::MavMessage> = Link::open(self.pair.0, self.pair.1, clock.clone()).await?;
         let mut executive = Executive::new(self.settings, self.transmitter, clock.now());
         let mut planning = Some(start_planning(self.planner));
         let mut stop = std::pin::pin!(stop);

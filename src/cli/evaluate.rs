@@ -3,9 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use crate::config::Mission;
-use crate::planner::plan::VehiclePlan;
+use crate::planner::plan::{BoundKind, SlotPlan, Status, VehiclePlan};
 use crate::planner::slots::{Plan, PlannedSlot, hex};
-use crate::planner::{EvaluateOptions, evaluate};
+use crate::planner::{EvaluateOptions, cap, evaluate};
 use crate::report::plan_document::{EditedPlan, FORMAT, PlanDocument};
 
 use super::planning::slot_document;
@@ -60,7 +60,7 @@ fn read(path: &Path) -> Result<EditedPlan, String> {
 }
 
 fn score(mission: &Mission, edited: &EditedPlan, samples: usize) -> Result<PlanDocument, String> {
-    let options = EvaluateOptions { samples, seed: mission.seed };
+    let options = EvaluateOptions { samples, seed: mission.seed, ..EvaluateOptions::default() };
     let mut planned = Vec::new();
     for slot in &edited.slots {
         let user = mission.users.iter().position(|user| user.name == slot.user).ok_or_else(|| {
@@ -69,8 +69,18 @@ fn score(mission: &Mission, edited: &EditedPlan, samples: usize) -> Result<PlanD
         })?;
         let Some(problem) = mission.problem(user) else { continue };
         let vehicles = slot.vehicles.clone().map(VehiclePlan::from);
-        let plan = evaluate(&problem, &vehicles, &options).map_err(|error| format!("user {:?}: {error}", slot.user))?;
-        planned.push(PlannedSlot { user: slot.user.clone(), plan: plan.into_slot_plan(&problem, vehicles) });
+        let score = evaluate(&problem, &vehicles, &options).map_err(|error| format!("user {:?}: {error}", slot.user))?;
+        let plan = SlotPlan {
+            status: Status::Evaluated,
+            vehicles,
+            secrecy_rate_bps: score.secrecy_rate_bps,
+            standard_error_bps: score.standard_error_bps,
+            upper_bound_bps: cap(&problem).map_err(|error| format!("user {:?}: {error}", slot.user))?,
+            upper_bound_kind: BoundKind::Cap,
+            user_sinr: score.user_sinr,
+            eavesdropper_sinr: score.eavesdropper_sinr,
+        };
+        planned.push(PlannedSlot { user: slot.user.clone(), plan });
     }
     let plan = Plan::new(planned);
     Ok(PlanDocument {

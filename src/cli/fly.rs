@@ -6,9 +6,7 @@ use std::time::Duration;
 use crate::companion::Companion;
 use crate::config::{self, Mission, Vehicle};
 use crate::link::clock::Clock;
-use crate::link::signing::Signing;
-use crate::link::tlog::TlogWriter;
-use crate::link::{Address, LinkConfig};
+use crate::link::{Key, LinkConfig, SigningConfig, TlogWriter};
 use crate::mission::interlock::Ceilings;
 use crate::mission::{Outcome, Settings};
 use crate::role::Role;
@@ -22,6 +20,10 @@ use super::{Exit, load_mission};
 const LEASE: Duration = Duration::from_millis(500);
 /// Without a word for this long the other vehicle is lost and the mission is given up.
 const PEER_TIMEOUT: Duration = Duration::from_secs(3);
+
+/// Names of the two links, in logs and file names.
+const AUTOPILOT: &str = "autopilot";
+const PAIR: &str = "pair";
 
 /// Run the companion of one vehicle, beside its autopilot.
 #[derive(Debug, clap::Args)]
@@ -84,7 +86,7 @@ fn fly(args: &Args, mission: Mission, vehicle: &Vehicle) -> Result<Exit, String>
 }
 
 /// Completes on Ctrl-C or SIGTERM.
-async fn stop_signal() {
+pub(super) async fn stop_signal() {
     use tokio::signal::unix::{SignalKind, signal};
     let wait = |kind| async move {
         match signal(kind) {
@@ -106,19 +108,27 @@ fn companion(args: &Args, mission: Mission, vehicle: &Vehicle, clock: &Clock) ->
         .map_err(|error| format!("log directory {}: {error}", vehicle.log_dir.display()))?;
     let role = vehicle.role;
     let own = (vehicle.autopilot.system_id.unwrap_or(default_system(role)), vehicle.autopilot.component_id);
-    let link = |address: &config::LinkAddress, name: &str, signing| -> Result<LinkConfig, String> {
-        let path = vehicle.log_dir.join(format!("{}-{name}.tlog", role.to_string().to_lowercase()));
-        let tlog = TlogWriter::create(&path).map_err(|error| format!("{}: {error}", path.display()))?;
-        Ok(LinkConfig { name: name.into(), address: Address::Os(address.clone()), peer: None, signing, tlog: Some(tlog) })
+    let name = role.to_string().to_lowercase();
+    let link = |to: &str, peer_system, signing| -> Result<LinkConfig, String> {
+        let path = vehicle.log_dir.join(format!("{name}-{to}.tlog"));
+        let tlog = TlogWriter::create(&path).map_err(|error| error.to_string())?;
+        // Ground stations speak through the autopilot; nobody speaks through the peer.
+        let accept_foreign = to == AUTOPILOT;
+        Ok(LinkConfig { name: to.into(), peer_system, accept_foreign, signing, tlog: Some(tlog) })
     };
     let pair_signing = match &vehicle.key_file {
-        Some(path) => Some(Signing::load(path, &vehicle.log_dir, role, clock.utc()).map_err(|e| e.to_string())?),
+        Some(path) => Some(SigningConfig {
+            key: Key::load(path).map_err(|error| error.to_string())?,
+            link_id: 0,
+            state_file: vehicle.log_dir.join(format!("{name}-{PAIR}.signing")),
+            unsigned_allowed: Vec::new(),
+        }),
         None => None,
     };
     let options = mission_options(&mission);
     Ok(Companion {
-        autopilot: link(&vehicle.autopilot.link, "autopilot", None)?,
-        pair: link(&vehicle.pair_link, "pair", pair_signing)?,
+        autopilot: (vehicle.autopilot.link.clone(), link(AUTOPILOT, vehicle.autopilot.system_id, None)?),
+        pair: (vehicle.pair_link.clone(), link(PAIR, None, pair_signing)?),
         transmitter: Transmitter::new(transmitter_settings(vehicle, own), clock.now()),
         settings: settings(args, &mission, vehicle, own, clock),
         planner: Box::new(move || {
@@ -147,7 +157,7 @@ fn settings(args: &Args, mission: &Mission, vehicle: &Vehicle, own: (u8, u8), cl
     autopilot.firmware = match vehicle.autopilot.firmware {
         config::Firmware::Auto => autopilot::FirmwareChoice::Auto,
         config::Firmware::Px4 => autopilot::FirmwareChoice::Px4,
-        config::Firmware::ArduPilot => autopilot::FirmwareChoice::ArduPilot,
+        config::Firmware::Ardupilot => autopilot::FirmwareChoice::ArduPilot,
     };
     autopilot.actuation = match vehicle.autopilot.actuation {
         config::Actuation::ThrustVector => autopilot::Actuation::ThrustVector,

@@ -75,13 +75,13 @@ pub fn main() -> ExitCode {
     let cli = Cli::parse();
     start_log(cli.log_format);
     let exit = match &cli.command {
-        Command::Check(args) => check::run(args),
+        Command::Check(args) => return check::run(args),
         Command::Plan(args) => plan::run(args),
         Command::Evaluate(args) => evaluate::run(args),
         #[cfg(feature = "sitl")]
         Command::Sitl(args) => sitl::run(args),
         Command::Fly(args) => fly::run(args),
-        Command::Schema(args) => schema::run(args),
+        Command::Schema(args) => return schema::run(args),
     };
     exit.into()
 }

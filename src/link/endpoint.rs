@@ -11,7 +11,7 @@ use std::time::Duration;
 use mavlink::Message;
 
 use super::LinkError;
-use super::address::LinkAddress;
+use crate::config::LinkAddress;
 use super::clock::Clock;
 use super::codec::{Decoder, Encoder};
 use super::counters::{Counters, Rejection};

@@ -4,7 +4,6 @@
 //! connections are not used: they answer whoever sent the last datagram, accept replays after a restart, lose
 //! a HEARTBEAT with an enum value of tomorrow, share one sequence among components, and never reconnect.
 
-pub mod address;
 pub mod clock;
 pub mod codec;
 pub mod counters;
@@ -17,7 +16,8 @@ mod transport;
 
 use std::io;
 
-pub use address::{HostPort, LinkAddress};
+use crate::config::LinkAddress;
+
 pub use clock::Clock;
 pub use counters::{Counters, Rejection};
 pub use endpoint::{Link, LinkConfig};

@@ -145,6 +145,8 @@ pub struct Executive {
     next_heartbeat: Instant,
     radiated: Option<Silence>,
     notices: VecDeque<Notice>,
+    /// Messages of our own for the autopilot link.
+    pub(super) outbox: VecDeque<MavMessage>,
 }
 
 impl Executive {
@@ -182,6 +184,7 @@ impl Executive {
             next_heartbeat: now,
             radiated: None,
             notices: VecDeque::new(),
+            outbox: VecDeque::new(),
             settings,
         }
     }
@@ -220,7 +223,7 @@ impl Executive {
         if self.next_heartbeat <= now {
             self.next_heartbeat = now + HEARTBEAT_EVERY;
             let heartbeat = self.heartbeat();
-            self.autopilot.send(heartbeat);
+            self.outbox.push_back(heartbeat);
         }
     }
 
@@ -238,6 +241,7 @@ impl Executive {
         let radio = self.interlock.poll_transmit().map(|m| Outgoing::Autopilot(Box::new(m)));
         radio
             .or_else(|| self.pair.poll_transmit().map(|m| Outgoing::Pair(Box::new(m))))
+            .or_else(|| self.outbox.pop_front().map(|m| Outgoing::Autopilot(Box::new(m))))
             .or_else(|| self.autopilot.poll_transmit().map(|m| Outgoing::Autopilot(Box::new(m))))
     }
 
@@ -341,7 +345,7 @@ impl Executive {
         self.tell_pair(now);
     }
 
-    fn facts(&self, now: Instant) -> Facts {
+    pub(super) fn facts(&self, now: Instant) -> Facts {
         let estimator_ok = self.estimator_ok();
         let base = Facts {
             window: None,

@@ -177,12 +177,8 @@ impl Executive {
         if self.plan.is_none() {
             missing.push("the plan is being made".to_owned());
         }
-        let checks = self.autopilot.preflight(now).into_iter().chain(self.interlock.transmitter().preflight());
-        missing.extend(
-            checks
-                .filter(|check| check.verdict == Verdict::Fail)
-                .map(|check| format!("{}: {}", check.name, check.detail)),
-        );
+        let failed = self.autopilot.preflight(now).into_iter().filter(|check| check.result == Verdict::Fail);
+        missing.extend(failed.map(|check| format!("{}: {}", check.name, check.detail)));
         if self.autopilot.utc(now).is_none() {
             missing.push("clock: the autopilot has no UTC yet (SYSTEM_TIME)".into());
         }

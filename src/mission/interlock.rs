@@ -236,6 +236,18 @@ impl Interlock {
         self.standing.is_none() && self.transmitter.is_off(now)
     }
 
+    /// Whether a permit is standing.
+    #[must_use]
+    pub fn is_on(&self) -> bool {
+        self.standing.is_some()
+    }
+
+    /// Whether neither the operator nor the mission forbids this vehicle to radiate at all.
+    #[must_use]
+    pub fn may_radiate(&self) -> bool {
+        self.authorised && !self.killed
+    }
+
     /// The transmitter, for everything but power.
     #[must_use]
     pub fn transmitter(&self) -> &Transmitter {

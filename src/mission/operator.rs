@@ -39,7 +39,7 @@ impl Executive {
             None => MavResult::MAV_RESULT_UNSUPPORTED,
         };
         let target_system = u8::try_from(header.system_id).unwrap_or_default();
-        self.autopilot.send(MavMessage::COMMAND_ACK(COMMAND_ACK_DATA {
+        self.outbox.push_back(MavMessage::COMMAND_ACK(COMMAND_ACK_DATA {
             command,
             result,
             target_system,

@@ -160,6 +160,7 @@ pub struct EditedSlot {
 
 fn status_name(status: Status) -> &'static str {
     match status {
+        Status::Evaluated => "evaluated",
         Status::Converged => "converged",
         Status::IterationLimit => "iteration-limit",
         Status::NoPositiveRate => "no-positive-rate",

@@ -92,7 +92,7 @@ impl FlightDocument {
         for (number, slot) in self.report.slots.iter().enumerate() {
             writeln!(
                 text,
-                "{number:>4}  {:<14} {:>8.3} {:>9.3} {:>6.3} {:>7.3} {:>7.2} {:>7.2} {:>9.3} {:>8.3} {:>8.3} {:>10.2} {:>10.2}",
+                "{number:>4}  {:<14} {:>8.3} {:>9.3} {:>6.3} {:>7.3} {:>7.2} {:>7.2} {:>9.3} {:>8} {:>8} {:>10} {:>10}",
                 slot.user,
                 per_hz(slot.planned_secrecy_rate_bps),
                 per_hz(slot.achieved_secrecy_rate_bps),
@@ -101,10 +101,10 @@ impl FlightDocument {
                 slot.radiated_s.i,
                 slot.radiated_s.j,
                 slot.unprotected_s,
-                slot.position_rms_m.i,
-                slot.position_rms_m.j,
-                slot.attitude_rms_deg.i,
-                slot.attitude_rms_deg.j,
+                figure(slot.position_rms_m.i, 3),
+                figure(slot.position_rms_m.j, 3),
+                figure(slot.attitude_rms_deg.i, 2),
+                figure(slot.attitude_rms_deg.j, 2),
             )?;
         }
         writeln!(text, "(rates in bit/s/Hz; on: seconds radiated; unprot: I on without J; errors are rms, jitter included)")?;
@@ -130,4 +130,9 @@ impl FlightDocument {
             self.wall_s
         )
     }
+}
+
+/// A figure, or a dash where nothing was measured.
+fn figure(value: Option<f64>, decimals: usize) -> String {
+    value.map_or("-".into(), |value| format!("{value:.decimals$}"))
 }

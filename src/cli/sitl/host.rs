@@ -58,8 +58,10 @@ pub(super) struct Flight {
     pub report: sim::FlightReport,
     pub ends: PerVehicle<Option<End>>,
     pub interrupted: bool,
-    /// Datagrams passed on, in both directions.
-    pub datagrams: u64,
+    /// Datagrams that companions sent to their vehicle or to each other.
+    pub sent: u64,
+    /// Frames that companions were sent by their vehicles.
+    pub received: u64,
     /// Datagrams that a fault swallowed.
     pub swallowed: u64,
 }
@@ -111,10 +113,11 @@ struct Host<'a> {
     companions: PerVehicle<Companion>,
     pending: Vec<Fault>,
     running: Vec<(Fault, Duration)>,
-    first_radiated: Vec<(u16, Duration)>,
+    first_radiated: Vec<(i32, Duration)>,
     first_end: Option<Duration>,
     interrupted: bool,
-    datagrams: u64,
+    sent: u64,
+    received: u64,
     swallowed: u64,
     next_progress: Duration,
 }
@@ -124,7 +127,7 @@ pub(super) async fn fly(setup: Setup<'_>) -> Result<Flight, String> {
     let autopilot = PerVehicle { i: Port::bind().await?, j: Port::bind().await? };
     let pair = PerVehicle { i: Port::bind().await?, j: Port::bind().await? };
     let (lines, mut log) = mpsc::unbounded_channel();
-    let mut spawn = |role: Role, system_id| {
+    let spawn = |role: Role, system_id| {
         let vehicle = write_vehicle(
             setup.directory,
             role,
@@ -150,7 +153,8 @@ pub(super) async fn fly(setup: Setup<'_>) -> Result<Flight, String> {
         first_radiated: Vec::new(),
         first_end: None,
         interrupted: false,
-        datagrams: 0,
+        sent: 0,
+        received: 0,
         swallowed: 0,
         next_progress: PROGRESS_EVERY,
     };
@@ -183,7 +187,7 @@ impl Host<'_> {
         for role in Role::BOTH {
             while let Some(bytes) = self.autopilot[role].receive(&mut buffer) {
                 if self.autopilot[role].open {
-                    self.datagrams += 1;
+                    self.sent += 1;
                     self.setup.world.handle(index(role), 0, bytes);
                 } else {
                     self.swallowed += 1;
@@ -191,7 +195,7 @@ impl Host<'_> {
             }
             while let Some(bytes) = self.pair[role].receive(&mut buffer) {
                 if self.pair[role].open {
-                    self.datagrams += 1;
+                    self.sent += 1;
                     self.pair[role.peer()].send(bytes);
                 } else {
                     self.swallowed += 1;
@@ -202,7 +206,7 @@ impl Host<'_> {
         while let Some((vehicle, _, frame)) = self.setup.world.poll_transmit() {
             let port = &self.autopilot[if vehicle == 0 { Role::I } else { Role::J }];
             if port.open {
-                self.datagrams += 1;
+                self.received += 1;
                 port.send(&frame);
             } else {
                 self.swallowed += 1;
@@ -224,7 +228,8 @@ impl Host<'_> {
             report: self.setup.world.report(),
             ends: self.companions.map(|companion| companion.end),
             interrupted: self.interrupted,
-            datagrams: self.datagrams,
+            sent: self.sent,
+            received: self.received,
             swallowed: self.swallowed,
         }
     }
@@ -284,7 +289,8 @@ impl Host<'_> {
     fn inject_faults(&mut self) {
         let now = self.setup.world.now();
         let snapshot = self.setup.world.snapshot();
-        if let Some(slot) = snapshot.vehicles[0].radiating_slot()
+        let vehicle_i = &snapshot.vehicles[0];
+        if let Some(slot) = vehicle_i.slot.filter(|_| vehicle_i.tx_power_w.is_some())
             && !self.first_radiated.iter().any(|(known, _)| *known == slot)
         {
             self.first_radiated.push((slot, now));
@@ -293,7 +299,7 @@ impl Host<'_> {
         let is_due = |fault: &Fault| {
             let zero = match fault.slot {
                 None => Some(Duration::ZERO),
-                Some(slot) => radiated.iter().find(|(known, _)| *known == slot).map(|(_, at)| *at),
+                Some(slot) => radiated.iter().find(|(known, _)| *known == i32::from(slot)).map(|(_, at)| *at),
             };
             zero.is_some_and(|zero| now >= zero + Duration::from_secs_f64(fault.after_s))
         };
@@ -319,16 +325,21 @@ impl Host<'_> {
         for role in roles {
             let vehicle = index(role);
             match fault.kind {
-                Kind::CompanionKill if on => self.signal(role, Signal::KILL),
+                Kind::CompanionKill if on => {
+                    self.signal(role, Signal::KILL);
+                    self.setup.world.inject(sim::Fault::CompanionLost { vehicle });
+                }
                 Kind::CompanionKill => {}
                 Kind::CompanionStop => self.signal(role, if on { Signal::STOP } else { Signal::CONT }),
-                Kind::LinkLoss => self.autopilot[role].open = !on,
+                Kind::LinkLoss => {
+                    self.autopilot[role].open = !on;
+                    self.setup.world.inject(sim::Fault::LinkLoss { vehicle, on });
+                }
                 Kind::PairLoss => self.pair[role].open = !on,
                 Kind::PilotMode if on => self.setup.world.inject(sim::Fault::PilotMode { vehicle }),
                 Kind::PilotMode => {}
-                Kind::EstimatorFailure => {
-                    self.setup.world.inject(sim::Fault::EstimatorFailure { vehicle, on });
-                }
+                Kind::EstimatorFailure if on => self.setup.world.inject(sim::Fault::EstimatorFailure { vehicle }),
+                Kind::EstimatorFailure => {}
             }
         }
     }
@@ -345,7 +356,7 @@ impl Host<'_> {
             .map(|role| {
                 let v = &snapshot.vehicles[index(role)];
                 let [e, n, u] = v.position_enu_m;
-                let power = crate::units::Watts(v.tx_power_w);
+                let power = crate::units::Watts(v.tx_power_w.unwrap_or(0.0));
                 format!("{role} {} ({e:.0}, {n:.0}, {u:.0}) m, {power}", v.mode)
             })
             .collect();

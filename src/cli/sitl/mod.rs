@@ -11,6 +11,7 @@ use std::path::PathBuf;
 
 use crate::config::Mission;
 use crate::link::clock::Clock;
+use crate::planner::problem::Airframe;
 
 use super::plan::write_plan;
 use super::planning::{document as plan_document, mission_options, plan_mission};
@@ -84,6 +85,10 @@ fn fly(args: &Args, mission: &Mission, faults: Faults) -> Result<Exit, String> {
         faults,
         speed: args.speed,
         directory: directory.path(),
+        actuation: crate::role::PerVehicle::from_fn(|role| match mission.vehicles[role].airframe {
+            Airframe::Omnidirectional => "pose",
+            Airframe::Conventional => "position",
+        }),
     }))?;
     let wall_s = wall.now().since_start().as_secs_f64();
     let document = FlightDocument::new(&flight, plan.plan_digest.clone(), wall_s);
@@ -95,7 +100,7 @@ fn fly(args: &Args, mission: &Mission, faults: Faults) -> Result<Exit, String> {
     }
     Ok(match document.result {
         _ if shown != Exit::Done => shown,
-        FlightResult::Completed if document.violations_empty() => Exit::Done,
+        _ if document.is_good() => Exit::Done,
         FlightResult::Interrupted => Exit::Interrupted,
         FlightResult::Completed | FlightResult::Aborted => Exit::Bad,
     })

@@ -21,7 +21,7 @@ const HOMES_APART_M: f64 = 20.0;
 pub(super) fn config(mission: &Mission, plan: &Plan) -> Result<sim::WorldConfig, String> {
     let homes = homes(mission)?;
     let uncertainty = |u: problem::Uncertainty| match u {
-        problem::Uncertainty::None => sim::Uncertainty::None,
+        problem::Uncertainty::None => sim::Uncertainty::Exact,
         problem::Uncertainty::Disc { radius_m } => sim::Uncertainty::Disc { radius_m },
         problem::Uncertainty::Gaussian { std_m } => sim::Uncertainty::Gaussian { std_m },
     };

@@ -14,7 +14,7 @@ use std::time::Duration;
 
 pub use memory::MemoryEnd;
 
-use super::address::LinkAddress;
+use crate::config::LinkAddress;
 use super::clock::Clock;
 use crate::time::Instant;
 

@@ -9,7 +9,7 @@ use std::time::Duration;
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::net::{TcpListener, TcpStream};
 
-use super::super::address::HostPort;
+use crate::config::HostPort;
 use super::{Arrival, Origin, PEER_TIMEOUT, Transport};
 use crate::time::Instant;
 

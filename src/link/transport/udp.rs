@@ -7,7 +7,7 @@ use std::task::{Context, Poll, ready};
 use tokio::io::ReadBuf;
 use tokio::net::{UdpSocket, lookup_host};
 
-use super::super::address::HostPort;
+use crate::config::HostPort;
 use super::{Arrival, Origin, PEER_TIMEOUT, Transport};
 use crate::time::Instant;
 
