@@ -24,7 +24,7 @@ const OCTAGON: f64 = 1.1;
 /// What one vehicle may do.
 #[derive(Debug, Clone)]
 pub(super) struct Side {
-    /// Its start, its goal, then the others; the start alone for a vehicle that stays.
+    /// Its start, its goal, then the others; a single one for a vehicle that stays.
     sites: Vec<Enu>,
     /// What it occupies instead of its site, where its place is not known exactly.
     blocks: Option<Vec<Enu>>,
@@ -109,9 +109,8 @@ pub(super) fn levels<'a>(
     levels
 }
 
-/// The quickest sequence of moves that takes both sides to their goals, always with `clearance` between
-/// them; `None` if no
-/// sequence over the sites does.
+/// The quickest sequence of moves that takes both sides to their goals, always with `clearance` between them; `None`
+/// if no sequence over the sites does.
 pub(super) fn search(
     corridor: &Corridor,
     sides: &PerVehicle<Side>,

@@ -17,9 +17,12 @@
 
 mod error;
 
+pub use error::{End, TransitError};
+
+use std::f64::consts::PI;
 use std::time::Duration;
 
-pub use error::{End, TransitError};
+use nalgebra::{UnitQuaternion, Vector3};
 
 use super::geofence::{Geofence, MAX_COORDINATE_M};
 use super::route::Corridor;
@@ -90,8 +93,8 @@ impl Router {
     pub fn new(airspace: &Airspace, limits: &PerVehicle<Limits>) -> Result<Self, TransitError> {
         let [low_m, high_m] = airspace.altitude_m;
         let separation_m = airspace.min_separation_m;
-        let sound = low_m.is_finite() && high_m.is_finite() && low_m <= high_m;
-        if !(sound && separation_m.is_finite() && separation_m >= 0.0) {
+        let usable = [low_m, high_m, separation_m].iter().all(|value| value.abs() <= MAX_COORDINATE_M);
+        if !(usable && low_m <= high_m && separation_m >= 0.0) {
             return Err(TransitError::Airspace { low_m, high_m, separation_m });
         }
         for role in Role::BOTH {
@@ -108,15 +111,14 @@ impl Router {
         })
     }
 
-    /// Both vehicles to the poses of a slot. A start below the altitude band is left vertically, level or as it is:
-    /// the vehicle turns once it is inside.
+    /// Both vehicles to the poses of a slot. A start below the altitude band is left vertically and without turning.
     ///
     /// # Errors
     /// [`TransitError`] with the numbers if an end is outside the airspace, the ends are too close to each other, or
     /// no way was found.
     pub fn plan(&self, from: &PerVehicle<Start>, to: &PerVehicle<Pose>) -> Result<Transit, TransitError> {
         for role in Role::BOTH {
-            let start = usable(role, End::Start, from[role].position_enu_m)?;
+            let start = usable_start(role, &from[role])?;
             let below = Enu::new(start.x, start.y, start.z.max(self.corridor.altitude_m[0]));
             self.check_inside(role, End::Start, &below, START_SLACK_M)?;
         }
@@ -148,7 +150,7 @@ impl Router {
     /// [`TransitError`] if a home is outside the geofence, the homes are too close to each other, or no way was found.
     pub fn home(&self, from: &PerVehicle<Start>, homes: &PerVehicle<Enu>) -> Result<Transit, TransitError> {
         for role in Role::BOTH {
-            usable(role, End::Start, from[role].position_enu_m)?;
+            usable_start(role, &from[role])?;
         }
         self.pair(from, &PerVehicle::from_fn(|role| self.above_home(&from[role], &homes[role])))
     }
@@ -165,7 +167,7 @@ impl Router {
         home: &Enu,
         keep_out: &[Enu],
     ) -> Result<Trajectory, TransitError> {
-        let start = usable(role, End::Start, from.position_enu_m)?;
+        let start = usable_start(role, from)?;
         for &place in keep_out {
             usable(role.peer(), End::Start, place)?;
         }
@@ -370,20 +372,21 @@ fn usable(role: Role, end: End, position: Enu) -> Result<Enu, TransitError> {
     if usable { Ok(position) } else { Err(TransitError::NotUsable { role, end }) }
 }
 
+/// The position of `start` if it can be computed with.
+fn usable_start(role: Role, start: &Start) -> Result<Enu, TransitError> {
+    let rotation = start.attitude.rotation();
+    if !rotation.coords.iter().all(|c| c.is_finite()) {
+        return Err(TransitError::NotUsable { role, end: End::Start });
+    }
+    usable(role, End::Start, start.position_enu_m)
+}
+
 /// The level attitude nearest to `attitude`: the shortest rotation that brings the antenna axis upright.
 fn levelled(attitude: &Attitude) -> Attitude {
-    let axis = attitude.antenna_axis();
-    let up = nalgebra::Vector3::z();
-    match nalgebra::UnitQuaternion::rotation_between(&axis, &up) {
+    match UnitQuaternion::rotation_between(&attitude.antenna_axis(), &Vector3::z()) {
         Some(upright) => Attitude::from_rotation(upright * attitude.rotation()),
         // Upside down: any horizontal axis is as near.
-        None => Attitude::from_rotation(
-            attitude.rotation()
-                * nalgebra::UnitQuaternion::from_axis_angle(
-                    &nalgebra::Vector3::x_axis(),
-                    std::f64::consts::PI,
-                ),
-        ),
+        None => Attitude::from_rotation(attitude.rotation() * Attitude::from_euler(PI, 0.0, 0.0).rotation()),
     }
 }
 

@@ -10,7 +10,7 @@ pub enum TransitError {
     /// The area is no geofence.
     #[error(transparent)]
     Fence(#[from] FenceError),
-    /// The altitude band is empty or not finite, or the separation is no distance.
+    /// The altitude band is empty or beyond [`MAX_COORDINATE_M`], or the separation is no distance.
     #[error(
         "altitude band {low_m} m to {high_m} m with a separation of {separation_m} m: give a rising finite band and a separation of 0 or more"
     )]

@@ -1,5 +1,3 @@
-use std::f64::consts::PI;
-
 use nalgebra::Vector2;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -283,6 +281,8 @@ fn val_numbers_that_cannot_be_computed_with_are_refused() {
         let mut turned = to;
         turned.j.roll_rad = if bad == 1e300 { f64::NAN } else { bad };
         assert_eq!(router.plan(&from, &turned), Err(unusable(Role::J, End::Goal)));
+        let airspace = airspace(square(10.0), [20.0, bad]);
+        assert!(matches!(Router::new(&airspace, &PAIR), Err(TransitError::Airspace { .. })));
         let far = PerVehicle { i: start(bad, 0.0, 30.0), ..from };
         let homes = PerVehicle { i: Enu::zeros(), j: Enu::new(20.0, 0.0, 0.0) };
         assert_eq!(router.home(&far, &homes), Err(unusable(Role::I, End::Start)));
