@@ -11,7 +11,7 @@ use std::collections::BinaryHeap;
 use std::time::Duration;
 
 use super::route::{Corridor, lifted};
-use super::separation::polyline_distance_m;
+use super::separation::Clearance;
 use super::trajectory::Limits;
 use crate::geo::Enu;
 use crate::role::{PerVehicle, Role};
@@ -24,7 +24,7 @@ const OCTAGON: f64 = 1.1;
 /// What one vehicle may do.
 #[derive(Debug, Clone)]
 pub(super) struct Side {
-    /// Its start, its goal, then the others; the start alone for a vehicle that stays.
+    /// Its start, its goal, then the others; a single one for a vehicle that stays.
     sites: Vec<Enu>,
     /// What it occupies instead of its site, where its place is not known exactly.
     blocks: Option<Vec<Enu>>,
@@ -53,16 +53,14 @@ impl Side {
         let places = || own.iter().chain(around);
         let levels = levels(corridor, places(), clearance_m);
         sites.extend(own.iter().flat_map(|end| levels.iter().map(|&z| lifted(end.xy(), z))));
+        let d = std::f64::consts::FRAC_1_SQRT_2;
+        let compass = [[1., 0.], [d, d], [0., 1.], [-d, d], [-1., 0.], [-d, -d], [0., -1.], [d, -d]];
         for centre in places() {
             for z in
                 own.iter().map(|end| end.z).filter(|z| (z - corridor.clamped(centre.z)).abs() < clearance_m)
             {
-                sites.extend((0..8).map(|k| {
-                    let angle = f64::from(k) * std::f64::consts::FRAC_PI_4;
-                    centre
-                        + Enu::new(angle.cos(), angle.sin(), 0.0) * (OCTAGON * clearance_m)
-                        + Enu::new(0.0, 0.0, z - centre.z)
-                }));
+                let level = Enu::new(centre.x, centre.y, z);
+                sites.extend(compass.map(|[x, y]| level + Enu::new(x, y, 0.0) * (OCTAGON * clearance_m)));
             }
         }
         let mut kept: Vec<Enu> = Vec::new();
@@ -111,9 +109,13 @@ pub(super) fn levels<'a>(
     levels
 }
 
-/// The quickest sequence of moves that takes both sides to their goals, always `clearance_m` apart; `None` if no
-/// sequence over the sites does.
-pub(super) fn search(corridor: &Corridor, sides: &PerVehicle<Side>, clearance_m: f64) -> Option<Vec<Move>> {
+/// The quickest sequence of moves that takes both sides to their goals, always with `clearance` between them; `None`
+/// if no sequence over the sites does.
+pub(super) fn search(
+    corridor: &Corridor,
+    sides: &PerVehicle<Side>,
+    clearance: &Clearance,
+) -> Option<Vec<Move>> {
     let (n, m) = (sides.i.sites.len(), sides.j.sites.len());
     let sites_of = |state: usize| PerVehicle { i: state / m, j: state % m };
     let goal = sides.i.goal() * m + sides.j.goal();
@@ -145,7 +147,7 @@ pub(super) fn search(corridor: &Corridor, sides: &PerVehicle<Side>, clearance_m:
                 let Some(way) = ways[role].get(at[role], to) else { continue };
                 let through = spent.saturating_add(way.lasts).saturating_add(PAUSE);
                 let better = reached[next].is_none_or(|(known, _)| through < known);
-                if better && polyline_distance_m(&way.path, peer) >= clearance_m {
+                if better && clearance.is_kept(role, &way.path, peer) {
                     reached[next] = Some((through, state));
                     open.push(Reverse((through.saturating_add(left(next)), next)));
                 }

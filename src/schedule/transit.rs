@@ -12,16 +12,23 @@
 //!    result says so ([`Separation::Time`]): whoever flies it should move a vehicle only while the other rests where its
 //!    trajectory says.
 //!
-//! *Clearance*: [`clearance_m`](super::separation::clearance_m), or less where the ends themselves are closer than
-//! that: the vehicles then never come closer than they start or finish.
+//! *Clearance*: [`clearance_m`]. Where the ends themselves are closer than that, the vehicles come no closer than their
+//! ends are, and open up to the full clearance within twice its length.
 
+mod error;
+
+pub use error::{End, TransitError};
+
+use std::f64::consts::PI;
 use std::time::Duration;
 
-use super::geofence::{FenceError, Geofence, MAX_COORDINATE_M};
+use nalgebra::{UnitQuaternion, Vector3};
+
+use super::geofence::{Geofence, MAX_COORDINATE_M};
 use super::route::Corridor;
-use super::separation::{clearance_m, polyline_distance_m};
+use super::separation::{Clearance, clearance_m, polyline_distance_m};
 use super::sequence::{self, Move, PAUSE, Side};
-use super::trajectory::{LIMIT_RANGE, Limits, Start, Trajectory};
+use super::trajectory::{Limits, Start, Trajectory};
 use crate::geo::{Attitude, Enu, Pose};
 use crate::planner::problem::Airspace;
 use crate::role::{PerVehicle, Role};
@@ -33,110 +40,6 @@ const START_SLACK_M: f64 = 1.0;
 const START_SEPARATION: f64 = 0.9;
 /// What a planner's rounding may leave of a constraint, in metres.
 const GOAL_SLACK_M: f64 = 1e-6;
-
-/// Why there is no transit.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum TransitError {
-    /// The area is no geofence.
-    #[error(transparent)]
-    Fence(#[from] FenceError),
-    /// The altitude band is empty or not finite, or the separation is no distance.
-    #[error(
-        "altitude band {low_m} m to {high_m} m with a separation of {separation_m} m: give a rising finite band and a separation of 0 or more"
-    )]
-    Airspace {
-        /// Lower end in metres.
-        low_m: f64,
-        /// Upper end in metres.
-        high_m: f64,
-        /// `min_separation_m`.
-        separation_m: f64,
-    },
-    /// A limit is outside [`LIMIT_RANGE`].
-    #[error("vehicle {role}: {key} is {value}; give a number from {} to {}", LIMIT_RANGE.start(), LIMIT_RANGE.end())]
-    Limit {
-        /// Whose.
-        role: Role,
-        /// Which.
-        key: &'static str,
-        /// Its value.
-        value: f64,
-    },
-    /// A position or attitude is not finite, or beyond [`MAX_COORDINATE_M`].
-    #[error("vehicle {role}: the {end} is not finite or more than {MAX_COORDINATE_M:e} m away")]
-    NotUsable {
-        /// Whose.
-        role: Role,
-        /// Which end.
-        end: End,
-    },
-    /// An end is outside the geofence or the altitude band.
-    #[error(
-        "vehicle {role}: the {end} ({east_m:.2}, {north_m:.2}, {up_m:.2}) is {outside_m:.2} m outside the airspace, allowed are {allowed_m} m: move it, or enlarge [airspace]"
-    )]
-    Outside {
-        /// Whose.
-        role: Role,
-        /// Which end.
-        end: End,
-        /// East, metres.
-        east_m: f64,
-        /// North, metres.
-        north_m: f64,
-        /// Up, metres.
-        up_m: f64,
-        /// Distance to the airspace in metres.
-        outside_m: f64,
-        /// How far it may be outside.
-        allowed_m: f64,
-    },
-    /// Both vehicles' starts or goals are too close to each other.
-    #[error(
-        "the vehicles are {distance_m:.2} m apart at the {end}, needed are {needed_m:.2} m: move one, or lower airspace.min_separation_m"
-    )]
-    TooClose {
-        /// Which ends.
-        end: End,
-        /// How far apart they are.
-        distance_m: f64,
-        /// How far apart they must be.
-        needed_m: f64,
-    },
-    /// The geofence has no way between a vehicle's ends: it crosses itself.
-    #[error("vehicle {role}: no way inside the geofence: does airspace.area_enu_m cross itself?")]
-    NoPath {
-        /// Whose.
-        role: Role,
-    },
-    /// Neither paths apart nor any order of moves was found.
-    #[error(
-        "no transit keeps {clearance_m:.2} m between the vehicles ({direct_m:.2} m on the direct paths), not even one after the other: widen the airspace or lower airspace.min_separation_m"
-    )]
-    NoWay {
-        /// What was to be kept.
-        clearance_m: f64,
-        /// Distance between the direct paths.
-        direct_m: f64,
-    },
-}
-
-/// An end of a transit.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum End {
-    /// Where it starts.
-    Start,
-    /// Where it leads.
-    Goal,
-}
-
-impl std::fmt::Display for End {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(match self {
-            Self::Start => "start",
-            Self::Goal => "goal",
-        })
-    }
-}
 
 /// What keeps the vehicles apart.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -154,7 +57,7 @@ pub struct Transit {
     pub trajectories: PerVehicle<Trajectory>,
     /// What keeps them apart.
     pub separation: Separation,
-    /// The distance in metres that is kept (by [`Separation::Time`]: that is kept on time).
+    /// The distance in metres that is never undercut (with [`Separation::Time`], on time).
     pub clearance_m: f64,
 }
 
@@ -190,8 +93,8 @@ impl Router {
     pub fn new(airspace: &Airspace, limits: &PerVehicle<Limits>) -> Result<Self, TransitError> {
         let [low_m, high_m] = airspace.altitude_m;
         let separation_m = airspace.min_separation_m;
-        let sound = low_m.is_finite() && high_m.is_finite() && low_m <= high_m;
-        if !(sound && separation_m.is_finite() && separation_m >= 0.0) {
+        let usable = [low_m, high_m, separation_m].iter().all(|value| value.abs() <= MAX_COORDINATE_M);
+        if !(usable && low_m <= high_m && separation_m >= 0.0) {
             return Err(TransitError::Airspace { low_m, high_m, separation_m });
         }
         for role in Role::BOTH {
@@ -208,15 +111,14 @@ impl Router {
         })
     }
 
-    /// Both vehicles to the poses of a slot. A start below the altitude band is left vertically, level or as it is:
-    /// the vehicle turns once it is inside.
+    /// Both vehicles to the poses of a slot. A start below the altitude band is left vertically and without turning.
     ///
     /// # Errors
     /// [`TransitError`] with the numbers if an end is outside the airspace, the ends are too close to each other, or
     /// no way was found.
     pub fn plan(&self, from: &PerVehicle<Start>, to: &PerVehicle<Pose>) -> Result<Transit, TransitError> {
         for role in Role::BOTH {
-            let start = usable(role, End::Start, from[role].position_enu_m)?;
+            let start = usable_start(role, &from[role])?;
             let below = Enu::new(start.x, start.y, start.z.max(self.corridor.altitude_m[0]));
             self.check_inside(role, End::Start, &below, START_SLACK_M)?;
         }
@@ -248,7 +150,7 @@ impl Router {
     /// [`TransitError`] if a home is outside the geofence, the homes are too close to each other, or no way was found.
     pub fn home(&self, from: &PerVehicle<Start>, homes: &PerVehicle<Enu>) -> Result<Transit, TransitError> {
         for role in Role::BOTH {
-            usable(role, End::Start, from[role].position_enu_m)?;
+            usable_start(role, &from[role])?;
         }
         self.pair(from, &PerVehicle::from_fn(|role| self.above_home(&from[role], &homes[role])))
     }
@@ -265,24 +167,27 @@ impl Router {
         home: &Enu,
         keep_out: &[Enu],
     ) -> Result<Trajectory, TransitError> {
-        let start = usable(role, End::Start, from.position_enu_m)?;
+        let start = usable_start(role, from)?;
         for &place in keep_out {
             usable(role.peer(), End::Start, place)?;
         }
         let goal = self.above_home(from, home);
         usable(role, End::Goal, goal.position_enu_m)?;
         self.check_inside(role, End::Goal, &goal.position_enu_m, GOAL_SLACK_M)?;
-        let distance_to = |place: Enu| polyline_distance_m(&[place], keep_out);
-        let kept_m = self.kept_m(distance_to(start), distance_to(goal.position_enu_m))?;
         let ends = [start, goal.position_enu_m];
+        let clearance = self.clearance(ends.map(|end| {
+            let mut at = PerVehicle::default();
+            at[role] = Some(end);
+            (at, polyline_distance_m(&[end], keep_out))
+        }))?;
         let direct = self.corridor.direct(&ends[0], &ends[1]).ok_or(TransitError::NoPath { role })?;
         let direct_m = polyline_distance_m(&direct, keep_out);
-        let found = if clear(&direct, keep_out, kept_m) {
+        let found = if clearance.is_kept(role, &direct, keep_out) {
             Some(direct)
         } else {
-            self.past(role, &ends, keep_out, kept_m)
+            self.past(role, &ends, keep_out, &clearance)
         };
-        let path = found.ok_or(TransitError::NoWay { clearance_m: kept_m, direct_m })?;
+        let path = found.ok_or(TransitError::NoWay { clearance_m: clearance.full_m, direct_m })?;
         let mut trajectory = Trajectory::rest(from);
         trajectory.fly(&path, &self.limits[role]);
         Ok(self.turned(role, trajectory, goal.attitude))
@@ -296,37 +201,38 @@ impl Router {
                 self.check_inside(role, End::Goal, &goal, GOAL_SLACK_M)?;
             }
         }
-        let apart = |a: Enu, b: Enu| (a - b).norm();
-        let start_m = apart(from.i.position_enu_m, from.j.position_enu_m);
-        let kept_m = self.kept_m(start_m, apart(to.i.position_enu_m, to.j.position_enu_m))?;
         let ends = PerVehicle::from_fn(|role| [from[role].position_enu_m, to[role].position_enu_m]);
+        let clearance = self.clearance([0, 1].map(|end| {
+            let at = PerVehicle::from_fn(|role| ends[role][end]);
+            (at.map(Some), (at.i - at.j).norm())
+        }))?;
         let mut direct = PerVehicle::default();
         for role in Role::BOTH {
             let [start, goal] = &ends[role];
             direct[role] = self.corridor.direct(start, goal).ok_or(TransitError::NoPath { role })?;
         }
         let direct_m = polyline_distance_m(&direct.i, &direct.j);
-        let (moves, separation) = match self.apart_as_sets(&ends, direct, kept_m) {
+        let (moves, separation) = match self.apart_as_sets(&ends, direct, &clearance) {
             Some(PerVehicle { i, j }) => {
                 (vec![Move { role: Role::I, path: i }, Move { role: Role::J, path: j }], Separation::Paths)
             }
             None => {
-                let found = self.in_turns(&ends, kept_m);
-                let moves = found.ok_or(TransitError::NoWay { clearance_m: kept_m, direct_m })?;
+                let found = self.in_turns(&ends, &clearance);
+                let moves = found.ok_or(TransitError::NoWay { clearance_m: clearance.full_m, direct_m })?;
                 (moves, Separation::Time)
             }
         };
         let trajectories = self.timed(from, to, &moves, separation);
-        Ok(Transit { trajectories, separation, clearance_m: kept_m })
+        Ok(Transit { trajectories, separation, clearance_m: clearance.least_m })
     }
 
-    /// The clearance kept between ends that are so far apart.
-    fn kept_m(&self, start_m: f64, goal_m: f64) -> Result<f64, TransitError> {
-        let needed_m = self.min_separation_m;
-        if goal_m < needed_m - GOAL_SLACK_M {
-            return Err(TransitError::TooClose { end: End::Goal, distance_m: goal_m, needed_m });
+    /// The clearance to keep between start and goal, each (positions, distance).
+    fn clearance(&self, ends: [(PerVehicle<Option<Enu>>, f64); 2]) -> Result<Clearance, TransitError> {
+        let (needed_m, distance_m) = (self.min_separation_m, ends[1].1);
+        if distance_m < needed_m - GOAL_SLACK_M {
+            return Err(TransitError::TooClose { end: End::Goal, distance_m, needed_m });
         }
-        Ok(self.clearance_m.min(start_m).min(goal_m))
+        Ok(Clearance::new(self.clearance_m, &ends))
     }
 
     /// Steps 1 to 3.
@@ -334,12 +240,12 @@ impl Router {
         &self,
         ends: &PerVehicle<[Enu; 2]>,
         direct: PerVehicle<Vec<Enu>>,
-        kept_m: f64,
+        clearance: &Clearance,
     ) -> Option<PerVehicle<Vec<Enu>>> {
-        if clear(&direct.i, &direct.j, kept_m) {
+        if clearance.is_kept(Role::I, &direct.i, &direct.j) {
             return Some(direct);
         }
-        self.in_layers(ends, &direct, kept_m).or_else(|| self.round(ends, direct, kept_m))
+        self.in_layers(ends, &direct, clearance).or_else(|| self.round(ends, direct, clearance))
     }
 
     /// Step 2.
@@ -347,9 +253,9 @@ impl Router {
         &self,
         ends: &PerVehicle<[Enu; 2]>,
         direct: &PerVehicle<Vec<Enu>>,
-        kept_m: f64,
+        clearance: &Clearance,
     ) -> Option<PerVehicle<Vec<Enu>>> {
-        let levels = sequence::levels(&self.corridor, ends.i.iter().chain(&ends.j), kept_m);
+        let levels = sequence::levels(&self.corridor, ends.i.iter().chain(&ends.j), clearance.full_m);
         let ways = PerVehicle::from_fn(|role| {
             let [start, goal] = &ends[role];
             let layered = levels.iter().filter_map(|&z| self.corridor.via_layer(start, goal, z));
@@ -362,7 +268,7 @@ impl Router {
             .flat_map(|(i_s, i)| ways.j.iter().map(move |(j_s, j)| (i_s.max(*j_s), i_s + j_s, i, j)))
             .collect();
         pairs.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
-        let found = pairs.into_iter().find(|(_, _, i, j)| clear(i, j, kept_m));
+        let found = pairs.into_iter().find(|(_, _, i, j)| clearance.is_kept(Role::I, i, j));
         found.map(|(_, _, i, j)| PerVehicle { i: i.clone(), j: j.clone() })
     }
 
@@ -371,10 +277,10 @@ impl Router {
         &self,
         ends: &PerVehicle<[Enu; 2]>,
         direct: PerVehicle<Vec<Enu>>,
-        kept_m: f64,
+        clearance: &Clearance,
     ) -> Option<PerVehicle<Vec<Enu>>> {
         let detour = |role: Role| {
-            let path = self.past(role, &ends[role], &direct[role.peer()], kept_m)?;
+            let path = self.past(role, &ends[role], &direct[role.peer()], clearance)?;
             Some((self.limits[role].path_s(&path), role, path))
         };
         let found = [detour(Role::J), detour(Role::I)].into_iter().flatten();
@@ -385,24 +291,30 @@ impl Router {
     }
 
     /// A vehicle's quickest way that stays clear of the polyline `keep_out`.
-    fn past(&self, role: Role, [start, goal]: &[Enu; 2], keep_out: &[Enu], kept_m: f64) -> Option<Vec<Enu>> {
+    fn past(
+        &self,
+        role: Role,
+        [start, goal]: &[Enu; 2],
+        keep_out: &[Enu],
+        clearance: &Clearance,
+    ) -> Option<Vec<Enu>> {
         let limits = self.limits[role];
         let mut sides = PerVehicle::from_fn(|_| Side::staying(keep_out, limits));
-        sides[role] = Side::moving(&self.corridor, *start, *goal, keep_out, kept_m, limits);
-        let moves = sequence::search(&self.corridor, &sides, kept_m - GOAL_SLACK_M)?;
+        sides[role] = Side::moving(&self.corridor, *start, *goal, keep_out, clearance.full_m, limits);
+        let moves = sequence::search(&self.corridor, &sides, clearance)?;
         let mut path: Vec<Enu> = moves.into_iter().flat_map(|m| m.path).collect();
         path.dedup();
         Some(path)
     }
 
     /// Step 4.
-    fn in_turns(&self, ends: &PerVehicle<[Enu; 2]>, kept_m: f64) -> Option<Vec<Move>> {
+    fn in_turns(&self, ends: &PerVehicle<[Enu; 2]>, clearance: &Clearance) -> Option<Vec<Move>> {
         let sides = PerVehicle::from_fn(|role| {
             let ([start, goal], [peer_start, peer_goal]) = (ends[role], ends[role.peer()]);
             let around = [self.corridor.entry(&peer_start), peer_goal];
-            Side::moving(&self.corridor, start, goal, &around, kept_m, self.limits[role])
+            Side::moving(&self.corridor, start, goal, &around, clearance.full_m, self.limits[role])
         });
-        sequence::search(&self.corridor, &sides, kept_m - GOAL_SLACK_M)
+        sequence::search(&self.corridor, &sides, clearance)
     }
 
     /// The moves in time: all at once, or each after the other vehicle's last.
@@ -460,25 +372,21 @@ fn usable(role: Role, end: End, position: Enu) -> Result<Enu, TransitError> {
     if usable { Ok(position) } else { Err(TransitError::NotUsable { role, end }) }
 }
 
-/// Whether two paths are `kept_m` apart, to rounding.
-fn clear(a: &[Enu], b: &[Enu], kept_m: f64) -> bool {
-    polyline_distance_m(a, b) >= kept_m - GOAL_SLACK_M
+/// The position of `start` if it can be computed with.
+fn usable_start(role: Role, start: &Start) -> Result<Enu, TransitError> {
+    let rotation = start.attitude.rotation();
+    if !rotation.coords.iter().all(|c| c.is_finite()) {
+        return Err(TransitError::NotUsable { role, end: End::Start });
+    }
+    usable(role, End::Start, start.position_enu_m)
 }
 
 /// The level attitude nearest to `attitude`: the shortest rotation that brings the antenna axis upright.
 fn levelled(attitude: &Attitude) -> Attitude {
-    let axis = attitude.antenna_axis();
-    let up = nalgebra::Vector3::z();
-    match nalgebra::UnitQuaternion::rotation_between(&axis, &up) {
+    match UnitQuaternion::rotation_between(&attitude.antenna_axis(), &Vector3::z()) {
         Some(upright) => Attitude::from_rotation(upright * attitude.rotation()),
         // Upside down: any horizontal axis is as near.
-        None => Attitude::from_rotation(
-            attitude.rotation()
-                * nalgebra::UnitQuaternion::from_axis_angle(
-                    &nalgebra::Vector3::x_axis(),
-                    std::f64::consts::PI,
-                ),
-        ),
+        None => Attitude::from_rotation(attitude.rotation() * Attitude::from_euler(PI, 0.0, 0.0).rotation()),
     }
 }
 

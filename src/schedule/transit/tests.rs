@@ -1,5 +1,3 @@
-use std::f64::consts::PI;
-
 use nalgebra::Vector2;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -9,6 +7,9 @@ use crate::schedule::testing::{self, polygon, star};
 
 const LIMITS: Limits = Limits::new(8.0, 3.0, 0.6);
 const PAIR: PerVehicle<Limits> = PerVehicle { i: LIMITS, j: LIMITS };
+
+/// 5 m and 2 m.
+const FULL_M: f64 = 7.0;
 
 fn square(half_m: f64) -> Vec<Vector2<f64>> {
     polygon(&[[-half_m, -half_m], [half_m, -half_m], [half_m, half_m], [-half_m, half_m]])
@@ -66,13 +67,23 @@ fn assert_sound(router: &Router, transit: &Transit, from: &PerVehicle<Start>, to
             }
         }
     }
+    let ends = PerVehicle::from_fn(|role| [from[role].position_enu_m, to[role].position_enu_m]);
+    let near_tight = |role: Role, p: &Enu| {
+        let near = |end: &usize| (p - ends[role][*end]).norm() < 2.0 * FULL_M + 1e-6;
+        [0, 1].iter().filter(|&&end| (ends.i[end] - ends.j[end]).norm() < FULL_M).any(near)
+    };
     let n = 1500;
     let [i, j] = Role::BOTH.map(|role| sampled(&transit.trajectories[role], whole, n));
     match transit.separation {
         Separation::Paths => {
             let thinned = |p: &[Enu]| p.iter().step_by(3).copied().collect::<Vec<_>>();
-            let least = least_distance(&thinned(&i), &thinned(&j));
-            assert!(least >= transit.clearance_m - 1e-5, "{least} {}", transit.clearance_m);
+            let (i, j) = (thinned(&i), thinned(&j));
+            for (p, q) in i.iter().flat_map(|p| j.iter().map(move |q| (p, q))) {
+                let distance_m = (p - q).norm();
+                assert!(distance_m >= transit.clearance_m - 1e-5, "{distance_m} {}", transit.clearance_m);
+                // Less than the full clearance only where both are near ends that are as close.
+                assert!(distance_m >= FULL_M - 1e-5 || (near_tight(Role::I, p) && near_tight(Role::J, q)));
+            }
         }
         Separation::Time => {
             assert!(whole / n < PAUSE / 2, "sampled too coarsely to tell turns apart");
@@ -270,6 +281,8 @@ fn val_numbers_that_cannot_be_computed_with_are_refused() {
         let mut turned = to;
         turned.j.roll_rad = if bad == 1e300 { f64::NAN } else { bad };
         assert_eq!(router.plan(&from, &turned), Err(unusable(Role::J, End::Goal)));
+        let airspace = airspace(square(10.0), [20.0, bad]);
+        assert!(matches!(Router::new(&airspace, &PAIR), Err(TransitError::Airspace { .. })));
         let far = PerVehicle { i: start(bad, 0.0, 30.0), ..from };
         let homes = PerVehicle { i: Enu::zeros(), j: Enu::new(20.0, 0.0, 0.0) };
         assert_eq!(router.home(&far, &homes), Err(unusable(Role::I, End::Start)));
