@@ -1,5 +1,8 @@
 //! `veilwing check` on files that cannot be used: exit code 2, every error with its place and remedy, no panic.
 
+// Helpers of tests may fail the test.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};

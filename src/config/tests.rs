@@ -225,9 +225,23 @@ fn val_differences_name_what_only_one_side_has() {
         ours: None,
         theirs: Some("2400000000.0".to_owned()),
     };
-    assert_eq!(mission(LEAST).differences(&more), [difference.clone()]);
+    assert_eq!(mission(LEAST).differences(&more), std::slice::from_ref(&difference));
     let swapped = Difference { ours: difference.theirs, theirs: difference.ours, ..difference };
     assert_eq!(more.differences(&mission(LEAST)), [swapped]);
+}
+
+/// Whether a value keeps a limit of JSON Schema; values of other types do.
+fn within(keyword: &str, limit: f64, value: &Json) -> bool {
+    let quantity = match keyword {
+        "minItems" | "maxItems" => value.as_array().map(|list| list.len() as f64),
+        "minLength" | "maxLength" => value.as_str().map(|text| text.chars().count() as f64),
+        _ => value.as_f64(),
+    };
+    quantity.is_none_or(|quantity| match keyword {
+        "exclusiveMinimum" => quantity > limit,
+        keyword if keyword.starts_with("min") => quantity >= limit,
+        _ => quantity <= limit,
+    })
 }
 
 /// Validates against the keywords that the schema uses; an unknown keyword fails, so that nothing passes unread.
@@ -238,7 +252,6 @@ fn validate(root: &Json, schema: &Json, value: &Json) -> Result<(), String> {
     let many = |schemas: &Json| {
         schemas.as_array().unwrap().iter().filter(|schema| validate(root, schema, value).is_ok()).count()
     };
-    let number = |rule: &Json| value.as_f64().zip(rule.as_f64());
     let (object, list) = (value.as_object(), value.as_array());
     for (keyword, rule) in schema.as_object().unwrap() {
         match keyword.as_str() {
@@ -282,19 +295,10 @@ fn validate(root: &Json, schema: &Json, value: &Json) -> Result<(), String> {
                 let pairs = rule.as_array().unwrap().iter().zip(list.into_iter().flatten());
                 pairs.into_iter().try_for_each(|(rule, item)| validate(root, rule, item))?;
             }
-            "minItems" => ok(list.is_none_or(|list| list.len() as u64 >= rule.as_u64().unwrap()), keyword)?,
-            "maxItems" => ok(list.is_none_or(|list| list.len() as u64 <= rule.as_u64().unwrap()), keyword)?,
-            "minLength" => ok(
-                value.as_str().is_none_or(|text| text.chars().count() as u64 >= rule.as_u64().unwrap()),
-                keyword,
-            )?,
-            "maxLength" => ok(
-                value.as_str().is_none_or(|text| text.chars().count() as u64 <= rule.as_u64().unwrap()),
-                keyword,
-            )?,
-            "minimum" => ok(number(rule).is_none_or(|(value, limit)| value >= limit), keyword)?,
-            "exclusiveMinimum" => ok(number(rule).is_none_or(|(value, limit)| value > limit), keyword)?,
-            "maximum" => ok(number(rule).is_none_or(|(value, limit)| value <= limit), keyword)?,
+            "minItems" | "maxItems" | "minLength" | "maxLength" | "minimum" | "maximum"
+            | "exclusiveMinimum" => {
+                ok(within(keyword, rule.as_f64().unwrap(), value), keyword)?;
+            }
             "enum" => ok(rule.as_array().unwrap().contains(value), keyword)?,
             "oneOf" => ok(many(rule) == 1, keyword)?,
             "anyOf" => ok(many(rule) > 0, keyword)?,
