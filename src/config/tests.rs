@@ -53,13 +53,17 @@ fn val_defaults_are_those_of_the_interface() {
         max_tilt_rad: 90f64.to_radians(),
         speed_m_s: 8.0,
         climb_m_s: 3.0,
+        acceleration_m_s2: 2.5,
         tilt_rate_rad_s: 45f64.to_radians(),
         home_enu_m: None,
     };
     assert_eq!(least.vehicles, PerVehicle { i: vehicle, j: vehicle });
     let std_rad = 2f64.to_radians();
     assert_eq!(least.jitter, Jitter { std_rad, model: JitterModel::Euler, axes: JitterAxes::RollPitch });
-    assert_eq!(least.tdma, Tdma { slot_s: 20.0, guard_s: 1.0, order: Order::Listed, superframes: 1 });
+    assert_eq!(
+        least.tdma,
+        Tdma { slot_s: 20.0, guard_s: 1.0, settle_s: 3.0, order: Order::Listed, superframes: 1 }
+    );
     let planner = PlannerSettings { method: Method::Veilwing, objective: Objective::Mean, free_yaw: false };
     assert_eq!(least.planner, planner);
     assert_eq!(
