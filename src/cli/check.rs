@@ -75,7 +75,7 @@ fn summary(mission: &Mission, vehicles: &[(&Path, Vehicle)]) -> String {
             mission.airspace.min_separation_m
         ),
     );
-    let slots = mission.users.len() as u64 * u64::from(mission.tdma.superframes);
+    let slots = mission.users.len() * usize::from(mission.tdma.superframes);
     line("slots", format!("{slots} of {} s, guard {} s", mission.tdma.slot_s, mission.tdma.guard_s));
     line("jitter", format!("{:.3} deg", mission.jitter.std_rad.to_degrees()));
     for role in Role::BOTH {

@@ -45,7 +45,7 @@ pub(super) fn read_text(path: &Path) -> Result<String, Diagnostics> {
             unusable(format!("cannot be read: {what}"), help)
         }
         Ok(_) if bytes.len() as u64 > MAX_BYTES => unusable(
-            format!("is larger than {MAX_BYTES} bytes"),
+            format!("the file is larger than {MAX_BYTES} bytes"),
             "give a TOML file; missions are a few kilobytes",
         ),
         Ok(_) => String::from_utf8(bytes).map_err(|error| not_text(&name, &error)),
@@ -57,7 +57,7 @@ fn not_text(name: &str, error: &std::string::FromUtf8Error) -> Diagnostics {
     let byte = error.as_bytes().get(offset).copied().unwrap_or_default();
     let valid = String::from_utf8_lossy(&error.as_bytes()[..offset]).into_owned();
     let mut all = Diagnostics::new(name, valid.into());
-    let message = format!("is not UTF-8 text: byte {byte:#04x} at offset {offset}");
+    let message = format!("the file is not UTF-8 text: byte {byte:#04x} at offset {offset}");
     all.push(
         Severity::Error,
         offset..offset,

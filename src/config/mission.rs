@@ -72,6 +72,8 @@ pub struct VehicleSettings {
     pub speed_m_s: f64,
     /// Vertical speed in transit, in m/s.
     pub climb_m_s: f64,
+    /// Acceleration in transit in any direction, in m/s^2.
+    pub acceleration_m_s2: f64,
     /// How fast it turns its antenna, in rad/s.
     pub tilt_rate_rad_s: f64,
     /// Where the simulated vehicle starts. A real one starts where it stands.
@@ -81,14 +83,16 @@ pub struct VehicleSettings {
 /// The slot table.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tdma {
-    /// Length of a slot in seconds.
+    /// Length of a slot in seconds, without the transit before it.
     pub slot_s: f64,
-    /// Silence at each slot boundary in seconds, shorter than a slot.
+    /// The part of a slot in which nobody radiates, in seconds, half of it at each end; shorter than a slot.
     pub guard_s: f64,
+    /// Time to come to rest and catch up after each transit, in seconds.
+    pub settle_s: f64,
     /// In which order users are served.
     pub order: Order,
     /// How often the whole list of users is served.
-    pub superframes: u32,
+    pub superframes: u16,
 }
 
 /// In which order users are served.

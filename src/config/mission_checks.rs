@@ -225,6 +225,12 @@ fn tdma(draft: &Draft, file: &mut Document) {
             format!("the guard time of {} s leaves nothing of a slot of {} s", tdma.guard_s, tdma.slot_s);
         refuse(file, path, message, "make guard_s shorter than slot_s");
     }
+    let slots = draft.users.len() * usize::from(tdma.superframes);
+    if file.sound(&["tdma.superframes"]) && slots > usize::from(u16::MAX) {
+        let message =
+            format!("`superframes` makes {slots} slots, more than the {} that can be numbered", u16::MAX);
+        refuse(file, "tdma.superframes", message, "lower it, or serve fewer users");
+    }
 }
 
 fn hints(draft: &Draft, file: &mut Document) {

@@ -206,6 +206,12 @@ fn vehicle(s: &mut Section<'_, '_>) -> VehicleSettings {
             .to_radians(),
         speed_m_s: s.read("speed_m_s", "Horizontal speed in transit.", speed(), 8.0),
         climb_m_s: s.read("climb_m_s", "Vertical speed in transit.", climb(), 3.0),
+        acceleration_m_s2: s.read(
+            "acceleration_m_s2",
+            "Acceleration in transit, in any direction.",
+            Number::within("m/s^2", 0.1, 20.0),
+            2.5,
+        ),
         tilt_rate_rad_s: s
             .read("tilt_rate_deg_s", "How fast it turns its antenna.", tilt_rate(), 45.0)
             .to_radians(),
@@ -260,16 +266,27 @@ fn tdma(s: &mut Section<'_, '_>) -> Tdma {
     let superframes = s.read(
         "superframes",
         "How often the whole list of users is served.",
-        Integer { min: 1, max: 10_000 },
+        Integer { min: 1, max: 1000 },
         1,
     );
     Tdma {
-        slot_s: s.read("slot_s", "Length of a slot.", Number::within("s", 1.0, 86_400.0), 20.0),
+        slot_s: s.read(
+            "slot_s",
+            "Length of a slot, without the transit before it.",
+            Number::within("s", 1.0, 86_400.0),
+            20.0,
+        ),
         guard_s: s.read(
             "guard_s",
-            "Silence at a slot's boundary, against clock error.",
+            "The part of a slot in which nobody radiates, against clock error; half of it at each end.",
             Number::within("s", 0.0, 60.0),
             1.0,
+        ),
+        settle_s: s.read(
+            "settle_s",
+            "Time to come to rest and catch up after each transit.",
+            Number::within("s", 0.0, 60.0),
+            3.0,
         ),
         order: s.read(
             "order",
@@ -277,7 +294,7 @@ fn tdma(s: &mut Section<'_, '_>) -> Tdma {
             orders,
             Order::Listed,
         ),
-        superframes: u32::try_from(superframes).unwrap_or(u32::MAX),
+        superframes: u16::try_from(superframes).unwrap_or(u16::MAX),
     }
 }
 

@@ -28,3 +28,6 @@ pub use vehicle::{
     Actuation, Autopilot, Firmware, Level, Limits, ParameterProtocol, PowerParameter, PowerUnit, Transmitter,
     TransmitterKind, Vehicle,
 };
+
+#[cfg(test)]
+mod tests;

@@ -241,74 +241,23 @@ impl Vehicle {
     pub fn check_against(&self, mission: &Mission) -> Diagnostics {
         let file = &self.document;
         let mut all = Diagnostics::new(&file.file, file.text.clone());
-        let key = if self.role == Role::I { "vehicles.i" } else { "vehicles.j" };
-        let planned = mission.vehicles[self.role];
-        let mut compare = |key_here: &str,
-                           unit: &str,
-                           limit: Option<f64>,
-                           planned: f64,
-                           severity: Severity,
-                           help: String| {
-            // Degrees and back may lose a last digit.
-            if let Some(limit) = limit.filter(|limit| *limit < planned * (1.0 - 1e-12)) {
-                let name = key_here.trim_start_matches("limits.");
-                let message = format!(
-                    "`{name}` is {limit} {unit}, but the mission plans this vehicle with {planned} {unit}"
-                );
-                all.push(severity, file.at(key_here), message, help);
-            }
-        };
-        let lower =
-            |name: &str| format!("lower {key}.{name} in the mission, on both vehicles, or raise the limit");
-        let limits = self.limits;
-        let degrees = |limit: Option<f64>| limit.map(f64::to_degrees);
-        compare(
-            "limits.speed_m_s",
-            "m/s",
-            limits.speed_m_s,
-            planned.speed_m_s,
-            Severity::Error,
-            lower("speed_m_s"),
-        );
-        compare(
-            "limits.climb_m_s",
-            "m/s",
-            limits.climb_m_s,
-            planned.climb_m_s,
-            Severity::Error,
-            lower("climb_m_s"),
-        );
-        let (rate, planned_rate) = (degrees(limits.tilt_rate_rad_s), planned.tilt_rate_rad_s.to_degrees());
-        compare(
-            "limits.tilt_rate_deg_s",
-            "deg/s",
-            rate,
-            planned_rate,
-            Severity::Error,
-            lower("tilt_rate_deg_s"),
-        );
-        let tilt = planned.max_tilt_rad.min(mission.airspace_max_tilt_rad).to_degrees();
-        let tilt_help = format!("plans beyond the limit are refused in flight; {}", lower("max_tilt_deg"));
-        compare(
-            "limits.max_tilt_deg",
-            "deg",
-            degrees(limits.max_tilt_rad),
-            tilt,
-            Severity::Warning,
-            tilt_help,
-        );
-        let power = mission.power_ceiling(self.role).0;
-        let power_help = "the lower of the two holds, and the flight falls short of its plan; \
-                          lower radio.max_power_w in the mission, on both vehicles, or raise the limit";
-        compare(
-            "limits.max_power_w",
-            "W",
-            limits.max_power_w,
-            power,
-            Severity::Warning,
-            power_help.to_owned(),
-        );
-
+        for Comparison { key, unit, limit, planned, planned_by, severity } in self.comparisons(mission) {
+            // Radians and back lose a last digit, which is neither a difference nor worth showing.
+            let shown = |value: f64| (value * 1e9).round() / 1e9;
+            let planned = shown(planned);
+            let Some(limit) = limit.map(shown).filter(|limit| *limit < planned) else { continue };
+            let consequence = match severity {
+                Severity::Error => "transits would be late",
+                Severity::Warning => "the limit holds, and the flight falls short of its plan",
+            };
+            let message = format!(
+                "`{key}` is {limit} {unit}, but the mission plans this vehicle with {planned} {unit}"
+            );
+            let help = format!(
+                "{consequence}: lower {planned_by} in the mission, on both vehicles, or raise the limit"
+            );
+            all.push(severity, file.at(&format!("limits.{key}")), message, help);
+        }
         if self.transmitter.kind != TransmitterKind::None
             && !self.transmitter.simulated
             && mission.emission.is_none()
@@ -319,6 +268,49 @@ impl Vehicle {
         }
         all
     }
+
+    /// Each limit against what the mission plans with. Power and tilt may stay below their ceilings, so that a
+    /// stricter limit is no error; speeds are what the slot table is computed from.
+    fn comparisons(&self, mission: &Mission) -> [Comparison; 5] {
+        use Severity::{Error, Warning};
+        let limits = self.limits;
+        let planned = mission.vehicles[self.role];
+        let table = if self.role == Role::I { "vehicles.i" } else { "vehicles.j" };
+        let compare = |key, unit, limit, planned, severity| {
+            let planned_by = format!("{table}.{key}");
+            Comparison { key, unit, limit, planned, planned_by, severity }
+        };
+        let tilt_deg = planned.max_tilt_rad.min(mission.airspace_max_tilt_rad).to_degrees();
+        let tilt_rate_deg_s = planned.tilt_rate_rad_s.to_degrees();
+        let (power_w, power_limit) = mission.power_ceiling(self.role);
+        [
+            compare("speed_m_s", "m/s", limits.speed_m_s, planned.speed_m_s, Error),
+            compare("climb_m_s", "m/s", limits.climb_m_s, planned.climb_m_s, Error),
+            compare(
+                "tilt_rate_deg_s",
+                "deg/s",
+                limits.tilt_rate_rad_s.map(f64::to_degrees),
+                tilt_rate_deg_s,
+                Error,
+            ),
+            compare("max_tilt_deg", "deg", limits.max_tilt_rad.map(f64::to_degrees), tilt_deg, Warning),
+            Comparison {
+                planned_by: power_limit.key().to_owned(),
+                ..compare("max_power_w", "W", limits.max_power_w, power_w, Warning)
+            },
+        ]
+    }
+}
+
+/// A limit of the vehicle and what the mission plans with.
+struct Comparison {
+    key: &'static str,
+    unit: &'static str,
+    limit: Option<f64>,
+    planned: f64,
+    /// The mission's setting.
+    planned_by: String,
+    severity: Severity,
 }
 
 /// Settings against each other.

@@ -109,6 +109,18 @@ fn transmitter(s: &mut Section<'_, '_>) -> Transmitter {
         commands,
         31_010,
     );
+    let parameter = parameter(s);
+    Transmitter {
+        kind,
+        simulated,
+        component_id,
+        command: u16::try_from(command).unwrap_or(u16::MAX),
+        parameter,
+    }
+}
+
+/// The settings of a transmitter's power parameter.
+fn parameter(s: &mut Section<'_, '_>) -> Option<PowerParameter> {
     let name = s.optional("name", "Name of the power parameter.", Text { max_chars: 16 });
     let protocols = Choice(&[("ext", ParameterProtocol::Ext), ("classic", ParameterProtocol::Classic)]);
     let protocol = s.read(
@@ -134,15 +146,7 @@ fn transmitter(s: &mut Section<'_, '_>) -> Transmitter {
         value: s.required("value", "Value of the parameter.", value).unwrap_or_default(),
         power_w: s.required("power_w", "The power it gives.", power()).unwrap_or_default(),
     });
-    let parameter =
-        name.map(|name| PowerParameter { name, protocol, unit, off_value: off_value.unwrap_or(0.0), levels });
-    Transmitter {
-        kind,
-        simulated,
-        component_id,
-        command: u16::try_from(command).unwrap_or(u16::MAX),
-        parameter,
-    }
+    name.map(|name| PowerParameter { name, protocol, unit, off_value: off_value.unwrap_or(0.0), levels })
 }
 
 fn limits(s: &mut Section<'_, '_>) -> Limits {
