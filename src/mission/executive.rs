@@ -414,6 +414,7 @@ impl Executive {
             on_station,
             radiating: !self.interlock.is_off(now),
             ended: self.phase.is_ending(),
+            returning: self.phase.is_returning(),
             landed: state.is_airborne() == Some(false),
         };
         self.pair.set_local(local, now);

@@ -7,11 +7,11 @@ use mavlink::dialects::ardupilotmega::MavSeverity;
 use crate::autopilot::Event as AutopilotEvent;
 use crate::autopilot::Verdict;
 use crate::geo::{Attitude, Enu};
-use crate::pair::wire::{VeilwingFlags, VeilwingSilence};
+use crate::pair::wire::{VeilwingAnswer, VeilwingFlags, VeilwingSilence};
 use crate::pair::{Event as PairEvent, Readiness};
 use crate::role::Role;
 use crate::schedule::trajectory::{Start, Trajectory};
-use crate::schedule::transit::Router;
+use crate::schedule::transit::{Router, TransitError};
 use crate::time::{Instant, Utc};
 
 use super::executive::{Executive, Motion, Outcome};
@@ -22,8 +22,10 @@ const ARRIVED_M: f64 = 1.0;
 const LATE: Duration = Duration::from_secs(30);
 /// An abort begins with a hold, long enough for the peer's word to come through.
 const HOLD: Duration = Duration::from_secs(3);
-/// J lets I land first after an abort, for at most this long.
-const LAND_FIRST: Duration = Duration::from_secs(90);
+/// J lets I land first after an abort, for at most this long while I says that it is on its way.
+const LAND_FIRST: Duration = Duration::from_secs(120);
+/// Where I is not heard, J gives it the time of its way home and this much more.
+const LAND_UNHEARD: Duration = Duration::from_secs(5);
 /// A refused proposal is made again after this; refused for this long altogether, the mission is given up.
 const PROPOSE_AGAIN: Duration = Duration::from_millis(500);
 const REFUSED_TOO_LONG: Duration = Duration::from_secs(30);
@@ -80,6 +82,11 @@ impl Phase {
     /// In the air on the mission: able to take part in a slot.
     pub fn is_flying(&self) -> bool {
         matches!(self, Self::Ready { .. } | Self::Slot)
+    }
+
+    /// Going home under our control, or about to.
+    pub fn is_returning(&self) -> bool {
+        matches!(self, Self::Holding { .. } | Self::Returning | Self::Landing)
     }
 
     /// The mission is over for this vehicle, well or badly.
@@ -292,21 +299,49 @@ impl Executive {
         self.enter(Phase::Surrendered, now);
     }
 
-    /// I goes home first after an abort; J when I is down, or is not coming, or took too long.
+    /// After an abort the two must not cross. I goes home first; J when I is down, or is not coming, or took too
+    /// long. If nothing is heard of I, its companion may still be flying it home by the same rule: J gives it time.
     fn may_return(&self, now: Instant) -> bool {
         let peer = self.pair.peer();
-        self.settings.role == Role::I
-            || peer.says(VeilwingFlags::VEILWING_FLAGS_LANDED)
-            || !peer.heard_within(self.settings.pair.peer_timeout, now)
-            || now.saturating_since(self.phase_since) > LAND_FIRST
+        let waited = now.saturating_since(self.phase_since);
+        if self.settings.role == Role::I || waited > LAND_FIRST {
+            return true;
+        }
+        if peer.heard_within(self.settings.pair.peer_timeout, now) {
+            return peer.says(VeilwingFlags::VEILWING_FLAGS_LANDED)
+                || !peer.says(VeilwingFlags::VEILWING_FLAGS_RETURNING);
+        }
+        let way = self.router().ok().zip(peer.position_enu_m).zip(peer.home_enu_m).and_then(|((router, at), home)| {
+            let start = Start { position_enu_m: at, attitude: Attitude::level() };
+            router.alone(Role::I, &start, &home, &[]).ok()
+        });
+        waited > HOLD + LAND_UNHEARD + way.map_or(LAND_FIRST, |way| way.duration())
+    }
+
+    fn router(&self) -> Result<Router, TransitError> {
+        Router::new(&self.settings.airspace, &self.settings.limits)
+    }
+
+    /// Where the other vehicle may be while we fly home: where it was last seen, and above and at its home.
+    fn keep_out(&self) -> Vec<Enu> {
+        let peer = self.pair.peer();
+        match (self.settings.role, peer.position_enu_m, peer.home_enu_m) {
+            (Role::J, Some(at), Some(home)) => vec![at, self.above(home), home],
+            (_, at, _) => at.into_iter().collect(),
+        }
     }
 
     fn go_home(&mut self, now: Instant) {
         let (Some(home), Some(start)) = (self.home_enu_m, self.motion.as_ref().map(|m| m.sample(now))) else { return };
         let start = Start { position_enu_m: start.position_enu_m, attitude: start.attitude };
-        let keep_out: Vec<_> = self.pair.peer().position_enu_m.into_iter().collect();
-        let way = Router::new(&self.settings.airspace, &self.settings.limits)
-            .and_then(|router| router.alone(self.settings.role, &start, &home, &keep_out));
+        let way = self.router().and_then(|router| {
+            // A way that keeps clear of wherever the peer may be; failing that, of where it was last seen.
+            let role = self.settings.role;
+            let near = self.pair.peer().position_enu_m;
+            router
+                .alone(role, &start, &home, &self.keep_out())
+                .or_else(|_| router.alone(role, &start, &home, near.as_slice()))
+        });
         match way {
             Ok(trajectory) => {
                 self.motion = Some(Motion { trajectory, starts_at: now });
@@ -469,7 +504,7 @@ impl Executive {
                 let text = format!("the other companion is vehicle {} too: change role in one vehicle file", peer.peer());
                 self.notice(MavSeverity::MAV_SEVERITY_ERROR, text);
             }
-            PairEvent::Refused(slot, answer) => self.on_refused(slot, &format!("{answer:?}"), now),
+            PairEvent::Refused(slot, answer) => self.on_refused(slot, answer_in_words(answer), now),
             PairEvent::Committed(commitment) => {
                 if matches!(self.phase, Phase::Ready { .. }) {
                     self.pair.set_readiness(None);
@@ -479,13 +514,15 @@ impl Executive {
                 }
             }
             PairEvent::PeerSilent(reason) => {
-                self.notice(MavSeverity::MAV_SEVERITY_WARNING, format!("vehicle {peer} fell silent: {reason:?}"));
+                let text = format!("vehicle {peer} fell silent: {}", reason_in_words(reason));
+                self.notice(MavSeverity::MAV_SEVERITY_WARNING, text);
                 let may_recover = matches!(
                     reason,
                     VeilwingSilence::VEILWING_SILENCE_POSE | VeilwingSilence::VEILWING_SILENCE_TRANSMITTER
                 );
                 if !may_recover {
-                    self.lose_peer(format!("vehicle {peer} fell silent for good ({reason:?})"), now);
+                    let text = format!("vehicle {peer} fell silent for good, {}", reason_in_words(reason));
+                    self.lose_peer(text, now);
                 }
             }
             PairEvent::Ordered(order) => self.obey(order, now),
@@ -495,7 +532,7 @@ impl Executive {
     fn lose_peer(&mut self, text: String, now: Instant) {
         if self.phase.is_flying() || self.phase == Phase::Climbing {
             self.abort(text, now);
-        } else {
+        } else if !self.pair.peer().says(VeilwingFlags::VEILWING_FLAGS_ENDED) {
             self.notice(MavSeverity::MAV_SEVERITY_WARNING, text);
         }
     }
@@ -512,5 +549,29 @@ impl Executive {
         if now.saturating_since(since) > REFUSED_TOO_LONG {
             self.abort(format!("vehicle {peer} keeps refusing slot {slot}: {answer}"), now);
         }
+    }
+}
+
+fn reason_in_words(reason: VeilwingSilence) -> &'static str {
+    match reason {
+        VeilwingSilence::VEILWING_SILENCE_POSE => "its pose left tolerance",
+        VeilwingSilence::VEILWING_SILENCE_CONTROL => "its autopilot left the companion's mode",
+        VeilwingSilence::VEILWING_SILENCE_LINK => "its autopilot link is stale",
+        VeilwingSilence::VEILWING_SILENCE_ESTIMATOR => "its position estimate failed",
+        VeilwingSilence::VEILWING_SILENCE_TRANSMITTER => "its transmitter does not answer",
+        VeilwingSilence::VEILWING_SILENCE_OPERATOR => "by the operator's order",
+        VeilwingSilence::VEILWING_SILENCE_SHUTDOWN => "its companion is ending",
+    }
+}
+
+fn answer_in_words(answer: VeilwingAnswer) -> &'static str {
+    match answer {
+        VeilwingAnswer::VEILWING_ANSWER_ACCEPTED => "accepted",
+        VeilwingAnswer::VEILWING_ANSWER_NOT_READY => "it is not ready",
+        VeilwingAnswer::VEILWING_ANSWER_WRONG_PLAN => "its plan differs",
+        VeilwingAnswer::VEILWING_ANSWER_WRONG_SLOT => "it expects another slot",
+        VeilwingAnswer::VEILWING_ANSWER_TOO_LATE => "it cannot be on station in time",
+        VeilwingAnswer::VEILWING_ANSWER_CLOCK => "the two clocks differ too much, or are not compared yet",
+        VeilwingAnswer::VEILWING_ANSWER_LIMITS => "a pose or power is beyond its limits",
     }
 }

@@ -74,6 +74,8 @@ pub struct Local {
     pub ended: bool,
     /// On the ground.
     pub landed: bool,
+    /// Flying home under our control, or about to.
+    pub returning: bool,
 }
 
 /// What J needs to judge a proposal.
@@ -169,6 +171,7 @@ pub struct Coordinator {
     order: Option<PendingOrder>,
     orders_taken: Option<u32>,
     orders: u32,
+    silences: u32,
     status_sequence: u32,
     lost_reported: bool,
     mismatch_reported: bool,
@@ -203,6 +206,7 @@ impl Coordinator {
             order: None,
             orders_taken: None,
             orders: 0,
+            silences: 0,
             status_sequence: 0,
             lost_reported: false,
             mismatch_reported: false,
@@ -223,7 +227,7 @@ impl Coordinator {
 
     /// Local facts; a change of what the peer acts on is told at once.
     pub fn set_local(&mut self, local: Local, now: Instant) {
-        let acts_on = |l: &Local| (l.airborne, l.on_station, l.radiating, l.ended, l.landed);
+        let acts_on = |l: &Local| (l.airborne, l.on_station, l.radiating, l.ended, l.landed, l.returning);
         if acts_on(&local) != acts_on(&self.local) {
             self.next_status = now;
         }
@@ -285,8 +289,10 @@ impl Coordinator {
         self.holder.give_up(now);
         self.vouch = None;
         let slot = self.commitment.unwrap_or(Commitment { proposal: 0, slot: 0, opens_at: Instant::ZERO });
+        self.silences += 1;
         let message = wire::VEILWING_SILENT_DATA {
             boot_id: self.settings.boot_id,
+            number: self.silences,
             proposal: slot.proposal,
             slot: slot.slot,
             reason,
@@ -440,7 +446,7 @@ impl Coordinator {
             MavMessage::VEILWING_LEASE_GRANT(grant) => self.take_grant(grant, now),
             MavMessage::VEILWING_SILENT(silent) => {
                 let current = self.commitment.is_some_and(|c| c.proposal == silent.proposal);
-                if self.peer.is_boot(silent.boot_id) && current {
+                if self.peer.is_boot(silent.boot_id) && current && self.peer.take_silence(silent.number) {
                     self.holder.give_up(now);
                     self.events.push_back(Event::PeerSilent(silent.reason));
                 }
@@ -495,6 +501,7 @@ impl Coordinator {
         flags.set(VeilwingFlags::VEILWING_FLAGS_COMMITTED, self.commitment.is_some());
         flags.set(VeilwingFlags::VEILWING_FLAGS_ENDED, self.local.ended);
         flags.set(VeilwingFlags::VEILWING_FLAGS_LANDED, self.local.landed);
+        flags.set(VeilwingFlags::VEILWING_FLAGS_RETURNING, self.local.returning);
         flags
     }
 

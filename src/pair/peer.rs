@@ -19,6 +19,7 @@ pub struct Peer {
     boot_id: Option<u32>,
     old_boots: VecDeque<u32>,
     status_sequence: Option<u32>,
+    silences: u32,
     /// When the last valid message came.
     pub last_heard: Option<Instant>,
     /// Flags of the last status or hello.
@@ -41,6 +42,7 @@ impl Default for Peer {
             boot_id: None,
             old_boots: VecDeque::new(),
             status_sequence: None,
+            silences: 0,
             last_heard: None,
             flags: VeilwingFlags::empty(),
             mission_digest: None,
@@ -108,6 +110,13 @@ impl Peer {
             self.flags = hello.flags;
         }
         boot
+    }
+
+    /// Takes the number of a falling silent; `false` for a copy or an earlier one.
+    pub(super) fn take_silence(&mut self, number: u32) -> bool {
+        let new = number > self.silences;
+        self.silences = self.silences.max(number);
+        new
     }
 
     /// Takes a status; `false` if it is older than one already taken.

@@ -25,8 +25,10 @@ use super::files::write_vehicle;
 const STEP: Duration = Duration::from_millis(2);
 /// Progress lines without news come this often, in flight time.
 const PROGRESS_EVERY: Duration = Duration::from_secs(10);
-/// A companion whose peer has ended may take this much longer (flight time) before it is asked to stop.
-const LAST_ONE: Duration = Duration::from_secs(150);
+/// A companion whose peer has ended may take this much longer (flight time) before it is asked to stop ...
+const LAST_ONE: Duration = Duration::from_secs(300);
+/// ... and this much if its vehicle neither obeys it nor lands: it has nothing left to do.
+const LAST_ONE_IDLE: Duration = Duration::from_secs(15);
 /// A flight takes no longer than this (flight time); for faults that leave a vehicle hanging.
 const LONGEST: Duration = Duration::from_secs(4 * 3600);
 /// After being asked to stop, a companion has this much wall time.
@@ -260,9 +262,12 @@ impl Host<'_> {
                 let _ = companion.child.start_kill();
             }
         }
-        let overdue = self.first_end.is_some_and(|at| now > at + LAST_ONE) || now > LONGEST;
-        if overdue {
-            for role in Role::BOTH {
+        let snapshot = self.setup.world.snapshot();
+        for role in Role::BOTH {
+            let vehicle = &snapshot.vehicles[index(role)];
+            let coming_down = ["LAND", "RTL"].iter().any(|mode| vehicle.mode.contains(mode));
+            let patience = if vehicle.companion_controlled || coming_down { LAST_ONE } else { LAST_ONE_IDLE };
+            if self.first_end.is_some_and(|at| now > at + patience) || now > LONGEST {
                 self.ask_to_stop(role);
             }
         }
