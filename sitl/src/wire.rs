@@ -173,18 +173,18 @@ fn encode_payload(sequence: u8, from: [u8; 2], id: u32, payload: &[u8], crc_extr
 mod tests {
     use super::*;
     use mavlink::MavHeader;
-    use mavlink::dialects::ardupilotmega::{PING_DATA, SYSTEM_TIME_DATA};
+    use mavlink::dialects::ardupilotmega::{SYSTEM_TIME_DATA, TIMESYNC_DATA};
     use rand::{Rng, SeedableRng};
 
-    fn ping(seq: u32) -> MavMessage {
-        MavMessage::PING(PING_DATA { time_usec: 77, seq, target_system: 3, target_component: 9 })
+    fn sync(ts1: i64) -> MavMessage {
+        MavMessage::TIMESYNC(TIMESYNC_DATA { tc1: 77, ts1, target_system: 3, target_component: 9 })
     }
 
     #[test]
     fn val_frames_agree_with_the_mavlink_crate() {
-        let ours = encode(5, 1, 68, &ping(9));
+        let ours = encode(5, 1, 68, &sync(9));
         let mut raw = mavlink::MAVLinkV2MessageRaw::new();
-        raw.serialize_message(MavHeader { system_id: 1, component_id: 68, sequence: 5 }, &ping(9));
+        raw.serialize_message(MavHeader { system_id: 1, component_id: 68, sequence: 5 }, &sync(9));
         assert_eq!(ours, raw.raw_bytes());
     }
 
@@ -195,10 +195,10 @@ mod tests {
         let time = MavMessage::SYSTEM_TIME(SYSTEM_TIME_DATA { time_unix_usec: 1, time_boot_ms: 2 });
         v1.serialize_message(MavHeader { system_id: 255, component_id: 190, sequence: 0 }, &time);
         let mut stream = vec![0xFD, 3, 0];
-        stream.extend(encode(0, 7, 191, &ping(1)));
+        stream.extend(encode(0, 7, 191, &sync(1)));
         stream.extend([1, 2, 3, 0xFE]);
         stream.extend(v1.raw_bytes());
-        stream.extend(encode(1, 7, 191, &ping(2)));
+        stream.extend(encode(1, 7, 191, &sync(2)));
         // What follows a false start may be held back until its supposed length has arrived.
         stream.extend(vec![0; 300]);
         let mut found = Vec::new();
@@ -208,7 +208,7 @@ mod tests {
                 found.push(frame.message());
             }
         }
-        assert_eq!(found, vec![Some(ping(1)), Some(time), Some(ping(2))]);
+        assert_eq!(found, vec![Some(sync(1)), Some(time), Some(sync(2))]);
         assert_eq!(decoder.counters.bad_checksums, 2);
     }
 

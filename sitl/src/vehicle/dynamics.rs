@@ -91,6 +91,7 @@ impl Dynamics {
         let weight = Vector3::new(0.0, 0.0, -GRAVITY_M_S2 * self.body.mass_kg);
         let force = self.attitude * self.rotors.force_n + drag + weight;
         self.velocity_enu_m_s += force / self.body.mass_kg * dt;
+        let stood_at = self.on_ground.then_some(self.position_enu_m);
         self.position_enu_m += self.velocity_enu_m_s * dt;
 
         let torque = self.attitude * self.rotors.torque_nm;
@@ -101,15 +102,16 @@ impl Dynamics {
         self.attitude.renormalize_fast();
         self.angular_momentum_enu += torque * (0.5 * dt);
 
-        self.touch_ground(dt);
+        self.touch_ground(stood_at, dt);
     }
 
     /// The ground does not yield, holds by friction, and levels what stands on it.
-    fn touch_ground(&mut self, dt: f64) {
+    fn touch_ground(&mut self, stood_at: Option<Vector3<f64>>, dt: f64) {
         self.on_ground = self.position_enu_m.z <= self.ground_m;
         if !self.on_ground {
             return;
         }
+        self.position_enu_m = stood_at.unwrap_or(self.position_enu_m);
         self.position_enu_m.z = self.ground_m;
         self.velocity_enu_m_s = Vector3::new(0.0, 0.0, self.velocity_enu_m_s.z.max(0.0));
         self.angular_momentum_enu = Vector3::zeros();

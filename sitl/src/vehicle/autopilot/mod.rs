@@ -141,22 +141,9 @@ impl Autopilot {
             MavMessage::COMMAND_LONG(_) | MavMessage::COMMAND_INT(_) | MavMessage::SET_MODE(_) => {
                 self.handle_command(from, &message, now, router);
             }
-            MavMessage::SET_POSITION_TARGET_LOCAL_NED(m) => {
-                if self.takes_setpoints() {
-                    self.offboard.local(&m, self.firmware, &self.frame, now);
-                }
-            }
-            MavMessage::SET_POSITION_TARGET_GLOBAL_INT(m) => {
-                if self.takes_setpoints() {
-                    let home_alt_m = self.frame.geodetic(self.home_enu_m).alt_amsl_m;
-                    self.offboard.global(&m, self.firmware, &self.frame, home_alt_m, now);
-                }
-            }
-            MavMessage::SET_ATTITUDE_TARGET(m) => {
-                if self.takes_setpoints() {
-                    self.offboard.attitude(&m, &self.frame, now);
-                }
-            }
+            MavMessage::SET_POSITION_TARGET_LOCAL_NED(_)
+            | MavMessage::SET_POSITION_TARGET_GLOBAL_INT(_)
+            | MavMessage::SET_ATTITUDE_TARGET(_) => self.handle_setpoint(&message, now),
             MavMessage::PARAM_REQUEST_LIST(_) => {
                 self.parameter_queue.extend((0..self.parameters.len()).map(|k| (from.link, k)));
             }
@@ -185,6 +172,23 @@ impl Autopilot {
                 };
                 router.send(To::Link(from.link), COMPONENT, &MavMessage::MISSION_COUNT(reply));
             }
+            _ => {}
+        }
+    }
+
+    fn handle_setpoint(&mut self, message: &MavMessage, now: Duration) {
+        if !self.takes_setpoints() {
+            return;
+        }
+        match message {
+            MavMessage::SET_POSITION_TARGET_LOCAL_NED(m) => {
+                self.offboard.local(m, self.firmware, &self.frame, now);
+            }
+            MavMessage::SET_POSITION_TARGET_GLOBAL_INT(m) => {
+                let home_alt_m = self.frame.geodetic(self.home_enu_m).alt_amsl_m;
+                self.offboard.global(m, self.firmware, &self.frame, home_alt_m, now);
+            }
+            MavMessage::SET_ATTITUDE_TARGET(m) => self.offboard.attitude(m, &self.frame, now),
             _ => {}
         }
     }
@@ -252,10 +256,10 @@ impl Autopilot {
             }
         }
         // One a step: 400 a second, as a fast link carries them.
-        if let Some((link, index)) = self.parameter_queue.pop_front() {
-            if let Some(value) = self.parameters.message(index) {
-                router.send(To::Link(link), COMPONENT, &MavMessage::PARAM_VALUE(value));
-            }
+        if let Some((link, index)) = self.parameter_queue.pop_front()
+            && let Some(value) = self.parameters.message(index)
+        {
+            router.send(To::Link(link), COMPONENT, &MavMessage::PARAM_VALUE(value));
         }
     }
 
