@@ -21,7 +21,7 @@ fn val_both_firmwares_take_off_fly_to_a_pose_in_the_missions_frame_and_land() {
         let attitude = Attitude::from_euler(0.5, -0.2, 0.0);
         let position_enu_m = Enu::new(30.0, -20.0, 25.0);
         world.setpoint = Some(Setpoint { position_enu_m, velocity_enu_m_s: Vector3::zeros(), attitude });
-        world.run(100.0);
+        world.run(130.0);
         // Where it really is, by the autopilot's own origin.
         let frame = crate::geo::LocalFrame { mission: MISSION, autopilot: ORIGIN };
         let there = frame.position_to_enu(world.fake.position);
@@ -50,6 +50,7 @@ fn val_both_firmwares_take_off_fly_to_a_pose_in_the_missions_frame_and_land() {
         world.until(5.0, |event| matches!(event, Event::HandedOver { .. }));
         let landing_since = world.now;
         world.until(60.0, |event| *event == Event::Disarmed);
+        world.run(1.0);
         assert_eq!(world.count(|event| *event == Event::Landed), 1);
         assert_eq!(world.fake.setpoints_since(landing_since + Duration::from_millis(20)), 0);
         assert_eq!(
@@ -385,9 +386,11 @@ fn val_estimator_faults_are_reported_once_from_each_kind_of_evidence() {
     world.fake.position.x += 8.0;
     world.run(0.1);
     assert_eq!(jumps(&world), 1);
-    let odd = LOCAL_POSITION_NED_DATA { time_boot_ms: 90_000, x: f32::NAN, ..Default::default() };
+    let time_boot_ms = world.now.since_start().as_millis() as u32;
+    let odd = LOCAL_POSITION_NED_DATA { time_boot_ms, x: f32::NAN, ..Default::default() };
+    let zero = ATTITUDE_QUATERNION_DATA { time_boot_ms, ..Default::default() };
     world.inject((1, 1), &MavMessage::LOCAL_POSITION_NED(odd));
-    world.inject((1, 1), &MavMessage::ATTITUDE_QUATERNION(ATTITUDE_QUATERNION_DATA::default()));
+    world.inject((1, 1), &MavMessage::ATTITUDE_QUATERNION(zero));
     world.run(0.1);
     assert_eq!(
         world.count(|event| matches!(event, Event::EstimatorFailure(EstimatorFault::NotFinite { .. }))),

@@ -309,6 +309,17 @@ impl Fake {
                 q4: self.attitude[3],
                 ..Default::default()
             }),
+            33 => {
+                let local = crate::geo::swap_enu_ned(self.position);
+                let point = Geodetic::from_enu(local, ORIGIN);
+                MavMessage::GLOBAL_POSITION_INT(GLOBAL_POSITION_INT_DATA {
+                    time_boot_ms,
+                    lat: e7(point.lat_deg),
+                    lon: e7(point.lon_deg),
+                    alt: (point.alt_m * 1e3) as i32,
+                    ..Default::default()
+                })
+            }
             49 => MavMessage::GPS_GLOBAL_ORIGIN(GPS_GLOBAL_ORIGIN_DATA {
                 latitude,
                 longitude,
