@@ -19,6 +19,8 @@
 //! Samples are handled in blocks of [`LANES`], arrays of which the compiler turns into vectors. Sums are kept per lane
 //! and added in order of index, so that the result is the same bit for bit on any vector width.
 
+use nalgebra::Vector3;
+
 use super::samples::{LANES, Lane, Noise, Samples};
 use crate::radio::link::NEAREST_M;
 
@@ -53,6 +55,7 @@ pub struct Link {
 impl Link {
     /// The link between a vehicle and a node; `budget` is `b0 P / s^2` in m^2.
     #[must_use]
+    #[inline(always)]
     pub fn new(vehicle: &[f64], node: &[f64; 3], budget_m2: f64) -> Self {
         let d = [vehicle[0] - node[0], vehicle[1] - node[1], vehicle[2] - node[2]];
         let inverse_m = 1.0 / (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt().max(NEAREST_M);
@@ -192,29 +195,62 @@ fn turn(sums: &mut Sums, axes: &Axes, force: &[Lane; 3]) {
 struct Strongest {
     a: Lane,
     b: Lane,
-    node: [u32; LANES],
+    /// Its index; a float, so that choosing it is the same vector operation as choosing a and b.
+    node: Lane,
 }
 
+/// `k (1 - t^2)` per lane.
 #[inline(always)]
-fn power(link: &Link, y: &[Lane; 3], l: usize) -> f64 {
-    let t = link.u[0] * y[0][l] + link.u[1] * y[1][l] + link.u[2] * y[2][l];
-    link.k * (1.0 - t * t)
+fn power(link: &Link, y: &[Lane; 3]) -> Lane {
+    let mut out = [0.0; LANES];
+    for l in 0..LANES {
+        let t = link.u[0] * y[0][l] + link.u[1] * y[1][l] + link.u[2] * y[2][l];
+        out[l] = link.k - link.k * (t * t);
+    }
+    out
 }
 
 #[inline(always)]
 fn strongest(nodes: &[Node], y: [&[Lane; 3]; 2]) -> Strongest {
-    let mut best = Strongest { a: [-1.0; LANES], b: [1.0; LANES], node: [0; LANES] };
+    let mut best = Strongest { a: [-1.0; LANES], b: [1.0; LANES], node: [0.0; LANES] };
     for (index, node) in nodes.iter().enumerate() {
+        let a = power(&node.link[0], y[0]);
+        let mut b = power(&node.link[1], y[1]);
+        let mut stronger = [false; LANES];
         for l in 0..LANES {
-            let a = power(&node.link[0], y[0], l);
-            let b = 1.0 + power(&node.link[1], y[1], l);
-            let stronger = a * best.b[l] > best.a[l] * b;
-            best.a[l] = if stronger { a } else { best.a[l] };
-            best.b[l] = if stronger { b } else { best.b[l] };
-            best.node[l] = if stronger { index as u32 } else { best.node[l] };
+            b[l] += 1.0;
+            stronger[l] = a[l] * best.b[l] > best.a[l] * b[l];
+        }
+        for l in 0..LANES {
+            best.a[l] = if stronger[l] { a[l] } else { best.a[l] };
+        }
+        for l in 0..LANES {
+            best.b[l] = if stronger[l] { b[l] } else { best.b[l] };
+        }
+        for l in 0..LANES {
+            best.node[l] = if stronger[l] { index as f64 } else { best.node[l] };
         }
     }
     best
+}
+
+/// The arguments of [`Workspace::mean`], for the choice of vector width.
+struct Mean<'a> {
+    workspace: &'a mut Workspace,
+    scene: &'a Scene,
+    samples: &'a Samples,
+    raw: &'a Raw,
+    clip: bool,
+    gradient: Option<&'a mut Raw>,
+}
+
+impl pulp::NullaryFnOnce for Mean<'_> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn call(self) -> f64 {
+        self.workspace.mean_in_vectors(self.scene, self.samples, self.raw, self.clip, self.gradient)
+    }
 }
 
 impl Workspace {
@@ -229,13 +265,26 @@ impl Workspace {
         clip: bool,
         gradient: Option<&mut Raw>,
     ) -> f64 {
+        // The widest vectors of this machine: the same operations in the same order on any.
+        pulp::Arch::new().dispatch(Mean { workspace: self, scene, samples, raw, clip, gradient })
+    }
+
+    #[inline(always)]
+    fn mean_in_vectors(
+        &mut self,
+        scene: &Scene,
+        samples: &Samples,
+        raw: &Raw,
+        clip: bool,
+        gradient: Option<&mut Raw>,
+    ) -> f64 {
         let desired = [Desired::new(&raw[ANGLES..]), Desired::new(&raw[VEHICLE + ANGLES..])];
         let mut sums = [[[0.0; LANES]; 7]; 2];
         let want_gradient = gradient.is_some();
         let per_draw = samples.blocks_per_draw();
         let mut total = 0.0;
         for (draw, blocks) in samples.draws.iter().zip(samples.noise.chunks(per_draw.max(1))) {
-            self.place(scene, draw.iter().map(|p| [p.x, p.y, p.z]), raw);
+            self.place(scene, draw, raw);
             for noise in blocks {
                 let axes = [desired[0].axes(&noise[0]), desired[1].axes(&noise[1])];
                 let ratio = if want_gradient {
@@ -265,7 +314,7 @@ impl Workspace {
         for (index, (draw, blocks)) in
             samples.draws.iter().zip(samples.noise.chunks(per_draw.max(1))).enumerate()
         {
-            self.place(scene, draw.iter().map(|p| [p.x, p.y, p.z]), raw);
+            self.place(scene, draw, raw);
             for noise in blocks {
                 let axes = [desired[0].axes(&noise[0]), desired[1].axes(&noise[1])];
                 for ratio in self.block(&axes, false) {
@@ -276,11 +325,12 @@ impl Workspace {
     }
 
     /// Links of the user (first) and of every eavesdropper to both vehicles.
-    fn place(&mut self, scene: &Scene, eavesdroppers: impl Iterator<Item = [f64; 3]>, raw: &Raw) {
+    #[inline(always)]
+    fn place(&mut self, scene: &Scene, eavesdroppers: &[Vector3<f64>], raw: &Raw) {
         let budget =
             [scene.budget_m2_w * raw[POWER].max(0.0), scene.budget_m2_w * raw[VEHICLE + POWER].max(0.0)];
         self.nodes.clear();
-        self.nodes.extend(std::iter::once(scene.user).chain(eavesdroppers).map(|node| Node {
+        self.nodes.extend(std::iter::once(scene.user).chain(eavesdroppers.iter().map(|p| [p.x, p.y, p.z])).map(|node| Node {
             link: [Link::new(raw, &node, budget[0]), Link::new(&raw[VEHICLE..], &node, budget[1])],
         }));
     }
@@ -291,9 +341,9 @@ impl Workspace {
         let (user, eavesdroppers) = (&self.nodes[0], &self.nodes[1..]);
         let best = strongest(eavesdroppers, [&axes[0].y, &axes[1].y]);
         let mut ratio = [0.0; LANES];
+        let (a0, b0) = (power(&user.link[0], &axes[0].y), power(&user.link[1], &axes[1].y));
         for l in 0..LANES {
-            let a = power(&user.link[0], &axes[0].y, l);
-            let b = 1.0 + power(&user.link[1], &axes[1].y, l);
+            let (a, b) = (a0[l], 1.0 + b0[l]);
             let value = (a + b) * best.b[l] / (b * (best.a[l] + best.b[l]));
             ratio[l] = if clip { value.max(1.0) } else { value };
         }
@@ -308,9 +358,9 @@ impl Workspace {
         let mut ratio = [0.0; LANES];
         // df/da_0, df/db_0, df/da_m, df/db_m.
         let mut c = [[0.0; LANES]; 4];
+        let (a0, b0) = (power(&user.link[0], &axes[0].y), power(&user.link[1], &axes[1].y));
         for l in 0..LANES {
-            let a = power(&user.link[0], &axes[0].y, l);
-            let b = 1.0 + power(&user.link[1], &axes[1].y, l);
+            let (a, b) = (a0[l], 1.0 + b0[l]);
             let (am, bm) = (best.a[l], best.b[l]);
             let (user, eavesdropper) = (1.0 / (b * (a + b)), 1.0 / (bm * (am + bm)));
             let value = (a + b) * (a + b) * user * bm * bm * eavesdropper;
