@@ -52,7 +52,8 @@ impl Companion {
     pub async fn run(self, clock: Clock, stop: impl Future<Output = ()>) -> Result<Outcome, CompanionError> {
         let role = self.settings.role;
         let own = self.settings.own;
-        let mut autopilot: Link<AutopilotMessage> = Link::open(self.autopilot.0, self.autopilot.1, clock.clone()).await?;
+        let mut autopilot: Link<AutopilotMessage> =
+            Link::open(self.autopilot.0, self.autopilot.1, clock.clone()).await?;
         let mut pair: Link<wire::MavMessage> = Link::open(self.pair.0, self.pair.1, clock.clone()).await?;
         let mut executive = Executive::new(self.settings, self.transmitter, clock.now());
         let mut planning = Some(start_planning(self.planner));
@@ -108,7 +109,8 @@ fn start_planning(
 async fn planned(planning: &mut Option<oneshot::Receiver<Result<Plan, String>>>) -> Result<Plan, String> {
     match planning {
         Some(receiver) => {
-            let plan = receiver.await.unwrap_or_else(|_| Err("the planner's thread ended without a plan".into()));
+            let plan =
+                receiver.await.unwrap_or_else(|_| Err("the planner's thread ended without a plan".into()));
             *planning = None;
             plan
         }

@@ -13,7 +13,9 @@ use super::{Exit, load_mission, print_json, print_text};
 
 /// Score the poses and powers of a plan (perhaps edited) under the mission's model.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Example: veilwing plan m.toml --json > p.json; veilwing evaluate m.toml p.json --samples 65536")]
+#[command(
+    after_help = "Example: veilwing plan m.toml --json > p.json; veilwing evaluate m.toml p.json --samples 65536"
+)]
 pub(super) struct Args {
     /// Mission file.
     mission: PathBuf,
@@ -69,7 +71,8 @@ fn score(mission: &Mission, edited: &EditedPlan, samples: usize) -> Result<PlanD
         })?;
         let Some(problem) = mission.problem(user) else { continue };
         let vehicles = slot.vehicles.clone().map(VehiclePlan::from);
-        let score = evaluate(&problem, &vehicles, &options).map_err(|error| format!("user {:?}: {error}", slot.user))?;
+        let score = evaluate(&problem, &vehicles, &options)
+            .map_err(|error| format!("user {:?}: {error}", slot.user))?;
         let plan = SlotPlan {
             status: Status::Evaluated,
             vehicles,

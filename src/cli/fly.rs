@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use crate::companion::Companion;
-use crate::config::{self, Mission, Vehicle};
+use crate::config::{Mission, Vehicle};
 use crate::link::clock::Clock;
 use crate::link::{Key, LinkConfig, SigningConfig, TlogWriter};
 use crate::mission::interlock::Ceilings;
@@ -13,7 +13,7 @@ use crate::role::Role;
 use crate::transmitter::Transmitter;
 use crate::{autopilot, pair, transmitter};
 
-use super::planning::{mission_options, order, plan_mission, timing, transit_limits};
+use super::planning::{mission_options, plan_mission, timing, transit_limits};
 use super::{Exit, load_mission};
 
 /// The longest jam lease and transmitter lease: the time in which everything falls silent by itself.
@@ -154,16 +154,8 @@ fn settings(args: &Args, mission: &Mission, vehicle: &Vehicle, own: (u8, u8), cl
     autopilot.planned_tilt_rad = mission.vehicles[role].max_tilt_rad.min(mission.airspace_max_tilt_rad);
     autopilot.tilt_rate_rad_s = limits[role].tilt_rate_rad_s;
     autopilot.takeoff_speed_m_s = limits[role].climb_m_s;
-    autopilot.firmware = match vehicle.autopilot.firmware {
-        config::Firmware::Auto => autopilot::FirmwareChoice::Auto,
-        config::Firmware::Px4 => autopilot::FirmwareChoice::Px4,
-        config::Firmware::Ardupilot => autopilot::FirmwareChoice::ArduPilot,
-    };
-    autopilot.actuation = match vehicle.autopilot.actuation {
-        config::Actuation::ThrustVector => autopilot::Actuation::ThrustVector,
-        config::Actuation::Pose => autopilot::Actuation::Pose,
-        config::Actuation::Position => autopilot::Actuation::Position,
-    };
+    autopilot.firmware = vehicle.autopilot.firmware;
+    autopilot.actuation = vehicle.autopilot.actuation;
     Settings {
         role,
         own,
@@ -179,7 +171,7 @@ fn settings(args: &Args, mission: &Mission, vehicle: &Vehicle, own: (u8, u8), cl
         airspace: mission.airspace.clone(),
         limits,
         timing: timing(mission),
-        order: order(mission),
+        order: mission.tdma.order,
         jitter_rad: mission.jitter.std_rad,
         ceilings: Ceilings {
             mission_w: mission.power_ceiling(role).0,

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use crate::config::Mission;
+use crate::config::{METHODS, Mission};
 use crate::planner::problem::Method;
 use crate::report::plan_document::{PlanDocument, SlotDocument};
 use crate::role::Role;
@@ -36,8 +36,9 @@ pub(super) struct Args {
 }
 
 fn parse_method(text: &str) -> Result<Method, String> {
-    Method::ALL.into_iter().find(|method| method.name() == text).ok_or_else(|| {
-        let names: Vec<_> = Method::ALL.iter().map(|method| method.name()).collect();
+    let found = METHODS.iter().find(|(name, _)| *name == text);
+    found.map(|(_, method)| *method).ok_or_else(|| {
+        let names: Vec<_> = METHODS.iter().map(|(name, _)| *name).collect();
         format!("the methods are {}", names.join(", "))
     })
 }
@@ -71,7 +72,8 @@ pub(super) fn run(args: &Args) -> Exit {
 pub(super) fn write_plan(out: &Path, document: &PlanDocument) -> Result<(), Exit> {
     let path = out.join("plan.json");
     let text = serde_json::to_string_pretty(document).map_err(std::io::Error::other);
-    let written = text.and_then(|text| std::fs::create_dir_all(out).and_then(|()| std::fs::write(&path, text)));
+    let written =
+        text.and_then(|text| std::fs::create_dir_all(out).and_then(|()| std::fs::write(&path, text)));
     written.map_err(|error| {
         eprintln!("error: cannot write {}: {error}", path.display());
         Exit::Unusable

@@ -2,16 +2,16 @@
 
 use std::time::Duration;
 
-use crate::config::{self, Mission};
+use crate::config::{METHODS, Mission};
 use crate::link::clock::Clock;
 use crate::planner::plan::SlotPlan;
+use crate::planner::problem::Method;
 use crate::planner::slots::{Plan, PlannedSlot, hex};
 use crate::planner::{Options, PlanError, plan_slot};
+use crate::report::plan_document::{FORMAT, PlanDocument, SlotDocument};
 use crate::role::PerVehicle;
-use crate::schedule::order::Order;
 use crate::schedule::table::Timing;
 use crate::schedule::trajectory::Limits;
-use crate::report::plan_document::{FORMAT, PlanDocument, SlotDocument};
 
 /// A plan and what each slot's search took.
 #[derive(Debug, Clone)]
@@ -36,7 +36,8 @@ pub(crate) fn plan_mission(mission: &Mission, options: &Options) -> Result<Timed
     for (index, user) in mission.users.iter().enumerate() {
         let Some(problem) = mission.problem(index) else { continue };
         let started = clock.now();
-        let plan = plan_slot(&problem, options).map_err(|error| SlotError { user: user.name.clone(), error })?;
+        let plan =
+            plan_slot(&problem, options).map_err(|error| SlotError { user: user.name.clone(), error })?;
         planning_time.push(clock.now().saturating_since(started));
         slots.push(PlannedSlot { user: user.name.clone(), plan });
     }
@@ -52,23 +53,19 @@ pub(crate) fn mission_options(mission: &Mission) -> Options {
 pub(crate) fn transit_limits(mission: &Mission) -> PerVehicle<Limits> {
     PerVehicle::from_fn(|role| {
         let vehicle = &mission.vehicles[role];
-        Limits::new(vehicle.speed_m_s, vehicle.climb_m_s, vehicle.tilt_rate_rad_s)
+        Limits {
+            acceleration_m_s2: vehicle.acceleration_m_s2,
+            ..Limits::new(vehicle.speed_m_s, vehicle.climb_m_s, vehicle.tilt_rate_rad_s)
+        }
     })
 }
 
 /// Lengths of slots and number of superframes.
 pub(crate) fn timing(mission: &Mission) -> Timing {
     let tdma = &mission.tdma;
-    let superframes = u16::try_from(tdma.superframes).unwrap_or(u16::MAX);
-    Timing::new(Duration::from_secs_f64(tdma.slot_s), Duration::from_secs_f64(tdma.guard_s), superframes)
-}
-
-/// The order of users.
-pub(crate) fn order(mission: &Mission) -> Order {
-    match mission.tdma.order {
-        config::Order::Listed => Order::Listed,
-        config::Order::Shortest => Order::Shortest,
-    }
+    let seconds = Duration::from_secs_f64;
+    let timing = Timing::new(seconds(tdma.slot_s), seconds(tdma.guard_s), tdma.superframes);
+    Timing { settle: seconds(tdma.settle_s), ..timing }
 }
 
 /// The plan as a document.
@@ -79,15 +76,24 @@ pub(crate) fn document(mission: &Mission, options: &Options, timed: &TimedPlan) 
         mission_digest: mission.digest_hex(),
         plan_digest: hex(&timed.plan.digest),
         seed: options.seed,
-        method: options.method.name().into(),
+        method: method_name(options.method).into(),
         slots: slots
             .map(|(slot, time)| slot_document(mission, &slot.user, &slot.plan, time.as_secs_f64()))
             .collect(),
     }
 }
 
+fn method_name(method: Method) -> &'static str {
+    METHODS.iter().find(|(_, known)| *known == method).map_or("", |(name, _)| name)
+}
+
 /// One slot's document.
-pub(crate) fn slot_document(mission: &Mission, user: &str, slot: &SlotPlan, planning_time_s: f64) -> SlotDocument {
+pub(crate) fn slot_document(
+    mission: &Mission,
+    user: &str,
+    slot: &SlotPlan,
+    planning_time_s: f64,
+) -> SlotDocument {
     let names: Vec<String> = mission.eavesdroppers.iter().map(|e| e.name.clone()).collect();
     SlotDocument::new(user, &names, slot, planning_time_s, 0.0)
 }

@@ -13,6 +13,7 @@ use crate::planner::problem::{
     Airframe, Airspace, Eavesdropper, Jitter, Method, Objective, Problem, Radio, Uncertainty, VehicleModel,
 };
 use crate::role::{PerVehicle, Role};
+use crate::schedule::order::Order;
 
 /// A validated mission. SI units, angles in radians, positions ENU about [`Mission::origin`].
 #[derive(Debug, Clone)]
@@ -93,15 +94,6 @@ pub struct Tdma {
     pub order: Order,
     /// How often the whole list of users is served.
     pub superframes: u16,
-}
-
-/// In which order users are served.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Order {
-    /// As the mission lists them.
-    Listed,
-    /// So that transits are shortest.
-    Shortest,
 }
 
 /// A ground user.

@@ -5,13 +5,14 @@ use std::f64::consts::PI;
 use nalgebra::{Vector2, Vector3};
 
 use super::kind::{Choice, Each, Flag, Integer, List, Number, Numbers, Text};
-use super::mission::{Draft, Emission, Order, PlannerSettings, Position, Tdma, VehicleSettings};
+use super::mission::{Draft, Emission, PlannerSettings, Position, Tdma, VehicleSettings};
 use super::reader::Section;
 use crate::geo::{Enu, Geodetic};
 use crate::planner::problem::{
     Airframe, Airspace, Jitter, JitterAxes, JitterModel, Method, Objective, Radio, Uncertainty,
 };
 use crate::role::PerVehicle;
+use crate::schedule::order::Order;
 
 /// Speed of light in m/s.
 const C_M_S: f64 = 299_792_458.0;

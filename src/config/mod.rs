@@ -19,14 +19,14 @@ mod vehicle_file;
 pub use address::{AddressError, HostPort, LinkAddress};
 pub use diagnostic::{Diagnostic, Diagnostics, Severity};
 pub use mission::{
-    Difference, Emission, Mission, NamedEavesdropper, Order, PlannerSettings, PowerLimit, Tdma, User,
+    Difference, Emission, Mission, NamedEavesdropper, PlannerSettings, PowerLimit, Tdma, User,
     VehicleSettings,
 };
 pub use mission_file::METHODS;
 pub use schema::schema;
 pub use vehicle::{
-    Actuation, Autopilot, Firmware, Level, Limits, ParameterProtocol, PowerParameter, PowerUnit, Transmitter,
-    TransmitterKind, Vehicle,
+    Autopilot, Level, Limits, ParameterProtocol, PowerParameter, PowerUnit, Transmitter, TransmitterKind,
+    Vehicle,
 };
 
 #[cfg(test)]

@@ -1,5 +1,7 @@
 //! Whole files: defaults, digest, schema and examples.
 
+use crate::autopilot::{Actuation, FirmwareChoice};
+use crate::schedule::order::Order;
 use std::collections::BTreeSet;
 
 use proptest::prelude::*;
@@ -79,7 +81,10 @@ fn val_vehicle_defaults_are_those_of_the_interface() {
     let least = vehicle("vehicle.role = \"j\"\npair.link = \"udpout:10.0.0.1:14600\"\n");
     assert_eq!((least.role, least.key_file.as_ref()), (Role::J, None));
     assert_eq!(least.autopilot.link.to_string(), "udpin:0.0.0.0:14540");
-    assert_eq!((least.autopilot.firmware, least.autopilot.actuation), (Firmware::Auto, Actuation::Pose));
+    assert_eq!(
+        (least.autopilot.firmware, least.autopilot.actuation),
+        (FirmwareChoice::Auto, Actuation::Pose)
+    );
     assert_eq!((least.autopilot.system_id, least.autopilot.component_id), (None, 191));
     assert_eq!(least.autopilot.rate_hz, 50.0);
     let leased = Transmitter {

@@ -9,6 +9,7 @@ use super::diagnostic::{Diagnostics, Severity};
 use super::document::{Document, read_text};
 use super::mission::Mission;
 use super::vehicle_file;
+use crate::autopilot::{Actuation, FirmwareChoice};
 use crate::role::Role;
 
 /// A validated vehicle file. SI units, angles in radians.
@@ -39,7 +40,7 @@ pub struct Autopilot {
     /// Where it is.
     pub link: LinkAddress,
     /// What it runs.
-    pub firmware: Firmware,
+    pub firmware: FirmwareChoice,
     /// Which targets it is given.
     pub actuation: Actuation,
     /// Its MAVLink system; `None`: the first that is heard.
@@ -48,28 +49,6 @@ pub struct Autopilot {
     pub component_id: u8,
     /// Setpoints and state per second.
     pub rate_hz: f64,
-}
-
-/// What an autopilot runs.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Firmware {
-    /// As its HEARTBEAT says.
-    Auto,
-    /// PX4.
-    Px4,
-    /// ArduCopter.
-    Ardupilot,
-}
-
-/// Which targets an autopilot is given (PROTOCOL section 2).
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Actuation {
-    /// Attitude and three-dimensional thrust.
-    ThrustVector,
-    /// Position and attitude.
-    Pose,
-    /// Position alone: the vehicle stays level.
-    Position,
 }
 
 /// The payload radio.

@@ -5,9 +5,10 @@ use super::kind::{Choice, Flag, Integer, Number, Parsed, Text};
 use super::mission_file::{climb, power, speed, tilt, tilt_rate};
 use super::reader::Section;
 use super::vehicle::{
-    Actuation, Autopilot, Draft, Firmware, Level, Limits, PairLink, ParameterProtocol, PowerParameter,
-    PowerUnit, Transmitter, TransmitterKind,
+    Autopilot, Draft, Level, Limits, PairLink, ParameterProtocol, PowerParameter, PowerUnit, Transmitter,
+    TransmitterKind,
 };
+use crate::autopilot::{Actuation, FirmwareChoice};
 use crate::role::Role;
 
 const PATH: Text = Text { max_chars: 4096 };
@@ -60,8 +61,11 @@ const ID: Integer = Integer { min: 1, max: 255 };
 fn autopilot(s: &mut Section<'_, '_>) -> Autopilot {
     let default_link =
         LinkAddress::UdpIn(super::address::HostPort { host: "0.0.0.0".to_owned(), port: 14540 });
-    let firmware =
-        Choice(&[("auto", Firmware::Auto), ("px4", Firmware::Px4), ("ardupilot", Firmware::Ardupilot)]);
+    let firmware = Choice(&[
+        ("auto", FirmwareChoice::Auto),
+        ("px4", FirmwareChoice::Px4),
+        ("ardupilot", FirmwareChoice::ArduPilot),
+    ]);
     let actuation = Choice(&[
         ("thrust_vector", Actuation::ThrustVector),
         ("pose", Actuation::Pose),
@@ -69,7 +73,7 @@ fn autopilot(s: &mut Section<'_, '_>) -> Autopilot {
     ]);
     Autopilot {
         link: s.read("link", "Where the autopilot is.", LINK, default_link),
-        firmware: s.read("firmware", "\"auto\" takes it from HEARTBEAT.", firmware, Firmware::Auto),
+        firmware: s.read("firmware", "\"auto\" takes it from HEARTBEAT.", firmware, FirmwareChoice::Auto),
         actuation: s.read(
             "actuation",
             "\"thrust_vector\": attitude and 3-D thrust (PX4, fully actuated); \"pose\": position and attitude targets; \

@@ -11,7 +11,6 @@ use std::time::Duration;
 use mavlink::Message;
 
 use super::LinkError;
-use crate::config::LinkAddress;
 use super::clock::Clock;
 use super::codec::{Decoder, Encoder};
 use super::counters::{Counters, Rejection};
@@ -20,6 +19,7 @@ use super::outbox::Outbox;
 use super::signing::{Signing, SigningConfig};
 use super::tlog::TlogWriter;
 use super::transport::{self, Arrival, MemoryEnd, Origin, Transport};
+use crate::config::LinkAddress;
 
 /// Reads after which the event loop gets its turn, whatever else waits in the socket.
 const READS_PER_POLL: usize = 64;

@@ -9,15 +9,13 @@ use std::collections::VecDeque;
 use std::time::Duration;
 
 use mavlink::MavHeader;
-use mavlink::dialects::ardupilotmega::{
-    MavMessage, MavSeverity, MavState,
-};
+use mavlink::dialects::ardupilotmega::{MavMessage, MavSeverity, MavState};
 
 use crate::autopilot::{self, Autopilot, Setpoint};
 use crate::geo::{Attitude, Enu};
 use crate::pair::{self, Coordinator, Local, PlanTerms, wire};
-use crate::planner::slots::Plan;
 use crate::planner::problem::Airspace;
+use crate::planner::slots::Plan;
 use crate::role::{PerVehicle, Role};
 use crate::schedule::order::Order;
 use crate::schedule::table::{Entry, Table, TableError, Timing};
@@ -272,9 +270,8 @@ impl Executive {
         match self.shutting_down {
             Some(since) => {
                 let silent = self.interlock.is_off(now) && now > since;
-                (silent || now.saturating_since(since) >= Duration::from_secs(1)).then(|| {
-                    self.outcome.clone().unwrap_or(Outcome::Interrupted)
-                })
+                (silent || now.saturating_since(since) >= Duration::from_secs(1))
+                    .then(|| self.outcome.clone().unwrap_or(Outcome::Interrupted))
             }
             None => self.outcome.clone(),
         }
@@ -303,7 +300,8 @@ impl Executive {
 
     /// Makes the table once the plan and both homes are known, and tells the pair protocol.
     pub(super) fn make_table(&mut self) -> Result<(), NoTable> {
-        let (Some(plan), Some(own), Some(peer)) = (&self.plan, self.home_enu_m, self.pair.peer().home_enu_m) else {
+        let (Some(plan), Some(own), Some(peer)) = (&self.plan, self.home_enu_m, self.pair.peer().home_enu_m)
+        else {
             return Ok(());
         };
         if self.table.is_some() {
@@ -319,7 +317,8 @@ impl Executive {
             let home = router.home(&from, &homes)?;
             self.home_trajectory = Some(home.trajectories[self.settings.role].clone());
         }
-        let slots = table.entries.iter().filter_map(|e| plan.slots.get(e.user_index)).map(|s| s.plan.vehicles);
+        let slots =
+            table.entries.iter().filter_map(|e| plan.slots.get(e.user_index)).map(|s| s.plan.vehicles);
         self.pair.set_plan(PlanTerms { digest: plan.digest, slots: slots.collect() });
         self.table = Some(table);
         Ok(())

@@ -91,7 +91,10 @@ impl Phase {
 
     /// The mission is over for this vehicle, well or badly.
     pub fn is_ending(&self) -> bool {
-        matches!(self, Self::Holding { .. } | Self::Returning | Self::Landing | Self::Surrendered | Self::Ended)
+        matches!(
+            self,
+            Self::Holding { .. } | Self::Returning | Self::Landing | Self::Surrendered | Self::Ended
+        )
     }
 }
 
@@ -134,7 +137,8 @@ impl Executive {
             }
         }
         let late = |motion: &Motion| now > motion.ends_at() + LATE;
-        if matches!(self.phase, Phase::Climbing | Phase::Returning) && self.motion.as_ref().is_some_and(late) {
+        if matches!(self.phase, Phase::Climbing | Phase::Returning) && self.motion.as_ref().is_some_and(late)
+        {
             self.notice(
                 MavSeverity::MAV_SEVERITY_ERROR,
                 format!("still {} m from where it should be: the autopilot lands here", self.distance_left()),
@@ -173,7 +177,8 @@ impl Executive {
             return self.wait_for(missing, now);
         }
         self.notice(MavSeverity::MAV_SEVERITY_INFO, "preflight passed, taking off".into());
-        self.motion = self.here().map(|start| Motion { trajectory: Trajectory::rest(&start), starts_at: now });
+        self.motion =
+            self.here().map(|start| Motion { trajectory: Trajectory::rest(&start), starts_at: now });
         self.autopilot.take_control(now);
         self.enter(Phase::TakingControl, now);
     }
@@ -278,7 +283,8 @@ impl Executive {
                 self.hold_here(now);
                 self.enter(Phase::Holding { until: now + HOLD }, now);
             }
-            Phase::Holding { .. } | Phase::Returning | Phase::Landing | Phase::Surrendered | Phase::Ended => {}
+            Phase::Holding { .. } | Phase::Returning | Phase::Landing | Phase::Surrendered | Phase::Ended => {
+            }
         }
     }
 
@@ -311,10 +317,12 @@ impl Executive {
             return peer.says(VeilwingFlags::VEILWING_FLAGS_LANDED)
                 || !peer.says(VeilwingFlags::VEILWING_FLAGS_RETURNING);
         }
-        let way = self.router().ok().zip(peer.position_enu_m).zip(peer.home_enu_m).and_then(|((router, at), home)| {
-            let start = Start { position_enu_m: at, attitude: Attitude::level() };
-            router.alone(Role::I, &start, &home, &[]).ok()
-        });
+        let way = self.router().ok().zip(peer.position_enu_m).zip(peer.home_enu_m).and_then(
+            |((router, at), home)| {
+                let start = Start { position_enu_m: at, attitude: Attitude::level() };
+                router.alone(Role::I, &start, &home, &[]).ok()
+            },
+        );
         waited > HOLD + LAND_UNHEARD + way.map_or(LAND_FIRST, |way| way.duration())
     }
 
@@ -332,7 +340,9 @@ impl Executive {
     }
 
     fn go_home(&mut self, now: Instant) {
-        let (Some(home), Some(start)) = (self.home_enu_m, self.motion.as_ref().map(|m| m.sample(now))) else { return };
+        let (Some(home), Some(start)) = (self.home_enu_m, self.motion.as_ref().map(|m| m.sample(now))) else {
+            return;
+        };
         let start = Start { position_enu_m: start.position_enu_m, attitude: start.attitude };
         let way = self.router().and_then(|router| {
             // A way that keeps clear of wherever the peer may be; failing that, of where it was last seen.
@@ -404,7 +414,9 @@ impl Executive {
     }
 
     fn arrived(&self, now: Instant) -> bool {
-        let Some(motion) = self.motion.as_ref().filter(|motion| now >= motion.ends_at()) else { return false };
+        let Some(motion) = self.motion.as_ref().filter(|motion| now >= motion.ends_at()) else {
+            return false;
+        };
         let target = motion.trajectory.end().position_enu_m;
         self.position().is_some_and(|p| (p - target).norm() < ARRIVED_M)
     }
@@ -453,7 +465,8 @@ impl Executive {
             }
             AutopilotEvent::NotReady { what, result, statustext, waited } => {
                 let why = statustext.unwrap_or_else(|| format!("{result:?}"));
-                let text = format!("waiting for the autopilot to {what}: {why} ({:.0} s)", waited.as_secs_f64());
+                let text =
+                    format!("waiting for the autopilot to {what}: {why} ({:.0} s)", waited.as_secs_f64());
                 self.notice(MavSeverity::MAV_SEVERITY_INFO, text);
             }
             AutopilotEvent::Restarted => match self.phase {
@@ -493,15 +506,21 @@ impl Executive {
             }
             PairEvent::PeerRestarted => self.lose_peer(format!("vehicle {peer}'s companion restarted"), now),
             PairEvent::MissionDiffers => {
-                let text = format!("vehicle {peer} flies another mission: copy the same mission file to both vehicles");
+                let text = format!(
+                    "vehicle {peer} flies another mission: copy the same mission file to both vehicles"
+                );
                 self.notice(MavSeverity::MAV_SEVERITY_ERROR, text);
             }
             PairEvent::PlanDiffers => {
-                let text = format!("vehicle {peer} made another plan of the same mission: same version on both?");
+                let text =
+                    format!("vehicle {peer} made another plan of the same mission: same version on both?");
                 self.notice(MavSeverity::MAV_SEVERITY_ERROR, text);
             }
             PairEvent::SameRole => {
-                let text = format!("the other companion is vehicle {} too: change role in one vehicle file", peer.peer());
+                let text = format!(
+                    "the other companion is vehicle {} too: change role in one vehicle file",
+                    peer.peer()
+                );
                 self.notice(MavSeverity::MAV_SEVERITY_ERROR, text);
             }
             PairEvent::Refused(slot, answer) => self.on_refused(slot, answer_in_words(answer), now),

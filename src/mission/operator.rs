@@ -2,9 +2,7 @@
 //! acknowledged truthfully and repeated to the peer.
 
 use mavlink::MavHeader;
-use mavlink::dialects::ardupilotmega::{
-    COMMAND_ACK_DATA, MavCmd, MavMessage, MavResult, MavSeverity,
-};
+use mavlink::dialects::ardupilotmega::{COMMAND_ACK_DATA, MavCmd, MavMessage, MavResult, MavSeverity};
 
 use crate::pair::wire::{VeilwingOrder, VeilwingSilence};
 use crate::time::Instant;

@@ -98,7 +98,9 @@ impl Executive {
         let (from, until) = match self.settings.role {
             Role::I => (slot.radiate_from, slot.radiate_until),
             // Once I has said that it is off and holds nothing, J has no more to protect.
-            Role::J if now >= slot.radiate_until && !base.leases_outstanding => (slot.commitment.opens_at, now),
+            Role::J if now >= slot.radiate_until && !base.leases_outstanding => {
+                (slot.commitment.opens_at, now)
+            }
             Role::J => (slot.commitment.opens_at, slot.closes_at),
         };
         let peer = self.pair.peer();

@@ -19,6 +19,7 @@ pub mod problem;
 mod region;
 mod search;
 mod setup;
+pub mod slots;
 mod solver;
 mod variables;
 

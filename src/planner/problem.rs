@@ -123,21 +123,3 @@ pub enum Method {
     /// J's axis by phase 2, interior point over the rest.
     JammerOrientation,
 }
-
-impl Method {
-    /// Every method.
-    pub const ALL: [Self; 5] =
-        [Self::Veilwing, Self::Paper, Self::InteriorPoint, Self::Conventional, Self::JammerOrientation];
-
-    /// Its name in mission files, on the command line and in plans.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Veilwing => "veilwing",
-            Self::Paper => "paper",
-            Self::InteriorPoint => "interior-point",
-            Self::Conventional => "conventional",
-            Self::JammerOrientation => "jammer-orientation",
-        }
-    }
-}

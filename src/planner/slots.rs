@@ -59,7 +59,8 @@ mod tests {
     use crate::role::PerVehicle;
 
     fn slot(user: &str, x: f64) -> PlannedSlot {
-        let pose = Pose { position_enu_m: Vector3::new(x, 0.0, 80.0), roll_rad: 0.1, pitch_rad: 0.2, yaw_rad: 0.0 };
+        let pose =
+            Pose { position_enu_m: Vector3::new(x, 0.0, 80.0), roll_rad: 0.1, pitch_rad: 0.2, yaw_rad: 0.0 };
         let vehicle = VehiclePlan { pose, tx_power_w: 0.5 };
         let plan = SlotPlan {
             status: Status::Converged,

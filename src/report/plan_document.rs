@@ -92,7 +92,13 @@ pub struct VehicleDocument {
 impl SlotDocument {
     /// The document of one planned slot.
     #[must_use]
-    pub fn new(user: &str, eavesdroppers: &[String], slot: &SlotPlan, planning_time_s: f64, bound_time_s: f64) -> Self {
+    pub fn new(
+        user: &str,
+        eavesdroppers: &[String],
+        slot: &SlotPlan,
+        planning_time_s: f64,
+        bound_time_s: f64,
+    ) -> Self {
         let sinrs = eavesdroppers.iter().zip(&slot.eavesdropper_sinr);
         Self {
             user: user.to_owned(),

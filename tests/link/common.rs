@@ -3,7 +3,8 @@
 use mavlink::Message;
 use mavlink::dialects::ardupilotmega::{HEARTBEAT_DATA, MavMessage};
 use veilwing::link::codec::{Decoder, Encoder};
-use veilwing::link::{Clock, Counters, Frame, HostPort, Link, LinkAddress, LinkConfig, RawFrame, Rejection};
+use veilwing::config::{HostPort, LinkAddress};
+use veilwing::link::{Clock, Counters, Frame, Link, LinkConfig, RawFrame, Rejection};
 
 pub type M = MavMessage;
 

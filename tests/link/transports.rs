@@ -1,4 +1,4 @@
-use veilwing::link::{HostPort, LinkAddress};
+use veilwing::config::{HostPort, LinkAddress};
 
 use crate::common::*;
 

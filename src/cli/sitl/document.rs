@@ -107,21 +107,29 @@ impl FlightDocument {
                 figure(slot.attitude_rms_deg.j, 2),
             )?;
         }
-        writeln!(text, "(rates in bit/s/Hz; on: seconds radiated; unprot: I on without J; errors are rms, jitter included)")?;
+        writeln!(
+            text,
+            "(rates in bit/s/Hz; on: seconds radiated; unprot: I on without J; errors are rms, jitter included)"
+        )?;
         for role in Role::BOTH {
             if let Some(end) = ends[role].filter(|end| *end != End::Code(0)) {
                 writeln!(text, "vehicle {role}: companion {}", describe_end(end))?;
             }
         }
         for violation in &self.report.violations {
-            writeln!(text, "VIOLATION {} at {:.3} s: {}", violation.invariant, violation.at_s, violation.detail)?;
+            writeln!(
+                text,
+                "VIOLATION {} at {:.3} s: {}",
+                violation.invariant, violation.at_s, violation.detail
+            )?;
         }
         let verdict = match self.result {
             FlightResult::Completed => "completed",
             FlightResult::Aborted => "NOT COMPLETED",
             FlightResult::Interrupted => "interrupted",
         };
-        let separation = self.report.min_separation_m.map_or("never both airborne".into(), |m| format!("{m:.1} m"));
+        let separation =
+            self.report.min_separation_m.map_or("never both airborne".into(), |m| format!("{m:.1} m"));
         writeln!(
             text,
             "{verdict}: {} violations, least separation {separation}, {:.1} s of flight in {:.1} s of wall time",

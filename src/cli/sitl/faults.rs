@@ -102,8 +102,13 @@ mod tests {
     fn val_a_fault_file_reads() {
         let text = "[[fault]]\nkind = \"companion-kill\"\nvehicle = \"j\"\nslot = 1\nafter_s = 4.0\n";
         let faults: Faults = toml::from_str(text).unwrap();
-        let expected =
-            Fault { kind: Kind::CompanionKill, vehicle: Some(Role::J), after_s: 4.0, slot: Some(1), duration_s: None };
+        let expected = Fault {
+            kind: Kind::CompanionKill,
+            vehicle: Some(Role::J),
+            after_s: 4.0,
+            slot: Some(1),
+            duration_s: None,
+        };
         assert_eq!(faults.faults, vec![expected]);
         assert!(faults.faults[0].check().is_ok());
     }

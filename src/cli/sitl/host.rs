@@ -83,12 +83,16 @@ struct Port {
 
 impl Port {
     async fn bind() -> Result<Self, String> {
-        let socket = UdpSocket::bind(("127.0.0.1", 0)).await.map_err(|error| format!("loopback UDP: {error}"))?;
+        let socket =
+            UdpSocket::bind(("127.0.0.1", 0)).await.map_err(|error| format!("loopback UDP: {error}"))?;
         Ok(Self { socket, peer: None, open: true })
     }
 
     fn number(&self) -> Result<u16, String> {
-        self.socket.local_addr().map(|address| address.port()).map_err(|error| format!("loopback UDP: {error}"))
+        self.socket
+            .local_addr()
+            .map(|address| address.port())
+            .map_err(|error| format!("loopback UDP: {error}"))
     }
 
     /// The next datagram of the companion, if one is there.
@@ -343,7 +347,9 @@ impl Host<'_> {
                 Kind::PairLoss => self.pair[role].open = !on,
                 Kind::PilotMode if on => self.setup.world.inject(sim::Fault::PilotMode { vehicle }),
                 Kind::PilotMode => {}
-                Kind::EstimatorFailure if on => self.setup.world.inject(sim::Fault::EstimatorFailure { vehicle }),
+                Kind::EstimatorFailure if on => {
+                    self.setup.world.inject(sim::Fault::EstimatorFailure { vehicle })
+                }
                 Kind::EstimatorFailure => {}
             }
         }
@@ -396,7 +402,8 @@ fn spawn_companion(
     vehicle: &Path,
     lines: &mpsc::UnboundedSender<(Role, String)>,
 ) -> Result<Companion, String> {
-    let program = std::env::current_exe().map_err(|error| format!("this program cannot find itself: {error}"))?;
+    let program =
+        std::env::current_exe().map_err(|error| format!("this program cannot find itself: {error}"))?;
     let mut child = Command::new(program)
         .args(["--log-format", "json", "fly"])
         .arg(setup.mission)
@@ -439,7 +446,8 @@ fn readable(line: &str) -> Option<String> {
     let Ok(record) = serde_json::from_str::<serde_json::Value>(line) else { return Some(line.to_owned()) };
     let level = record.get("level").and_then(serde_json::Value::as_str).unwrap_or_default();
     let fields = record.get("fields");
-    let field = |name: &str| fields.and_then(|f| f.get(name)).and_then(serde_json::Value::as_str).unwrap_or_default();
+    let field =
+        |name: &str| fields.and_then(|f| f.get(name)).and_then(serde_json::Value::as_str).unwrap_or_default();
     match level {
         "DEBUG" | "TRACE" => None,
         "INFO" => Some(format!("{:<14} {}", field("phase"), field("message"))),

@@ -3,7 +3,7 @@
 use nalgebra::Vector2;
 use veilwing_sitl as sim;
 
-use crate::cli::planning::{order, timing, transit_limits};
+use crate::cli::planning::{timing, transit_limits};
 use crate::config::Mission;
 use crate::geo::Attitude;
 use crate::planner::plan::VehiclePlan;
@@ -85,13 +85,19 @@ pub(super) fn config(mission: &Mission, plan: &Plan) -> Result<sim::WorldConfig,
 }
 
 /// The slots in the order in which they are flown, over all superframes.
-fn served<'a>(mission: &Mission, plan: &'a Plan, homes: [Vector2<f64>; 2]) -> Result<Vec<&'a PlannedSlot>, String> {
+fn served<'a>(
+    mission: &Mission,
+    plan: &'a Plan,
+    homes: [Vector2<f64>; 2],
+) -> Result<Vec<&'a PlannedSlot>, String> {
     let bottom_m = mission.airspace.altitude_m[0];
     let start = PerVehicle { i: homes[0], j: homes[1] }
         .map(|home| Start { position_enu_m: home.push(bottom_m), attitude: Attitude::level() });
-    let router = Router::new(&mission.airspace, &transit_limits(mission)).map_err(|error| error.to_string())?;
+    let router =
+        Router::new(&mission.airspace, &transit_limits(mission)).map_err(|error| error.to_string())?;
     let users: Vec<_> = plan.slots.iter().map(|slot| vec![slot.plan.vehicles.map(|v| v.pose)]).collect();
-    let table = Table::build(&router, &start, &users, &timing(mission), order(mission)).map_err(|e| e.to_string())?;
+    let table = Table::build(&router, &start, &users, &timing(mission), mission.tdma.order)
+        .map_err(|e| e.to_string())?;
     Ok(table.entries.iter().filter_map(|entry| plan.slots.get(entry.user_index)).collect())
 }
 
@@ -130,7 +136,8 @@ fn homes(mission: &Mission) -> Result<[Vector2<f64>; 2], String> {
     if let (Some(i), Some(j)) = (mission.vehicles.i.home_enu_m, mission.vehicles.j.home_enu_m) {
         return Ok([i.xy(), j.xy()]);
     }
-    let fence = crate::schedule::geofence::Geofence::new(&mission.airspace.area_enu_m).map_err(|e| e.to_string())?;
+    let fence =
+        crate::schedule::geofence::Geofence::new(&mission.airspace.area_enu_m).map_err(|e| e.to_string())?;
     let apart = HOMES_APART_M.max(3.0 * mission.airspace.min_separation_m);
     let area = &mission.airspace.area_enu_m;
     let middle = area.iter().sum::<Vector2<f64>>() / area.len().max(1) as f64;

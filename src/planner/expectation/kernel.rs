@@ -330,9 +330,13 @@ impl Workspace {
         let budget =
             [scene.budget_m2_w * raw[POWER].max(0.0), scene.budget_m2_w * raw[VEHICLE + POWER].max(0.0)];
         self.nodes.clear();
-        self.nodes.extend(std::iter::once(scene.user).chain(eavesdroppers.iter().map(|p| [p.x, p.y, p.z])).map(|node| Node {
-            link: [Link::new(raw, &node, budget[0]), Link::new(&raw[VEHICLE..], &node, budget[1])],
-        }));
+        self.nodes.extend(
+            std::iter::once(scene.user).chain(eavesdroppers.iter().map(|p| [p.x, p.y, p.z])).map(|node| {
+                Node {
+                    link: [Link::new(raw, &node, budget[0]), Link::new(&raw[VEHICLE..], &node, budget[1])],
+                }
+            }),
+        );
     }
 
     /// exp f per sample.
