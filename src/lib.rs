@@ -25,6 +25,6 @@ pub mod mission;
 #[cfg(feature = "companion")]
 pub mod pair;
 #[cfg(feature = "companion")]
-pub mod report;
+pub mod preflight;
 #[cfg(feature = "companion")]
 pub mod transmitter;

@@ -15,7 +15,7 @@ use super::guard::{self, LandDetectorGuard};
 use super::link::LinkWatch;
 use super::parameter::Parameters;
 use super::position_control::Measured;
-use super::preflight::{self, Check};
+use super::preflight;
 use super::setpoint::{Stream, Surroundings};
 use super::settings::{Actuation, Event, Setpoint, Settings};
 use super::state::{Landed, Timed, VehicleState};
@@ -23,6 +23,7 @@ use super::statustext::{self, Assembly};
 use super::streams::Streams;
 use super::telemetry::Telemetry;
 use super::{Address, Outbox};
+use crate::preflight::Check;
 use crate::time::{Instant, Utc};
 
 /// How long an autopilot is asked to disarm.

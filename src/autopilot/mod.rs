@@ -22,7 +22,7 @@ mod guard;
 mod link;
 mod parameter;
 pub mod position_control;
-pub mod preflight;
+mod preflight;
 mod setpoint;
 mod settings;
 pub mod state;
@@ -33,10 +33,10 @@ mod telemetry;
 #[cfg(test)]
 mod tests;
 
+pub use crate::preflight::{Check, Verdict};
 pub use adapter::{Autopilot, heartbeat};
 pub use firmware::{Firmware, Mode};
 pub use parameter::ParamValue;
-pub use preflight::{Check, Verdict};
 pub use settings::{Actuation, EstimatorFault, Event, FirmwareChoice, Setpoint, Settings};
 pub use state::{Battery, Landed, Timed, VehicleState};
 

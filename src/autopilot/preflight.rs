@@ -1,7 +1,5 @@
 //! What speaks for or against a flight: named checks, each with the offending value and what it should be.
 
-use std::fmt;
-
 use mavlink::dialects::ardupilotmega::MavType;
 
 use super::adapter::Autopilot;
@@ -10,49 +8,13 @@ use super::firmware::{Firmware, ardupilot};
 use super::parameter::{Knowledge, ParamValue};
 use super::settings::Actuation;
 use super::state::Landed;
+use crate::preflight::{Check, Verdict, check};
 use crate::time::Instant;
 
 /// A tilt limit of the autopilot must leave this much beyond the plan, in degrees.
 const TILT_MARGIN_DEG: f64 = 15.0;
 /// Local and global position may disagree by this much, in metres.
 const ORIGIN_TOLERANCE_M: f64 = 5.0;
-
-/// How a check came out.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Verdict {
-    /// As it should be.
-    Pass,
-    /// Not as it should be, or not known; flying is possible.
-    Warn,
-    /// Refuses to arm.
-    Fail,
-}
-
-impl fmt::Display for Verdict {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Pass => "pass",
-            Self::Warn => "warn",
-            Self::Fail => "fail",
-        })
-    }
-}
-
-/// One preflight check.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Check {
-    /// What was checked: an aspect of the vehicle, or the parameter's name.
-    pub name: &'static str,
-    /// How it came out.
-    pub result: Verdict,
-    /// The value, and what it should be if it is not that.
-    pub detail: String,
-}
-
-/// Builds a check.
-pub(super) fn check(name: &'static str, result: Verdict, detail: impl Into<String>) -> Check {
-    Check { name, result, detail: detail.into() }
-}
 
 /// All checks that concern the autopilot.
 pub(super) fn checks(autopilot: &Autopilot, candidates: usize, now: Instant) -> Vec<Check> {
