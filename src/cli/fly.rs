@@ -4,13 +4,13 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use crate::companion::Companion;
-use crate::config::{Mission, Vehicle};
+use crate::config::{self, Mission, TransmitterKind, Vehicle};
 use crate::link::clock::Clock;
 use crate::link::{Key, LinkConfig, SigningConfig, TlogWriter};
 use crate::mission::interlock::Ceilings;
 use crate::mission::{Outcome, Settings};
 use crate::role::Role;
-use crate::transmitter::Transmitter;
+use crate::transmitter::{Kind, PowerParameter, Transmitter, Unit};
 use crate::{autopilot, pair, transmitter};
 
 use super::planning::{mission_options, plan_mission, timing, transit_limits};
@@ -189,5 +189,25 @@ fn boot_id(clock: &Clock) -> u32 {
 
 fn transmitter_settings(vehicle: &Vehicle, own: (u8, u8)) -> transmitter::Settings {
     let t = &vehicle.transmitter;
-    transmitter::Settings::from_parts(own, t.component_id, t.command)
+    let kind = match (t.kind, &t.parameter) {
+        (TransmitterKind::Leased, _) => Kind::Leased { command: t.command },
+        (TransmitterKind::Parameter, Some(parameter)) => Kind::Parameter(power_parameter(parameter)),
+        (TransmitterKind::Parameter, None) | (TransmitterKind::None, _) => Kind::None,
+    };
+    transmitter::Settings { own, target: (own.0, t.component_id), kind }
+}
+
+fn power_parameter(parameter: &config::PowerParameter) -> PowerParameter {
+    let unit = match parameter.unit {
+        config::PowerUnit::Watt => Unit::Watt,
+        config::PowerUnit::Milliwatt => Unit::Milliwatt,
+        config::PowerUnit::Dbm => Unit::Dbm,
+        config::PowerUnit::Levels => Unit::Levels(parameter.levels.clone()),
+    };
+    PowerParameter {
+        name: parameter.name.clone(),
+        protocol: parameter.protocol,
+        unit,
+        off_value: parameter.off_value,
+    }
 }

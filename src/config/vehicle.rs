@@ -11,6 +11,7 @@ use super::mission::Mission;
 use super::vehicle_file;
 use crate::autopilot::{Actuation, FirmwareChoice};
 use crate::role::Role;
+use crate::transmitter::{Level, Protocol};
 
 /// A validated vehicle file. SI units, angles in radians.
 #[derive(Debug, Clone)]
@@ -83,22 +84,13 @@ pub struct PowerParameter {
     /// Its name, 1 to 16 characters.
     pub name: String,
     /// How it is set.
-    pub protocol: ParameterProtocol,
+    pub protocol: Protocol,
     /// What its value means.
     pub unit: PowerUnit,
     /// The value that silences the radio.
     pub off_value: f64,
     /// The values and what they give, for [`PowerUnit::Levels`]; by rising power.
     pub levels: Vec<Level>,
-}
-
-/// Which messages set a parameter.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum ParameterProtocol {
-    /// PARAM_EXT_SET.
-    Ext,
-    /// PARAM_SET.
-    Classic,
 }
 
 /// What the value of a power parameter means.
@@ -112,15 +104,6 @@ pub enum PowerUnit {
     Dbm,
     /// An entry of a table.
     Levels,
-}
-
-/// One entry of a table of power levels.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Level {
-    /// The parameter's value.
-    pub value: f64,
-    /// The power it gives in W.
-    pub power_w: f64,
 }
 
 /// What a vehicle may be asked for; `None` where the mission's word is enough.

@@ -5,11 +5,11 @@ use super::kind::{Choice, Flag, Integer, Number, Parsed, Text};
 use super::mission_file::{climb, power, speed, tilt, tilt_rate};
 use super::reader::Section;
 use super::vehicle::{
-    Autopilot, Draft, Level, Limits, PairLink, ParameterProtocol, PowerParameter, PowerUnit, Transmitter,
-    TransmitterKind,
+    Autopilot, Draft, Limits, PairLink, PowerParameter, PowerUnit, Transmitter, TransmitterKind,
 };
 use crate::autopilot::{Actuation, FirmwareChoice};
 use crate::role::Role;
+use crate::transmitter::{Level, Protocol};
 
 const PATH: Text = Text { max_chars: 4096 };
 const LINK: Parsed<LinkAddress> = Parsed::new(
@@ -126,13 +126,9 @@ fn transmitter(s: &mut Section<'_, '_>) -> Transmitter {
 /// The settings of a transmitter's power parameter.
 fn parameter(s: &mut Section<'_, '_>) -> Option<PowerParameter> {
     let name = s.optional("name", "Name of the power parameter.", Text { max_chars: 16 });
-    let protocols = Choice(&[("ext", ParameterProtocol::Ext), ("classic", ParameterProtocol::Classic)]);
-    let protocol = s.read(
-        "protocol",
-        "\"ext\": PARAM_EXT_SET; \"classic\": PARAM_SET.",
-        protocols,
-        ParameterProtocol::Ext,
-    );
+    let protocols = Choice(&[("ext", Protocol::Extended), ("classic", Protocol::Classic)]);
+    let protocol =
+        s.read("protocol", "\"ext\": PARAM_EXT_SET; \"classic\": PARAM_SET.", protocols, Protocol::Extended);
     let units = Choice(&[
         ("W", PowerUnit::Watt),
         ("mW", PowerUnit::Milliwatt),

@@ -5,10 +5,10 @@ use std::time::Duration;
 use mavlink::dialects::ardupilotmega::MavSeverity;
 
 use crate::autopilot::Event as AutopilotEvent;
-use crate::autopilot::Verdict;
 use crate::geo::{Attitude, Enu};
 use crate::pair::wire::{VeilwingAnswer, VeilwingFlags, VeilwingSilence};
 use crate::pair::{Event as PairEvent, Readiness};
+use crate::preflight::Verdict;
 use crate::role::Role;
 use crate::schedule::trajectory::{Start, Trajectory};
 use crate::schedule::transit::{Router, TransitError};
@@ -189,7 +189,9 @@ impl Executive {
         if self.plan.is_none() {
             missing.push("the plan is being made".to_owned());
         }
-        let failed = self.autopilot.preflight(now).into_iter().filter(|check| check.result == Verdict::Fail);
+        let checks =
+            self.autopilot.preflight(now).into_iter().chain(self.interlock.transmitter().preflight());
+        let failed = checks.filter(|check| check.result == Verdict::Fail);
         missing.extend(failed.map(|check| format!("{}: {}", check.name, check.detail)));
         if self.autopilot.utc(now).is_none() {
             missing.push("clock: the autopilot has no UTC yet (SYSTEM_TIME)".into());
