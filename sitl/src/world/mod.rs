@@ -209,10 +209,8 @@ impl World {
         }
         let seen = self.watch();
         let dt = (TICK * TICKS_PER_SAMPLE as u32).as_secs_f64();
-        for k in 0..2 {
-            if seen[k].power_w.is_some() {
-                self.score_emitter(k, &seen[k], dt);
-            }
+        for (k, vehicle) in seen.iter().enumerate().filter(|(_, v)| v.power_w.is_some()) {
+            self.score_emitter(k, vehicle, dt);
         }
         self.secrecy_rate_bps = None;
         let (Some(power_i), Some(slot)) = (seen[0].power_w, seen[0].slot) else { return };

@@ -20,7 +20,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 
 use super::config::{Airframe, Firmware, VehicleConfig};
 use super::parameters::{Parameters, SetOutcome};
-use super::router::{Received, Router, Sender, To};
+use super::router::{Router, Sender, To};
 use crate::frames::heading_rad;
 use crate::geodesy::{LocalFrame, Origin};
 
@@ -132,11 +132,7 @@ impl Autopilot {
     }
 
     /// Takes what a client sent to this component.
-    pub fn handle(&mut self, from: Sender, received: Received, now: Duration, router: &mut Router) {
-        let message = match received {
-            Received::Message(message) => message,
-            Received::UnknownCommand { command } => return router.refuse_unknown(from, COMPONENT, command),
-        };
+    pub fn handle(&mut self, from: Sender, message: MavMessage, now: Duration, router: &mut Router) {
         match message {
             MavMessage::COMMAND_LONG(_) | MavMessage::COMMAND_INT(_) | MavMessage::SET_MODE(_) => {
                 self.handle_command(from, &message, now, router);
