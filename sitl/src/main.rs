@@ -2,6 +2,7 @@
 
 mod udp;
 
+use std::io::IsTerminal;
 use std::process::ExitCode;
 use std::time::Duration;
 
@@ -142,6 +143,7 @@ async fn main() -> ExitCode {
     let Arguments { command: Command::Vehicle(arguments) } = Arguments::parse();
     tracing_subscriber::fmt()
         .with_writer(std::io::stderr)
+        .with_ansi(std::io::stderr().is_terminal())
         .with_env_filter(
             tracing_subscriber::EnvFilter::try_from_default_env().unwrap_or_else(|_| "info".into()),
         )
@@ -149,12 +151,17 @@ async fn main() -> ExitCode {
     let mut vehicle = vehicle(&arguments);
     let pace = udp::Pace { speed: arguments.speed, duration: arguments.duration };
     tracing::info!("system {} on {:?} at {}x", arguments.system_id, arguments.link, arguments.speed);
-    let outcome = tokio::select! {
-        ran = udp::run(&mut vehicle, arguments.link, pace) => ran.map(|()| ExitCode::SUCCESS),
-        signal = interrupted() => signal.map(|()| {
-            tracing::info!("interrupted");
-            ExitCode::from(130)
-        }),
+    let socket = match udp::bind(arguments.link).await {
+        Ok(socket) => socket,
+        Err(error) => {
+            eprintln!("veilwing-sitl: {:?}: {error}", arguments.link);
+            return ExitCode::from(2);
+        }
+    };
+    let code = tokio::select! {
+        () = udp::run(&mut vehicle, &socket, arguments.link, pace) => ExitCode::SUCCESS,
+        // No handler to be had is no reason to fly on unstoppably either.
+        _ = interrupted() => ExitCode::from(130),
     };
     let counters = vehicle.counters();
     tracing::info!(
@@ -163,8 +170,5 @@ async fn main() -> ExitCode {
         counters.wire.bad_checksums,
         counters.setpoints.accepted
     );
-    outcome.unwrap_or_else(|error| {
-        eprintln!("veilwing-sitl: {:?}: {error}", arguments.link);
-        ExitCode::from(2)
-    })
+    code
 }

@@ -320,3 +320,17 @@ fn prop_disarming_in_the_air_is_refused() {
     let fallen = f.world.snapshot().vehicles[0].clone();
     assert!(!fallen.armed && fallen.landed, "{fallen:?}");
 }
+
+#[test]
+fn prop_px4_takes_off_by_command_and_then_holds() {
+    let mut f = Flight::new(config());
+    f.pass(3000);
+    // 12 m above J's home, which is 1 m above the mission's origin at 200 m.
+    f.clients[1].command(&mut f.world, MavCmd::MAV_CMD_NAV_TAKEOFF, &[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 213.0]);
+    f.clients[1].command(&mut f.world, MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, &[1.0]);
+    f.pass(3000);
+    assert_eq!(f.clients[1].heartbeat().custom_mode, 0x0204_0000);
+    f.pass(15_000);
+    assert_eq!(f.clients[1].heartbeat().custom_mode, 0x0304_0000);
+    assert!((f.position(1)[2] - 13.0).abs() < 0.05, "{:?}", f.position(1));
+}

@@ -1,0 +1,32 @@
+//! How fast the world runs: a pair held in a tilted slot, telemetry and setpoints at 50 Hz, both on the air.
+//!
+//! `cargo run --release -p veilwing-sitl --example speed`
+
+#[path = "../tests/common/mod.rs"]
+mod common;
+
+use common::{Flight, config};
+
+#[allow(clippy::disallowed_methods)] // A stopwatch: the figure is wall time.
+fn main() {
+    let mut config = config();
+    config.jitter.std_deg = 2.0;
+    let mut flight = Flight::new(config);
+    flight.take_off();
+    flight.go_to_slot(0);
+    for client in &mut flight.clients {
+        for id in [31.0, 32.0] {
+            client.command(
+                &mut flight.world,
+                mavlink::dialects::ardupilotmega::MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL,
+                &[id, 20_000.0],
+            );
+        }
+    }
+    flight.hold(0, 500, [false, true]);
+    let simulated_s = 600.0;
+    let start = std::time::Instant::now();
+    flight.hold(0, 600_000, [true, true]);
+    let wall_s = start.elapsed().as_secs_f64();
+    println!("{simulated_s} s simulated in {wall_s:.3} s: {:.0} times real time", simulated_s / wall_s);
+}
