@@ -7,6 +7,7 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use clap::{Parser, Subcommand, ValueEnum};
+use tokio::signal::unix::{Signal, SignalKind, signal};
 use veilwing_sitl::{Airframe, Firmware, JitterConfig, Origin, Role, Vehicle, VehicleConfig};
 
 const EXAMPLES: &str = "Examples:
@@ -129,12 +130,22 @@ fn utc_now_us() -> u64 {
     u64::try_from(since.as_micros()).unwrap_or(u64::MAX)
 }
 
-/// Ctrl-C or SIGTERM.
-async fn interrupted() -> std::io::Result<()> {
-    let mut terminate = tokio::signal::unix::signal(tokio::signal::unix::SignalKind::terminate())?;
-    tokio::select! {
-        result = tokio::signal::ctrl_c() => result,
-        _ = terminate.recv() => Ok(()),
+/// Ctrl-C and SIGTERM.
+struct Interrupts {
+    interrupt: Signal,
+    terminate: Signal,
+}
+
+impl Interrupts {
+    fn listen() -> std::io::Result<Self> {
+        Ok(Self { interrupt: signal(SignalKind::interrupt())?, terminate: signal(SignalKind::terminate())? })
+    }
+
+    async fn arrive(&mut self) {
+        tokio::select! {
+            _ = self.interrupt.recv() => {}
+            _ = self.terminate.recv() => {}
+        }
     }
 }
 
@@ -148,20 +159,19 @@ async fn main() -> ExitCode {
             tracing_subscriber::EnvFilter::try_from_default_env().unwrap_or_else(|_| "info".into()),
         )
         .init();
-    let mut vehicle = vehicle(&arguments);
-    let pace = udp::Pace { speed: arguments.speed, duration: arguments.duration };
-    tracing::info!("system {} on {:?} at {}x", arguments.system_id, arguments.link, arguments.speed);
-    let socket = match udp::bind(arguments.link).await {
-        Ok(socket) => socket,
-        Err(error) => {
+    let (mut interrupts, socket) = match (Interrupts::listen(), udp::bind(arguments.link).await) {
+        (Ok(interrupts), Ok(socket)) => (interrupts, socket),
+        (Err(error), _) | (_, Err(error)) => {
             eprintln!("veilwing-sitl: {:?}: {error}", arguments.link);
             return ExitCode::from(2);
         }
     };
+    let mut vehicle = vehicle(&arguments);
+    let pace = udp::Pace { speed: arguments.speed, duration: arguments.duration };
+    tracing::info!("system {} on {:?} at {}x", arguments.system_id, arguments.link, arguments.speed);
     let code = tokio::select! {
         () = udp::run(&mut vehicle, &socket, arguments.link, pace) => ExitCode::SUCCESS,
-        // No handler to be had is no reason to fly on unstoppably either.
-        _ = interrupted() => ExitCode::from(130),
+        () = interrupts.arrive() => ExitCode::from(130),
     };
     let counters = vehicle.counters();
     tracing::info!(

@@ -14,6 +14,9 @@ const FORCE: f32 = 21_196.0;
 /// ArduCopter's main loop: no stream is faster.
 const FASTEST_INTERVAL: Duration = Duration::from_micros(2500);
 
+/// A day: a longer interval is no stream any more.
+const SLOWEST_INTERVAL: Duration = Duration::from_secs(86_400);
+
 /// A command of either message, as far as both have it.
 struct Command {
     id: MavCmd,
@@ -234,7 +237,7 @@ impl Autopilot {
         } else if interval_us == 0.0 {
             streams.set_default(id, firmware, now);
         } else {
-            let asked = Duration::from_secs_f64(f64::from(interval_us) * 1e-6);
+            let asked = Duration::from_micros(interval_us as u64).min(SLOWEST_INTERVAL);
             if asked < FASTEST_INTERVAL && firmware == Firmware::ArduCopter {
                 return MavResult::MAV_RESULT_DENIED;
             }

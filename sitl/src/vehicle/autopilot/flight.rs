@@ -196,7 +196,7 @@ impl Autopilot {
             Firmware::Px4 => "COM_OF_LOSS_T",
             Firmware::ArduCopter => "GUID_TIMEOUT",
         };
-        let timeout = Duration::try_from_secs_f32(self.parameters.real(timeout_name)).unwrap_or_default();
+        let timeout = self.parameters.seconds(timeout_name);
         let mut target = self.flight.hold();
         if let Some(setpoint) = &self.offboard.setpoint {
             let stale = sensed.now.saturating_sub(setpoint.at) > timeout;

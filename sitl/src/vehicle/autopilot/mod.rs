@@ -272,8 +272,7 @@ impl Autopilot {
         if self.firmware != Firmware::Px4 || !self.armed {
             return;
         }
-        let timeout = Duration::try_from_secs_f32(self.parameters.real("COM_OF_LOSS_T")).unwrap_or_default();
-        let live = self.offboard.live(sensed.now, timeout);
+        let live = self.offboard.live(sensed.now, self.parameters.seconds("COM_OF_LOSS_T"));
         if self.mode == Mode::Companion && !live {
             let action = self.parameters.real("COM_OBL_RC_ACT") as i32;
             let mode = match action {
