@@ -33,6 +33,8 @@ use wind::Wind;
 pub const TICK: Duration = Duration::from_micros(2500);
 /// Every second tick is a radio sample: 200 Hz.
 pub const TICKS_PER_SAMPLE: u64 = 2;
+/// The time between two radio samples.
+pub const SAMPLE: Duration = Duration::from_millis(5);
 /// The companion's link; all others are ground stations'.
 pub const COMPANION_LINK: usize = 0;
 
@@ -221,7 +223,7 @@ impl Vehicle {
 
     /// Draws the jitter of a radio sample. `meant` are the Euler angles that the body is meant to have, if known.
     pub(crate) fn sample(&mut self, meant: Option<Euler>) {
-        self.jitter.draw((TICK * TICKS_PER_SAMPLE as u32).as_secs_f64());
+        self.jitter.draw(SAMPLE.as_secs_f64());
         self.attitude = if self.airborne() {
             self.jitter.apply(&self.dynamics.attitude, meant)
         } else {
