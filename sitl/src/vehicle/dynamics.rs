@@ -251,6 +251,7 @@ mod tests {
         }
         assert!(d.on_ground && d.position_enu_m.z == 2.0 && d.velocity_enu_m_s.norm() == 0.0);
         let level = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), 0.7);
-        assert!(d.attitude.angle_to(&level) < 1e-6, "{}", d.attitude.angle_to(&level));
+        // The rotors run down during the first hundredths of a second and turn it by as little.
+        assert!(d.attitude.angle_to(&level) < 1e-4, "{}", d.attitude.angle_to(&level));
     }
 }
