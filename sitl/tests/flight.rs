@@ -132,3 +132,27 @@ fn prop_a_conventional_vehicle_leans_to_move_and_ignores_attitude_targets() {
     let [w, x, y, _] = flight.world.snapshot().vehicles[0].attitude_wxyz;
     assert!(x.hypot(y) < 0.02 && w.abs() > 0.0);
 }
+
+#[test]
+fn prop_small_and_large_steps_simulate_the_same() {
+    let run = |step_us: u64| {
+        let mut config = config();
+        config.jitter.std_deg = 2.0;
+        config.vehicles[0].wind.gust_std_m_s = 2.0;
+        let mut flight = Flight::new(config);
+        flight.take_off();
+        flight.clients[1].power(&mut flight.world, 10.0, 0, 777);
+        let (start, mut frames) = (flight.world.now(), Vec::new());
+        for k in 1..=3_000_000 / step_us {
+            flight.world.advance(start + std::time::Duration::from_micros(k * step_us));
+            frames.extend(std::iter::from_fn(|| flight.world.poll_transmit()));
+        }
+        // Frames of different vehicles may interleave otherwise.
+        frames.sort_by_key(|(vehicle, link, _)| (*vehicle, *link));
+        (flight.world.snapshot(), flight.world.report(), frames)
+    };
+    let large = run(1_000_000);
+    assert!(large.1.outside_slots_s.j == 0.0 && large.1.slots[0].radiated_s.j > 0.7, "{:?}", large.1);
+    assert_eq!(run(1000), large);
+    assert_eq!(run(300_000), large);
+}

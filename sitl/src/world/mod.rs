@@ -40,6 +40,10 @@ pub struct Snapshot {
 }
 
 /// The simulated world. No I/O, no clock: bytes and simulation time go in, frames come out.
+///
+/// The caller's loop: [`World::advance`] to the present simulation time, [`World::handle`] what has arrived (it is
+/// taken to have arrived at the time last advanced to), send what [`World::poll_transmit`] gives until it gives no
+/// more. Advancing in small or in large steps simulates the same.
 #[derive(Debug, Clone)]
 pub struct World {
     config: WorldConfig,
