@@ -17,9 +17,11 @@ pub mod phase2;
 pub mod plan;
 pub mod problem;
 mod region;
+mod robust;
 mod search;
 mod setup;
 mod solver;
+mod starts;
 mod variables;
 
 pub use cap::cap;
