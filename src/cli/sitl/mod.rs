@@ -5,6 +5,7 @@ mod document;
 mod faults;
 mod files;
 mod host;
+mod process;
 mod world;
 
 use std::path::PathBuf;
