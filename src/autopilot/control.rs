@@ -350,9 +350,17 @@ impl Autopilot {
             let report = goal.report_at.is_some_and(|at| at <= now);
             let hopeless = report && goal.answer == Some(MavResult::MAV_RESULT_UNSUPPORTED);
             if hopeless || goal.deadline <= now {
-                let event = refused(aim, firmware, goal.answer, statustext.or_else(|| self.why_not(aim)));
+                let (answer, waited) = (goal.answer, now.saturating_since(goal.since));
+                let statustext = statustext.or_else(|| self.why_not(aim));
                 self.abandon(aim);
-                self.out.tell(event);
+                let next_best = if let Aim::Mode(mode) = aim { firmware.next_best(mode) } else { None };
+                if let Some(instead) = next_best {
+                    let result = answer.unwrap_or(MavResult::MAV_RESULT_FAILED);
+                    self.out.tell(Event::NotReady { what: aim.name(firmware), result, statustext, waited });
+                    self.start_handing_over(instead, now);
+                } else {
+                    self.out.tell(refused(aim, firmware, answer, statustext));
+                }
                 continue;
             }
             if let (true, Some(result)) = (report, goal.answer) {

@@ -1,6 +1,7 @@
 //! The adapter against scripted autopilots that do what real programs were seen to do.
 
 mod fake;
+mod omnicopter;
 
 use std::time::Duration;
 
@@ -561,4 +562,16 @@ fn val_acknowledgements_to_others_end_nothing_of_ours() {
     );
     world.run(0.4);
     assert_eq!(world.count(|event| matches!(event, Event::NotReady { .. })), 0);
+}
+
+#[test]
+fn val_arducopter_without_brake_is_asked_to_loiter() {
+    let mut world = World::new(Fake::new(Firmware::ArduPilot), |_| {});
+    world.fake.missing_mode = Some(17);
+    world.launch();
+    world.autopilot.hold(world.now);
+    let event = world.until(3.0, |event| matches!(event, Event::HandedOver { .. }));
+    assert_eq!(event, Event::HandedOver { mode: "LOITER" });
+    assert_eq!(world.count(|event| matches!(event, Event::NotReady { what: "BRAKE", .. })), 1);
+    assert_eq!(world.count(|event| matches!(event, Event::ControlLost { .. })), 0);
 }

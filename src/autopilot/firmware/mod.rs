@@ -107,6 +107,11 @@ impl Firmware {
         }
     }
 
+    /// The mode to ask for when this one is refused. ArduCopter's BRAKE can be left out of a build.
+    pub(super) fn next_best(self, mode: Mode) -> Option<Mode> {
+        (self == Self::ArduPilot && mode == Mode::Hold).then_some(ardupilot::LOITER)
+    }
+
     /// Whether setpoints must stream before the companion's mode is accepted.
     pub(super) fn wants_stream_first(self) -> bool {
         self == Self::Px4

@@ -43,11 +43,14 @@ pub struct Fake {
     pub landed: MavLandedState,
     /// Local NED.
     pub position: Vector3<f64>,
+    pub velocity: Vector3<f64>,
     pub target: Option<Vector3<f64>>,
     pub attitude: [f32; 4],
     pub set_mode: Manners,
     pub arming: Manners,
     pub takeoff: Manners,
+    /// A mode that this build does not have.
+    pub missing_mode: Option<u32>,
     pub parameters: BTreeMap<&'static str, (f32, MavParamType)>,
     pub silent: bool,
     pub estimator: EstimatorStatusFlags,
@@ -55,6 +58,8 @@ pub struct Fake {
     /// Streams that never come, whatever is asked for.
     pub mute: Vec<u32>,
     pub received: Vec<(Instant, MavMessage)>,
+    /// Moves by forces instead of following its targets.
+    pub body: Option<super::omnicopter::Body>,
     booted_at: Instant,
     intervals: BTreeMap<u32, (Duration, Instant)>,
     heartbeat_at: Instant,
@@ -112,17 +117,20 @@ impl Fake {
             armed: false,
             landed: MavLandedState::MAV_LANDED_STATE_ON_GROUND,
             position: Vector3::new(5.0, -3.0, 0.0),
+            velocity: Vector3::zeros(),
             target: None,
             attitude: Attitude::from_euler(0.0, 0.0, 0.3).to_mavlink().map(|c| c as f32),
             set_mode: Manners::Obey,
             arming: Manners::Obey,
             takeoff: Manners::Obey,
+            missing_mode: None,
             parameters,
             silent: false,
             estimator: px4_ready(),
             ekf: EkfStatusFlags::from_bits_retain(1 | 2 | 4 | 8 | 16 | 32 | 256 | 512),
             mute: Vec::new(),
             received: Vec::new(),
+            body: None,
             booted_at: Instant::ZERO,
             intervals: BTreeMap::new(),
             heartbeat_at: Instant::ZERO,
@@ -196,7 +204,10 @@ impl Fake {
                 if a.type_mask.contains(AttitudeTargetTypemask::ATTITUDE_TARGET_TYPEMASK_THRUST_BODY_SET) {
                     self.live_setpoint(now);
                 }
-                self.attitude = a.q;
+                match &mut self.body {
+                    Some(body) => body.command(a),
+                    None => self.attitude = a.q,
+                }
             }
             _ => {}
         }
@@ -262,6 +273,9 @@ impl Fake {
                     Firmware::Px4 => (c.param2 as u32) << 16 | (c.param3 as u32) << 24,
                     Firmware::ArduPilot => c.param2 as u32,
                 };
+                if self.missing_mode == Some(wanted) {
+                    return MavResult::MAV_RESULT_UNSUPPORTED;
+                }
                 if wanted == PX4_OFFBOARD && !self.streaming(now) {
                     return MavResult::MAV_RESULT_TEMPORARILY_REJECTED;
                 }
@@ -299,7 +313,9 @@ impl Fake {
                 x: self.position.x as f32,
                 y: self.position.y as f32,
                 z: self.position.z as f32,
-                ..Default::default()
+                vx: self.velocity.x as f32,
+                vy: self.velocity.y as f32,
+                vz: self.velocity.z as f32,
             }),
             31 => MavMessage::ATTITUDE_QUATERNION(ATTITUDE_QUATERNION_DATA {
                 time_boot_ms,
@@ -387,7 +403,13 @@ impl Fake {
             self.lapsed = true;
             self.beat();
         }
-        self.fly();
+        match self.body.take() {
+            Some(mut body) => {
+                body.step(self, STEP.as_secs_f64());
+                self.body = Some(body);
+            }
+            None => self.fly(),
+        }
     }
 
     fn fly(&mut self) {
