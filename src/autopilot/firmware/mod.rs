@@ -2,6 +2,7 @@
 
 pub mod ardupilot;
 pub mod px4;
+pub(super) mod rotors;
 
 use std::fmt;
 

@@ -51,7 +51,7 @@ pub struct Fake {
     pub takeoff: Manners,
     /// A mode that this build does not have.
     pub missing_mode: Option<u32>,
-    pub parameters: BTreeMap<&'static str, (f32, MavParamType)>,
+    pub parameters: BTreeMap<String, (f32, MavParamType)>,
     pub silent: bool,
     pub estimator: EstimatorStatusFlags,
     pub ekf: EkfStatusFlags,
@@ -89,7 +89,7 @@ pub fn real(value: f32) -> (f32, MavParamType) {
 impl Fake {
     pub fn new(firmware: Firmware) -> Self {
         let parameters = match firmware {
-            Firmware::Px4 => BTreeMap::from([
+            Firmware::Px4 => vec![
                 ("COM_OF_LOSS_T", real(1.0)),
                 ("COM_OBL_RC_ACT", int(5, firmware)),
                 ("FD_FAIL_R", int(0, firmware)),
@@ -98,15 +98,20 @@ impl Fake {
                 ("MAV_TYPE", int(14, firmware)),
                 ("THR_MDL_FAC", real(0.0)),
                 ("LNDMC_Z_VEL_MAX", real(0.3)),
-            ]),
-            Firmware::ArduPilot => BTreeMap::from([
+            ],
+            Firmware::ArduPilot => vec![
                 ("FRAME_CLASS", int(16, firmware)),
                 ("GUID_TIMEOUT", real(3.0)),
                 ("GUID_OPTIONS", int(0, firmware)),
                 ("FS_GCS_ENABLE", int(0, firmware)),
                 ("SCR_ENABLE", int(1, firmware)),
-            ]),
+            ],
         };
+        let mut parameters: BTreeMap<String, _> =
+            parameters.into_iter().map(|(name, value)| (name.to_owned(), value)).collect();
+        if firmware == Firmware::Px4 {
+            parameters.extend(super::omnicopter::rotors());
+        }
         Self {
             firmware,
             address: (1, 1),
@@ -189,7 +194,7 @@ impl Fake {
             MavMessage::PARAM_REQUEST_READ(p) => self.answer_parameter(p.param_id.to_str().unwrap()),
             MavMessage::PARAM_SET(p) => {
                 let name = p.param_id.to_str().unwrap();
-                if let Some((_, entry)) = self.parameters.iter_mut().find(|(known, _)| **known == name) {
+                if let Some(entry) = self.parameters.get_mut(name) {
                     *entry = (p.param_value, p.param_type);
                     self.answer_parameter(name);
                 }
@@ -227,7 +232,7 @@ impl Fake {
             param_value: *param_value,
             param_count: 900,
             param_index: 0,
-            param_id: (*name).into(),
+            param_id: name.as_str().into(),
             param_type: *param_type,
         }));
     }
@@ -308,15 +313,19 @@ impl Fake {
         let (latitude, longitude, altitude) =
             (e7(ORIGIN.lat_deg), e7(ORIGIN.lon_deg), (ORIGIN.alt_m * 1e3) as i32);
         let message = match id {
-            32 => MavMessage::LOCAL_POSITION_NED(LOCAL_POSITION_NED_DATA {
-                time_boot_ms,
-                x: self.position.x as f32,
-                y: self.position.y as f32,
-                z: self.position.z as f32,
-                vx: self.velocity.x as f32,
-                vy: self.velocity.y as f32,
-                vz: self.velocity.z as f32,
-            }),
+            32 => {
+                let noise = self.body.as_ref().map_or_else(Default::default, |body| body.noise);
+                let (position, velocity) = (self.position + noise.0, self.velocity + noise.1);
+                MavMessage::LOCAL_POSITION_NED(LOCAL_POSITION_NED_DATA {
+                    time_boot_ms,
+                    x: position.x as f32,
+                    y: position.y as f32,
+                    z: position.z as f32,
+                    vx: velocity.x as f32,
+                    vy: velocity.y as f32,
+                    vz: velocity.z as f32,
+                })
+            }
             31 => MavMessage::ATTITUDE_QUATERNION(ATTITUDE_QUATERNION_DATA {
                 time_boot_ms,
                 q1: self.attitude[0],
@@ -539,7 +548,10 @@ impl World {
         if let Some(setpoint) = self.setpoint {
             self.autopilot.set_setpoint(setpoint, now);
         }
-        while self.autopilot.poll_timeout().is_some_and(|(at, _)| at <= now) {
+        let mut turns = 0;
+        while let Some((at, reason)) = self.autopilot.poll_timeout().filter(|(at, _)| *at <= now) {
+            turns += 1;
+            assert!(turns < 20, "{reason}, due at {at:?}, is never done");
             self.autopilot.handle_timeout(now);
         }
         while let Some(message) = self.autopilot.poll_transmit() {
