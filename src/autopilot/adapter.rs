@@ -187,8 +187,8 @@ impl Autopilot {
     }
 
     /// Climbs to this altitude above home in metres; ends in [`Event::Airborne`] or [`Event::Refused`]. ArduCopter does
-    /// it by itself; for PX4 climb setpoints replace the executive's, which must still be set to keep the stream
-    /// alive (F3).
+    /// it by itself, and setpoints are kept from it meanwhile. PX4 is flown up by the executive's setpoints; with
+    /// [`Actuation::ThrustVector`](super::Actuation::ThrustVector) thrust rises first until the vehicle leaves the ground.
     pub fn take_off(&mut self, altitude_above_home_m: f64, now: Instant) {
         self.start_climb(altitude_above_home_m, now);
         self.flush(now);

@@ -6,9 +6,9 @@ use super::adapter::Autopilot;
 use super::command::Purpose;
 use super::firmware::{Firmware, Mode};
 use super::goal::{Aim, Goal, refused};
-use super::settings::{Actuation, Event, Setpoint};
+use super::settings::{Actuation, Event};
 use super::state::Landed;
-use crate::geo::{Attitude, Enu};
+use crate::geo::Enu;
 use crate::time::Instant;
 
 /// In flight, a mode is taken soon or not at all.
@@ -40,12 +40,11 @@ pub(super) enum Phase {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Climb {
     from: Enu,
-    yaw_rad: f64,
     pub(super) altitude_m: f64,
     /// Altitude above the mission origin to be reached.
     top_m: f64,
-    /// Since when it climbs: from the start, or from when it has left the ground where thrust is ours to find.
-    pub(super) since: Option<Instant>,
+    /// Still on the ground, where it is ours to find the thrust that lifts.
+    pub(super) lifting: bool,
 }
 
 impl Climb {
@@ -123,36 +122,20 @@ impl Autopilot {
         } else {
             None
         };
-        let (Some(position), Some(attitude), None) = (state.position_enu_m, state.attitude, why) else {
-            let why = why.unwrap_or("position and attitude are not known");
+        let (Some(position), None) = (state.position_enu_m, why) else {
+            let why = why.unwrap_or("the position is not known");
             self.out.tell(refused(Aim::TakeOff, firmware, None, Some(why.into())));
             return;
         };
         let home_m = state.home_enu_m.map_or(position.value.z, |home| home.value.z);
         self.control.climb = Some(Climb {
             from: position.value,
-            yaw_rad: attitude.value.euler().2,
             altitude_m,
             top_m: home_m + altitude_m,
-            since: (self.settings.actuation != Actuation::ThrustVector).then_some(now),
+            lifting: self.settings.actuation == Actuation::ThrustVector,
         });
         let patience = TAKEOFF_GRACE + Duration::from_secs_f64((altitude_m / SLOWEST_CLIMB_M_S).min(1e6));
         self.pursue(Aim::TakeOff, patience, now);
-    }
-
-    /// The setpoint of a climb that the companion itself flies, instead of the executive's.
-    pub(super) fn climb_setpoint(&self, now: Instant) -> Option<Setpoint> {
-        let climb = self.control.climb?;
-        let speed_m_s = self.settings.takeoff_speed_m_s;
-        let climbed_s = climb.since.map_or(0.0, |since| now.saturating_since(since).as_secs_f64());
-        let height_m = climb.from.z + speed_m_s * climbed_s;
-        let climbing = climb.since.is_some() && height_m < climb.top_m;
-        let velocity_m_s = if climbing { speed_m_s } else { 0.0 };
-        Some(Setpoint {
-            position_enu_m: Enu::new(climb.from.x, climb.from.y, height_m.min(climb.top_m)),
-            velocity_enu_m_s: Enu::new(0.0, 0.0, velocity_m_s),
-            attitude: Attitude::from_euler(0.0, 0.0, climb.yaw_rad),
-        })
     }
 
     /// Whether a climb has reached its top.
@@ -165,7 +148,6 @@ impl Autopilot {
             self.control.climb = None;
             self.give_up(Purpose::TakeOff);
             self.flown = true;
-            self.stream.renew();
             self.out.tell(Event::Airborne);
         }
     }

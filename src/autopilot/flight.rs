@@ -56,26 +56,18 @@ impl Autopilot {
             Phase::HandingOver { acknowledged, .. } => !acknowledged && self.is_flying(),
             Phase::Released | Phase::HandedOver { .. } => false,
         };
+        self.note_lift_off();
         let around = allowed.then(|| self.surroundings(firmware, target, now)).flatten();
         let Some(around) = around else { return self.stream.skip() };
-        self.note_lift_off(&around, now);
-        let around = Surroundings { lifting: self.is_lifting(), ..around };
-        let setpoint = self.climb_setpoint(now).unwrap_or(setpoint);
         self.stream.send(&setpoint, &around, now, &mut self.out);
     }
 
-    fn is_lifting(&self) -> bool {
-        self.control.climb.is_some_and(|climb| climb.since.is_none())
-    }
-
-    /// The climb starts when the vehicle has left the ground.
-    fn note_lift_off(&mut self, around: &Surroundings, now: Instant) {
-        let Measured { position_enu_m, velocity_enu_m_s, .. } = around.measured;
-        if let Some(climb) = &mut self.control.climb
-            && climb.since.is_none()
-            && climb.has_left(position_enu_m, velocity_enu_m_s.z)
+    /// Ends the search for the thrust that lifts.
+    fn note_lift_off(&mut self) {
+        if let (Some(climb), Some((position_enu_m, velocity_enu_m_s))) =
+            (&mut self.control.climb, self.telemetry.motion())
         {
-            climb.since = Some(now);
+            climb.lifting &= !climb.has_left(position_enu_m, velocity_enu_m_s.z);
         }
     }
 
@@ -89,8 +81,8 @@ impl Autopilot {
             frame: self.telemetry.frame()?,
             measured: Measured { position_enu_m, velocity_enu_m_s, attitude },
             idle: self.control.climb.is_none() && !self.is_flying(),
-            flying: self.is_flying() || self.control.climb.is_some_and(|climb| climb.since.is_some()),
-            lifting: self.is_lifting(),
+            flying: self.is_flying() || self.control.climb.is_some_and(|climb| !climb.lifting),
+            lifting: self.control.climb.is_some_and(|climb| climb.lifting),
             may_tilt: !self.guarded() || LandDetectorGuard::allows_tilt(&self.parameters),
         })
     }

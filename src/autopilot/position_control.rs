@@ -1,10 +1,10 @@
 //! Position control of a fully actuated vehicle by body thrust, for autopilots that take a three-dimensional thrust
 //! but close no position loop around it.
 //!
-//! Force per mass, in the world: `f = g + K_p e + K_d (v_ref - v) + i`, with `di/dt = K_i e` frozen on an axis whose
-//! thrust is at its limit (anti-windup). In the body: `u = D R^T f h / g`, where `R` is the measured attitude (the
-//! force must point the right way while the vehicle turns), `h` the thrust command that hovers, learned in flight,
-//! and `D` the ratio of the thrust units of the axes: one unit of x thrust is not one unit of z.
+//! Force per mass, in the world: `f = g + K_p e + K_d (v_ref - v) + i`, with `di/dt = K_i e`, frozen while thrust or
+//! acceleration is at its limit or the setpoint is far (anti-windup). In the body: `u = D R^T f h / g`, where `R` is
+//! the measured attitude (the force must point the right way while the vehicle turns), `h` the thrust command that
+//! hovers, learned in flight, and `D` the ratio of the thrust units of the axes: one unit of x is not one unit of z.
 
 use nalgebra::Vector3;
 
@@ -122,6 +122,7 @@ impl PositionControl {
     ) -> Vector3<f64> {
         let s = self.settings;
         let axes = |[horizontal, vertical]: [f64; 2]| Vector3::new(horizontal, horizontal, vertical);
+        let far = (position_enu_m - measured.position_enu_m).norm() > s.error_limit_m;
         let error = limited(position_enu_m - measured.position_enu_m, s.error_limit_m);
         let velocity_error = velocity_enu_m_s - measured.velocity_enu_m_s;
         let feedback =
@@ -136,7 +137,7 @@ impl PositionControl {
         let command = if saturated { scaled * (s.thrust_limit / largest) } else { scaled };
 
         let limited_force = wanted.norm() + 1e-9 >= s.acceleration_limit_m_s2;
-        if learn && dt_s > 0.0 && !saturated && !limited_force {
+        if learn && dt_s > 0.0 && !far && !saturated && !limited_force {
             let step = axes(s.integral_s3).component_mul(&error) * dt_s;
             self.integral_m_s2 = limited(self.integral_m_s2 + step, s.integral_limit_m_s2);
             self.learn_hover(dt_s);

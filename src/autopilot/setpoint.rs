@@ -85,12 +85,6 @@ impl Stream {
         self.tick_at.get_or_insert(now);
     }
 
-    /// Forgets the setpoint and goes on when there is a new one: what was set before a climb is below it.
-    pub(super) fn renew(&mut self) {
-        self.setpoint = None;
-        self.tick_at = None;
-    }
-
     /// Forgets the setpoint: nothing is streamed until there is a new one.
     pub(super) fn stop(&mut self) {
         self.setpoint = None;

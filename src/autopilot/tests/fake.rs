@@ -584,6 +584,14 @@ impl World {
         self.hold_here();
     }
 
+    /// Sets a place above the present one.
+    pub fn climb_to(&mut self, height_m: f64) {
+        self.setpoint = self.setpoint.map(|setpoint| Setpoint {
+            position_enu_m: setpoint.position_enu_m + Vector3::z() * height_m,
+            ..setpoint
+        });
+    }
+
     /// In control, armed and at 10 m.
     pub fn launch(&mut self) {
         self.connect();
@@ -592,6 +600,7 @@ impl World {
         self.autopilot.arm(self.now);
         self.until(10.0, |event| *event == Event::Armed);
         self.autopilot.take_off(10.0, self.now);
+        self.climb_to(10.0);
         self.until(30.0, |event| *event == Event::Airborne);
         self.hold_here();
         self.run(2.0);
