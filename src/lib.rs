@@ -27,4 +27,6 @@ pub mod pair;
 #[cfg(feature = "companion")]
 pub mod preflight;
 #[cfg(feature = "companion")]
+pub mod report;
+#[cfg(feature = "companion")]
 pub mod transmitter;

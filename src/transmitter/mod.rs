@@ -63,14 +63,6 @@ pub struct Settings {
     pub kind: Kind,
 }
 
-impl Settings {
-    /// A leased transmitter in the companion's own system.
-    #[must_use]
-    pub fn from_parts(own: (u8, u8), component_id: u8, command: u16) -> Self {
-        Self { own, target: (own.0, component_id), kind: Kind::Leased { command } }
-    }
-}
-
 /// A power that the radio has acknowledged.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Lease {

@@ -65,7 +65,10 @@ struct World {
 impl World {
     fn new(wire: impl FnMut() -> Vec<Duration> + 'static) -> Self {
         let now = Instant::from_start(Duration::from_secs(5));
-        let transmitter = Transmitter::new(Settings::from_parts(OWN, 68, 31010), now);
+        let transmitter = Transmitter::new(
+            Settings { own: OWN, target: (OWN.0, 68), kind: Kind::Leased { command: 31010 } },
+            now,
+        );
         Self {
             now,
             radio: Radio::default(),

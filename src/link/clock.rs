@@ -1,0 +1,243 @@
+//! The one place that reads a clock. Everything else is handed [`Instant`]s.
+
+// The rule that this module is the exception to (clippy.toml).
+#![allow(clippy::disallowed_methods)]
+
+use std::future::Future;
+use std::sync::Arc;
+use std::time::{Duration, SystemTime};
+
+use crate::time::{Instant, Utc};
+
+/// Why a clock cannot run.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum ClockError {
+    /// The rate is not a number that a clock can run at.
+    #[error("the clock cannot run at {rate} simulated seconds a second: choose between {min} and {max}", min = Clock::RATE_MIN, max = Clock::RATE_MAX)]
+    Rate {
+        /// The rate asked for, in simulated seconds per second.
+        rate: f64,
+    },
+}
+
+/// A monotonic clock that may run faster or slower than the wall's, and UTC beside it. Clones share one start.
+#[derive(Debug, Clone)]
+pub struct Clock {
+    started: std::time::Instant,
+    started_utc: Utc,
+    rate: f64,
+    timers: Arc<precise::Timers>,
+}
+
+impl Clock {
+    /// The slowest rate, in simulated seconds per second.
+    pub const RATE_MIN: f64 = 1e-3;
+    /// The fastest rate, in simulated seconds per second.
+    pub const RATE_MAX: f64 = 1e3;
+
+    /// Starts a clock at the wall's own rate.
+    #[must_use]
+    pub fn real() -> Self {
+        Self {
+            started: std::time::Instant::now(),
+            started_utc: wall_utc(),
+            rate: 1.0,
+            timers: Arc::default(),
+        }
+    }
+
+    /// Starts a clock that runs `rate` simulated seconds for each second on the wall.
+    ///
+    /// # Errors
+    /// [`ClockError::Rate`] outside [`Self::RATE_MIN`] to [`Self::RATE_MAX`].
+    pub fn start(rate: f64) -> Result<Self, ClockError> {
+        // `contains` is false for NaN.
+        if !(Self::RATE_MIN..=Self::RATE_MAX).contains(&rate) {
+            return Err(ClockError::Rate { rate });
+        }
+        Ok(Self { rate, ..Self::real() })
+    }
+
+    /// The time since the start, scaled by the rate.
+    #[must_use]
+    pub fn now(&self) -> Instant {
+        Instant::from_start(self.scaled(self.started.elapsed()))
+    }
+
+    /// UTC for logs and signatures: the wall's, steps and all, at rate 1; otherwise the wall's at the start
+    /// plus [`Self::now`].
+    #[must_use]
+    pub fn utc(&self) -> Utc {
+        if self.is_scaled() { self.started_utc + self.now().since_start() } else { wall_utc() }
+    }
+
+    /// Completes at `deadline`, never before it: on Linux within the scheduler's latency, elsewhere within a
+    /// millisecond more. Dropping it is free, waiting for the same deadline again loses nothing.
+    pub fn sleep_until(&self, deadline: Instant) -> impl Future<Output = ()> + Send + use<> {
+        let clock = self.clone();
+        async move {
+            loop {
+                let left = deadline.saturating_since(clock.now());
+                if left.is_zero() {
+                    return;
+                }
+                // Rounded up: a timer that fires a nanosecond early would go round the loop for nothing.
+                let wall = if clock.is_scaled() { left.div_f64(clock.rate) } else { left };
+                clock.timers.sleep(wall + Duration::from_nanos(1)).await;
+            }
+        }
+    }
+
+    #[allow(clippy::float_cmp, reason = "exactly 1 is the rate that `real` stores")]
+    fn is_scaled(&self) -> bool {
+        self.rate != 1.0
+    }
+
+    fn scaled(&self, wall: Duration) -> Duration {
+        if self.is_scaled() { wall.mul_f64(self.rate) } else { wall }
+    }
+}
+
+fn wall_utc() -> Utc {
+    // A clock set before 1970 reads as 1970.
+    let since_epoch = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
+    Utc::default() + since_epoch
+}
+
+/// Tokio's timers round up to a millisecond, which is 20 ms of simulated time at rate 20. The kernel's do not.
+#[cfg(target_os = "linux")]
+mod precise {
+    use std::os::fd::OwnedFd;
+    use std::sync::{Mutex, PoisonError};
+    use std::time::Duration;
+
+    use rustix::time::{
+        Itimerspec, TimerfdClockId, TimerfdFlags, TimerfdTimerFlags, Timespec, timerfd_create,
+        timerfd_settime,
+    };
+    use tokio::io::unix::AsyncFd;
+
+    /// Timers at rest, for the next sleeper.
+    #[derive(Debug, Default)]
+    pub struct Timers(Mutex<Vec<AsyncFd<OwnedFd>>>);
+
+    impl Timers {
+        /// Sleeps for `wall`.
+        pub async fn sleep(&self, wall: Duration) {
+            if self.sleep_precisely(wall).await.is_err() {
+                // No file descriptor left, or an odd kernel: a coarse timer is better than none.
+                tokio::time::sleep(wall).await;
+            }
+        }
+
+        async fn sleep_precisely(&self, wall: Duration) -> std::io::Result<()> {
+            let lease = Lease { timers: self, timer: Some(self.take()?) };
+            let Some(timer) = &lease.timer else { return Ok(()) };
+            let zero = Timespec { tv_sec: 0, tv_nsec: 0 };
+            let it_value = Timespec {
+                tv_sec: i64::try_from(wall.as_secs()).unwrap_or(i64::MAX),
+                tv_nsec: wall.subsec_nanos().into(),
+            };
+            timerfd_settime(
+                timer.get_ref(),
+                TimerfdTimerFlags::empty(),
+                &Itimerspec { it_interval: zero, it_value },
+            )?;
+            loop {
+                let mut ready = timer.readable().await?;
+                // A timer used before may still be marked ready: reading it tells.
+                let mut expirations = [0_u8; 8];
+                if let Ok(read) = ready.try_io(|fd| Ok(rustix::io::read(fd, &mut expirations)?)) {
+                    return read.map(drop);
+                }
+            }
+        }
+
+        // Its successor is unsafe for the sake of types whose descriptor may change; an OwnedFd's does not.
+        #[allow(deprecated, reason = "sound for OwnedFd")]
+        fn take(&self) -> std::io::Result<AsyncFd<OwnedFd>> {
+            if let Some(timer) = self.0.lock().unwrap_or_else(PoisonError::into_inner).pop() {
+                return Ok(timer);
+            }
+            let flags = TimerfdFlags::NONBLOCK | TimerfdFlags::CLOEXEC;
+            AsyncFd::new(timerfd_create(TimerfdClockId::Monotonic, flags)?)
+        }
+    }
+
+    /// Gives its timer back, also when the sleeper is dropped half-way.
+    struct Lease<'a> {
+        timers: &'a Timers,
+        timer: Option<AsyncFd<OwnedFd>>,
+    }
+
+    impl Drop for Lease<'_> {
+        fn drop(&mut self) {
+            self.timers.0.lock().unwrap_or_else(PoisonError::into_inner).extend(self.timer.take());
+        }
+    }
+}
+
+#[cfg(not(target_os = "linux"))]
+mod precise {
+    /// Nothing to keep.
+    #[derive(Debug, Default)]
+    pub struct Timers;
+
+    impl Timers {
+        /// Sleeps for `wall`.
+        pub async fn sleep(&self, wall: std::time::Duration) {
+            tokio::time::sleep(wall).await;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn val_a_rate_that_is_no_rate_is_refused() {
+        for rate in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e4] {
+            assert!(Clock::start(rate).is_err(), "{rate}");
+        }
+        assert!(Clock::start(20.0).is_ok());
+    }
+
+    #[tokio::test]
+    async fn val_no_sleeper_wakes_early_at_any_rate() {
+        for rate in [1.0, 50.0, 0.5] {
+            let clock = Clock::start(rate).unwrap();
+            for _ in 0..20 {
+                let deadline = clock.now() + Duration::from_micros(700);
+                clock.sleep_until(deadline).await;
+                assert!(clock.now() >= deadline);
+            }
+        }
+    }
+
+    #[tokio::test]
+    async fn val_a_dropped_sleeper_leaves_nothing_behind() {
+        let clock = Clock::real();
+        let first = clock.now() + Duration::from_millis(2);
+        tokio::select! {
+            biased;
+            () = clock.sleep_until(first + Duration::from_secs(3600)) => panic!("an hour has not passed"),
+            () = clock.sleep_until(first) => {}
+        }
+        // Both timers are used again, one of them still armed for an hour and one just fired.
+        let next = clock.now() + Duration::from_millis(1);
+        tokio::join!(clock.sleep_until(next), clock.sleep_until(next));
+        assert!(clock.now() >= next);
+    }
+
+    #[test]
+    fn val_scaled_utc_is_the_start_plus_the_scaled_time() {
+        let clock = Clock::start(100.0).unwrap();
+        let before = clock.now();
+        let utc_us = clock.utc().unix_us;
+        let after = clock.now();
+        let since = Duration::from_micros(utc_us - clock.started_utc.unix_us);
+        let slack = Duration::from_micros(1);
+        assert!(since + slack >= before.since_start() && since <= after.since_start() + slack);
+    }
+}
