@@ -153,7 +153,6 @@ fn settings(args: &Args, mission: &Mission, vehicle: &Vehicle, own: (u8, u8), cl
     autopilot.rate_hz = vehicle.autopilot.rate_hz;
     autopilot.planned_tilt_rad = mission.vehicles[role].max_tilt_rad.min(mission.airspace_max_tilt_rad);
     autopilot.tilt_rate_rad_s = limits[role].tilt_rate_rad_s;
-    autopilot.takeoff_speed_m_s = limits[role].climb_m_s;
     autopilot.firmware = vehicle.autopilot.firmware;
     autopilot.actuation = vehicle.autopilot.actuation;
     Settings {
