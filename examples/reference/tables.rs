@@ -24,19 +24,29 @@ impl Run {
 
 const MHZ: f64 = 1e6;
 
-/// Median time of planning in ms, and the plans' rates.
-struct Times(Vec<f64>);
+/// Times of planning in ms.
+struct Times(Vec<f64>, bool);
+
+/// Time this thread has been on a processor, in ms, where the system tells (Linux): on a busy machine the wall clock
+/// counts others' work.
+fn on_processor_ms() -> Option<f64> {
+    let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
+    Some(text.split_whitespace().next()?.parse::<f64>().ok()? * 1e-6)
+}
 
 impl Times {
-    fn new() -> Self {
-        Self(Vec::new())
+    /// Of the wall clock, or with `processor` of the processor.
+    fn new(processor: bool) -> Self {
+        Self(Vec::new(), processor)
     }
 
     #[allow(clippy::disallowed_methods)] // an example may time; the library may not
     fn time<R>(&mut self, work: impl FnOnce() -> R) -> R {
-        let start = Instant::now();
+        let (start, before) = (Instant::now(), on_processor_ms());
         let result = work();
-        self.0.push(start.elapsed().as_secs_f64() * 1e3);
+        let wall = start.elapsed().as_secs_f64() * 1e3;
+        let busy = before.zip(on_processor_ms()).map(|(from, to)| to - from);
+        self.0.push(busy.filter(|_| self.1).unwrap_or(wall));
         result
     }
 
@@ -64,7 +74,8 @@ pub fn no_jitter(run: &Run) -> Result<(), Failure> {
     let (mut all, mut close) = (0, 0);
     for (n, power) in keys {
         let scenarios = data::eavesdroppers(n)?;
-        let (mut rates, mut best, mut gaps, mut above, mut times) = (vec![], vec![], vec![], 0, Times::new());
+        let (mut rates, mut best, mut gaps, mut above, mut times) =
+            (vec![], vec![], vec![], 0, Times::new(run.threads == 1));
         for row in rows.iter().filter(|r| r.n == n && r.max_power_w == power && r.scenario % run.every == 0) {
             let problem = data::paper(&scenarios[row.scenario], power, 0.0);
             let plan = times.time(|| plan_slot(&problem, &run.options(Method::Veilwing)))?;
@@ -112,7 +123,7 @@ pub fn methods(run: &Run) -> Result<(), Failure> {
     println!("{:20} {}", "Pmax W", powers.map(|p| format!("{p:7.1}")).join(" "));
     for (method, name, known) in model {
         let mut means = Vec::new();
-        let mut times = Times::new();
+        let mut times = Times::new(run.threads == 1);
         for power in powers {
             let rates: Vec<f64> = scenarios
                 .iter()
@@ -133,7 +144,7 @@ pub fn methods(run: &Run) -> Result<(), Failure> {
 }
 
 /// Scores by 65,536 points.
-fn score(
+pub fn score(
     problem: &Problem,
     vehicles: &veilwing::role::PerVehicle<veilwing::planner::plan::VehiclePlan>,
 ) -> Result<f64, Failure> {
@@ -154,7 +165,7 @@ pub fn jitter(run: &Run) -> Result<(), Failure> {
         let scenarios = data::eavesdroppers(n)?;
         for deg in [1.0, 2.0, 5.0, 10.0] {
             let (mut rates, mut best, mut gaps, mut ahead, mut times) =
-                (vec![], vec![], vec![], vec![], Times::new());
+                (vec![], vec![], vec![], vec![], Times::new(run.threads == 1));
             let mut evaluator: f64 = 0.0;
             for row in rows.iter().filter(|r| r.n == n && r.jitter_deg == deg && r.scenario % run.every == 0)
             {
@@ -210,7 +221,7 @@ pub fn variants(run: &Run) -> Result<(), Failure> {
     );
     let (mut all, mut close, mut worst) = (0, 0, 0.0f64);
     for variant in data::variants()?.iter().step_by(run.every) {
-        let mut times = Times::new();
+        let mut times = Times::new(run.threads == 1);
         let plan = times.time(|| plan_slot(&variant.problem, &run.options(Method::Veilwing)))?;
         let rate = score(&variant.problem, &plan.vehicles)?;
         let difference = rate - variant.best;
@@ -233,10 +244,12 @@ pub fn variants(run: &Run) -> Result<(), Failure> {
 /// Uncertain positions: discs of 50 m at 2 deg over the N = 2 scenarios.
 pub fn robust(run: &Run) -> Result<(), Failure> {
     let scenarios = data::eavesdroppers(2)?;
-    println!("2 deg, 50 m discs, N = 2: what plans for each objective are worth, averages over the scenarios");
+    println!(
+        "2 deg, 50 m discs, N = 2: what plans for each objective are worth, averages over the scenarios"
+    );
     println!("planned for     mean  5% quantile  worst case  median ms");
     for objective in [Objective::Nominal, Objective::Mean, Objective::Quantile, Objective::WorstCase] {
-        let (mut worth, mut times) = ([vec![], vec![], vec![]], Times::new());
+        let (mut worth, mut times) = ([vec![], vec![], vec![]], Times::new(run.threads == 1));
         for eavesdroppers in scenarios.iter().step_by(run.every) {
             let mut problem = data::paper(eavesdroppers, 0.5, 2.0);
             problem.objective = objective;
@@ -244,7 +257,9 @@ pub fn robust(run: &Run) -> Result<(), Failure> {
                 eavesdropper.uncertainty = Uncertainty::Disc { radius_m: 50.0 };
             }
             let plan = times.time(|| plan_slot(&problem, &run.options(Method::Veilwing)))?;
-            for (values, scored) in worth.iter_mut().zip([Objective::Mean, Objective::Quantile, Objective::WorstCase]) {
+            for (values, scored) in
+                worth.iter_mut().zip([Objective::Mean, Objective::Quantile, Objective::WorstCase])
+            {
                 let problem = Problem { objective: scored, ..problem.clone() };
                 values.push(score(&problem, &plan.vehicles)?);
             }
@@ -257,20 +272,24 @@ pub fn robust(run: &Run) -> Result<(), Failure> {
 
 /// Median planning time by number of eavesdroppers, one thread.
 pub fn times(run: &Run) -> Result<(), Failure> {
-    println!("median planning time on one thread");
+    println!("median planning time on one thread (processor time where the system tells it)");
     for deg in [0.0, 2.0] {
         for n in [2, 5, 10] {
-            let mut times = Times::new();
+            let mut times = Times::new(run.threads == 1);
             for eavesdroppers in data::eavesdroppers(n)?.iter().step_by(run.every) {
                 let problem = data::paper(eavesdroppers, 0.5, deg);
                 let options = Options { threads: 1, ..run.options(Method::Veilwing) };
                 times.time(|| plan_slot(&problem, &options))?;
             }
-            println!("N = {n:3}, {deg} deg: {:8.2} ms", times.median_ms());
+            println!(
+                "N = {n:3}, {deg} deg: median {:8.2} ms, mean {:8.2} ms",
+                times.median_ms(),
+                mean(&times.0)
+            );
         }
     }
     for variant in data::variants()?.iter().filter(|v| v.problem.eavesdroppers.len() >= 30) {
-        let mut times = Times::new();
+        let mut times = Times::new(run.threads == 1);
         let options = Options { threads: 1, ..run.options(Method::Veilwing) };
         times.time(|| plan_slot(&variant.problem, &options))?;
         println!(
