@@ -2,6 +2,7 @@
 
 use std::time::Instant;
 
+use veilwing::planner::plan::Status;
 use veilwing::planner::problem::{Method, Objective, Problem, Uncertainty};
 use veilwing::planner::{EvaluateOptions, Options, evaluate, plan_slot};
 
@@ -25,7 +26,10 @@ impl Run {
 const MHZ: f64 = 1e6;
 
 /// Times of planning in ms.
-struct Times(Vec<f64>, bool);
+struct Times {
+    wall_ms: Vec<f64>,
+    processor_ms: Vec<f64>,
+}
 
 /// Time this thread has been on a processor, in ms, where the system tells (Linux): on a busy machine the wall clock
 /// counts others' work.
@@ -35,24 +39,26 @@ fn on_processor_ms() -> Option<f64> {
 }
 
 impl Times {
-    /// Of the wall clock, or with `processor` of the processor.
-    fn new(processor: bool) -> Self {
-        Self(Vec::new(), processor)
+    fn new() -> Self {
+        Self { wall_ms: Vec::new(), processor_ms: Vec::new() }
     }
 
     #[allow(clippy::disallowed_methods)] // an example may time; the library may not
     fn time<R>(&mut self, work: impl FnOnce() -> R) -> R {
         let (start, before) = (Instant::now(), on_processor_ms());
         let result = work();
-        let wall = start.elapsed().as_secs_f64() * 1e3;
-        let busy = before.zip(on_processor_ms()).map(|(from, to)| to - from);
-        self.0.push(busy.filter(|_| self.1).unwrap_or(wall));
+        self.wall_ms.push(start.elapsed().as_secs_f64() * 1e3);
+        self.processor_ms.extend(before.zip(on_processor_ms()).map(|(from, to)| to - from));
         result
     }
 
     fn median_ms(&mut self) -> f64 {
-        self.0.sort_by(f64::total_cmp);
-        self.0.get(self.0.len() / 2).copied().unwrap_or(0.0)
+        self.wall_ms.sort_by(f64::total_cmp);
+        self.wall_ms.get(self.wall_ms.len() / 2).copied().unwrap_or(0.0)
+    }
+
+    fn processor_ms(&self) -> f64 {
+        mean(&self.processor_ms)
     }
 }
 
@@ -74,8 +80,8 @@ pub fn no_jitter(run: &Run) -> Result<(), Failure> {
     let (mut all, mut close) = (0, 0);
     for (n, power) in keys {
         let scenarios = data::eavesdroppers(n)?;
-        let (mut rates, mut best, mut gaps, mut above, mut times) =
-            (vec![], vec![], vec![], 0, Times::new(run.threads == 1));
+        let (mut rates, mut best, mut gaps, mut above, mut times) = (vec![], vec![], vec![], 0, Times::new());
+        let mut converged = 0;
         for row in rows.iter().filter(|r| r.n == n && r.max_power_w == power && r.scenario % run.every == 0) {
             let problem = data::paper(&scenarios[row.scenario], power, 0.0);
             let plan = times.time(|| plan_slot(&problem, &run.options(Method::Veilwing)))?;
@@ -84,6 +90,7 @@ pub fn no_jitter(run: &Run) -> Result<(), Failure> {
             best.push(row.best);
             gaps.push(rate / row.best - 1.0);
             above += usize::from(rate > row.cap + 1e-9);
+            converged += usize::from(plan.status == Status::Converged);
             if std::env::var_os("VERBOSE").is_some() && rate / row.best - 1.0 < -1e-4 {
                 println!("    N {n} scenario {} {power} W: {rate:.5} of {:.5}", row.scenario, row.best);
             }
@@ -92,7 +99,7 @@ pub fn no_jitter(run: &Run) -> Result<(), Failure> {
         all += gaps.len();
         close += share(1e-4);
         println!(
-            "{n:3} {power:7.1} {:6} {:6.3} {:11.3} {:13} {:12} {:9.4} {above:10} {:10.2}",
+            "{n:3} {power:7.1} {:6} {:6.3} {:11.3} {:13} {:12} {:9.4} {above:10} {converged:10} {:10.2}",
             rates.len(),
             mean(&rates),
             mean(&best),
@@ -123,7 +130,7 @@ pub fn methods(run: &Run) -> Result<(), Failure> {
     println!("{:20} {}", "Pmax W", powers.map(|p| format!("{p:7.1}")).join(" "));
     for (method, name, known) in model {
         let mut means = Vec::new();
-        let mut times = Times::new(run.threads == 1);
+        let mut times = Times::new();
         for power in powers {
             let rates: Vec<f64> = scenarios
                 .iter()
@@ -165,14 +172,15 @@ pub fn jitter(run: &Run) -> Result<(), Failure> {
         let scenarios = data::eavesdroppers(n)?;
         for deg in [1.0, 2.0, 5.0, 10.0] {
             let (mut rates, mut best, mut gaps, mut ahead, mut times) =
-                (vec![], vec![], vec![], vec![], Times::new(run.threads == 1));
-            let mut evaluator: f64 = 0.0;
+                (vec![], vec![], vec![], vec![], Times::new());
+            let (mut evaluator, mut converged) = (0.0f64, 0);
             for row in rows.iter().filter(|r| r.n == n && r.jitter_deg == deg && r.scenario % run.every == 0)
             {
                 let problem = data::paper(&scenarios[row.scenario], 0.5, deg);
                 let plan = times.time(|| plan_slot(&problem, &run.options(Method::Veilwing)))?;
                 let rate = score(&problem, &plan.vehicles)?;
                 evaluator = evaluator.max((score(&problem, &row.plan)? / row.best_clipped - 1.0).abs());
+                converged += usize::from(plan.status == Status::Converged);
                 rates.push(rate);
                 best.push(row.best_clipped);
                 gaps.push(rate / row.best_clipped - 1.0);
@@ -194,7 +202,7 @@ pub fn jitter(run: &Run) -> Result<(), Failure> {
             all += gaps.len();
             close += share;
             println!(
-                "{n:3} {deg:4.0} {:5} {:6.3} {:11.3} {share:12} {:9.3} {:9} {:13} {:15.3} {:12.3} {:10.2}",
+                "{n:3} {deg:4.0} {:5} {:6.3} {:11.3} {share:12} {:9.3} {:9} {:13} {:15.3} {:12.3} {converged:10} {:10.2}",
                 rates.len(),
                 mean(&rates),
                 mean(&best),
@@ -221,7 +229,7 @@ pub fn variants(run: &Run) -> Result<(), Failure> {
     );
     let (mut all, mut close, mut worst) = (0, 0, 0.0f64);
     for variant in data::variants()?.iter().step_by(run.every) {
-        let mut times = Times::new(run.threads == 1);
+        let mut times = Times::new();
         let plan = times.time(|| plan_slot(&variant.problem, &run.options(Method::Veilwing)))?;
         let rate = score(&variant.problem, &plan.vehicles)?;
         let difference = rate - variant.best;
@@ -249,7 +257,7 @@ pub fn robust(run: &Run) -> Result<(), Failure> {
     );
     println!("planned for     mean  5% quantile  worst case  median ms");
     for objective in [Objective::Nominal, Objective::Mean, Objective::Quantile, Objective::WorstCase] {
-        let (mut worth, mut times) = ([vec![], vec![], vec![]], Times::new(run.threads == 1));
+        let (mut worth, mut times) = ([vec![], vec![], vec![]], Times::new());
         for eavesdroppers in scenarios.iter().step_by(run.every) {
             let mut problem = data::paper(eavesdroppers, 0.5, 2.0);
             problem.objective = objective;
@@ -272,24 +280,26 @@ pub fn robust(run: &Run) -> Result<(), Failure> {
 
 /// Median planning time by number of eavesdroppers, one thread.
 pub fn times(run: &Run) -> Result<(), Failure> {
-    println!("median planning time on one thread (processor time where the system tells it)");
+    println!(
+        "median planning time on one thread; on a busy machine the processor time (where the system tells it) is the honest one"
+    );
     for deg in [0.0, 2.0] {
         for n in [2, 5, 10] {
-            let mut times = Times::new(run.threads == 1);
+            let mut times = Times::new();
             for eavesdroppers in data::eavesdroppers(n)?.iter().step_by(run.every) {
                 let problem = data::paper(eavesdroppers, 0.5, deg);
                 let options = Options { threads: 1, ..run.options(Method::Veilwing) };
                 times.time(|| plan_slot(&problem, &options))?;
             }
             println!(
-                "N = {n:3}, {deg} deg: median {:8.2} ms, mean {:8.2} ms",
+                "N = {n:3}, {deg} deg: median {:7.2} ms, mean of processor time {:7.2} ms",
                 times.median_ms(),
-                mean(&times.0)
+                times.processor_ms()
             );
         }
     }
     for variant in data::variants()?.iter().filter(|v| v.problem.eavesdroppers.len() >= 30) {
-        let mut times = Times::new(run.threads == 1);
+        let mut times = Times::new();
         let options = Options { threads: 1, ..run.options(Method::Veilwing) };
         times.time(|| plan_slot(&variant.problem, &options))?;
         println!(
