@@ -30,8 +30,8 @@ const RESTRICTED_STARTS: usize = 96;
 const EXACT_POLISHED: usize = 4;
 /// Samples of the screening.
 const SCREEN_SAMPLES: usize = 64;
-/// Samples and candidates of the polishing.
-const POLISH_SAMPLES: [(usize, usize); 3] = [(256, 6), (512, 3), (2048, 1)];
+/// Samples, candidates and tolerance of the polishing, stage by stage.
+const POLISH_SAMPLES: [(usize, usize, f64); 3] = [(256, 6, 1e-4), (512, 3, 1e-5), (2048, 1, 1e-7)];
 /// Candidates that are improved for a quantile or a worst case.
 const OVER_DRAWS: usize = 3;
 /// Samples that share a draw of uncertain positions.
@@ -114,13 +114,13 @@ fn screen(setup: &Setup, options: &Options) -> Vec<Local> {
 fn polish(setup: &Setup, options: &Options, mut best: Vec<Local>) -> Vec<Local> {
     let all = samples(setup, options);
     let chart = chart(setup, false, false);
-    for (count, candidates) in POLISH_SAMPLES {
+    for (count, candidates, tolerance) in POLISH_SAMPLES {
         best.truncate(candidates);
         let samples = all.first(count);
         let target = Target::Mean { samples: &samples, clip: true };
         let polished = parallel::map(options.threads, best.len(), |memory: &mut Memory, index| {
             let end = best[index];
-            Some(memory.maximise(setup, &chart, target, &end.raw, &settings(100, 1e-7)).unwrap_or(end))
+            Some(memory.maximise(setup, &chart, target, &end.raw, &settings(100, tolerance)).unwrap_or(end))
         });
         best = distinct(setup, polished, candidates);
     }
