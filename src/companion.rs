@@ -3,6 +3,8 @@
 //! Planning runs on a thread of its own and arrives as an input. Setpoints are due at instants of the executive's
 //! choosing; the loop sleeps until the earliest (never between two of them for a fixed length).
 
+pub mod settings;
+
 use std::future::Future;
 
 use mavlink::dialects::ardupilotmega::MavSeverity;

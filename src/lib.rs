@@ -28,5 +28,7 @@ pub mod pair;
 pub mod preflight;
 #[cfg(feature = "companion")]
 pub mod report;
+#[cfg(feature = "sitl")]
+pub mod simulation;
 #[cfg(feature = "companion")]
 pub mod transmitter;

@@ -1,25 +1,17 @@
 //! `veilwing fly`: the companion of one vehicle, what runs onboard.
 
 use std::path::PathBuf;
-use std::time::Duration;
 
 use crate::companion::Companion;
-use crate::config::{self, Mission, TransmitterKind, Vehicle};
+use crate::companion::settings::{settings, transmitter_settings};
+use crate::config::{Mission, Vehicle};
 use crate::link::clock::Clock;
 use crate::link::{Key, LinkConfig, SigningConfig, TlogWriter};
-use crate::mission::interlock::Ceilings;
-use crate::mission::{Outcome, Settings};
-use crate::role::Role;
-use crate::transmitter::{Kind, PowerParameter, Transmitter, Unit};
-use crate::{autopilot, pair, transmitter};
+use crate::mission::Outcome;
+use crate::transmitter::Transmitter;
 
-use super::planning::{mission_options, plan_mission, timing, transit_limits};
+use super::planning::{mission_options, plan_mission};
 use super::{Exit, load_mission};
-
-/// The longest jam lease and transmitter lease: the time in which everything falls silent by itself.
-const LEASE: Duration = Duration::from_millis(500);
-/// Without a word for this long the other vehicle is lost and the mission is given up.
-const PEER_TIMEOUT: Duration = Duration::from_secs(3);
 
 /// Names of the two links, in logs and file names.
 const AUTOPILOT: &str = "autopilot";
@@ -107,7 +99,6 @@ fn companion(args: &Args, mission: Mission, vehicle: &Vehicle, clock: &Clock) ->
     std::fs::create_dir_all(&vehicle.log_dir)
         .map_err(|error| format!("log directory {}: {error}", vehicle.log_dir.display()))?;
     let role = vehicle.role;
-    let own = (vehicle.autopilot.system_id.unwrap_or(default_system(role)), vehicle.autopilot.component_id);
     let name = role.to_string().to_lowercase();
     let link = |to: &str, peer_system, signing| -> Result<LinkConfig, String> {
         let path = vehicle.log_dir.join(format!("{name}-{to}.tlog"));
@@ -129,84 +120,15 @@ fn companion(args: &Args, mission: Mission, vehicle: &Vehicle, clock: &Clock) ->
     Ok(Companion {
         autopilot: (vehicle.autopilot.link.clone(), link(AUTOPILOT, vehicle.autopilot.system_id, None)?),
         pair: (vehicle.pair_link.clone(), link(PAIR, None, pair_signing)?),
-        transmitter: Transmitter::new(transmitter_settings(vehicle, own), clock.now()),
-        settings: settings(args, &mission, vehicle, own, clock),
+        transmitter: Transmitter::new(transmitter_settings(vehicle), clock.now()),
+        settings: settings(&mission, vehicle, boot_id(clock), args.start),
         planner: Box::new(move || {
             plan_mission(&mission, &options).map(|timed| timed.plan).map_err(|error| error.to_string())
         }),
     })
 }
 
-/// MAVLink systems where the vehicle file names none.
-fn default_system(role: Role) -> u8 {
-    match role {
-        Role::I => 1,
-        Role::J => 2,
-    }
-}
-
-fn settings(args: &Args, mission: &Mission, vehicle: &Vehicle, own: (u8, u8), clock: &Clock) -> Settings {
-    let role = vehicle.role;
-    let limits = transit_limits(mission);
-    let mut autopilot = autopilot::Settings::new(own, mission.origin);
-    autopilot.autopilot_system = vehicle.autopilot.system_id;
-    autopilot.rate_hz = vehicle.autopilot.rate_hz;
-    autopilot.planned_tilt_rad = mission.vehicles[role].max_tilt_rad.min(mission.airspace_max_tilt_rad);
-    autopilot.tilt_rate_rad_s = limits[role].tilt_rate_rad_s;
-    autopilot.firmware = vehicle.autopilot.firmware;
-    autopilot.actuation = vehicle.autopilot.actuation;
-    Settings {
-        role,
-        own,
-        autopilot,
-        pair: pair::Settings {
-            role,
-            boot_id: boot_id(clock),
-            mission_digest: mission.digest(),
-            lease: LEASE,
-            peer_timeout: PEER_TIMEOUT,
-            clock_tolerance: Duration::from_secs_f64(mission.tdma.guard_s / 4.0),
-        },
-        airspace: mission.airspace.clone(),
-        limits,
-        timing: timing(mission),
-        order: mission.tdma.order,
-        jitter_rad: mission.jitter.std_rad,
-        ceilings: Ceilings {
-            mission_w: mission.power_ceiling(role).0,
-            vehicle_w: vehicle.limits.max_power_w.unwrap_or(f64::INFINITY),
-        },
-        emission_authorised: vehicle.transmitter.simulated || mission.emission.is_some(),
-        start_unasked: args.start,
-    }
-}
-
 /// Different at each start: the clock's microseconds, which no restart can repeat within 70 minutes.
 fn boot_id(clock: &Clock) -> u32 {
     (clock.utc().unix_us & u64::from(u32::MAX)) as u32
-}
-
-fn transmitter_settings(vehicle: &Vehicle, own: (u8, u8)) -> transmitter::Settings {
-    let t = &vehicle.transmitter;
-    let kind = match (t.kind, &t.parameter) {
-        (TransmitterKind::Leased, _) => Kind::Leased { command: t.command },
-        (TransmitterKind::Parameter, Some(parameter)) => Kind::Parameter(power_parameter(parameter)),
-        (TransmitterKind::Parameter, None) | (TransmitterKind::None, _) => Kind::None,
-    };
-    transmitter::Settings { own, target: (own.0, t.component_id), kind }
-}
-
-fn power_parameter(parameter: &config::PowerParameter) -> PowerParameter {
-    let unit = match parameter.unit {
-        config::PowerUnit::Watt => Unit::Watt,
-        config::PowerUnit::Milliwatt => Unit::Milliwatt,
-        config::PowerUnit::Dbm => Unit::Dbm,
-        config::PowerUnit::Levels => Unit::Levels(parameter.levels.clone()),
-    };
-    PowerParameter {
-        name: parameter.name.clone(),
-        protocol: parameter.protocol,
-        unit,
-        off_value: parameter.off_value,
-    }
 }

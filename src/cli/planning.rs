@@ -9,9 +9,6 @@ use crate::planner::problem::Method;
 use crate::planner::slots::{Plan, PlannedSlot, hex};
 use crate::planner::{Options, PlanError, plan_slot};
 use crate::report::plan_document::{FORMAT, PlanDocument, SlotDocument};
-use crate::role::PerVehicle;
-use crate::schedule::table::Timing;
-use crate::schedule::trajectory::Limits;
 
 /// A plan and what each slot's search took.
 #[derive(Debug, Clone)]
@@ -47,25 +44,6 @@ pub(crate) fn plan_mission(mission: &Mission, options: &Options) -> Result<Timed
 /// The options that the mission file asks for.
 pub(crate) fn mission_options(mission: &Mission) -> Options {
     Options { method: mission.planner.method, seed: mission.seed, ..Options::default() }
-}
-
-/// What the slot table demands of each vehicle.
-pub(crate) fn transit_limits(mission: &Mission) -> PerVehicle<Limits> {
-    PerVehicle::from_fn(|role| {
-        let vehicle = &mission.vehicles[role];
-        Limits {
-            acceleration_m_s2: vehicle.acceleration_m_s2,
-            ..Limits::new(vehicle.speed_m_s, vehicle.climb_m_s, vehicle.tilt_rate_rad_s)
-        }
-    })
-}
-
-/// Lengths of slots and number of superframes.
-pub(crate) fn timing(mission: &Mission) -> Timing {
-    let tdma = &mission.tdma;
-    let seconds = Duration::from_secs_f64;
-    let timing = Timing::new(seconds(tdma.slot_s), seconds(tdma.guard_s), tdma.superframes);
-    Timing { settle: seconds(tdma.settle_s), ..timing }
 }
 
 /// The plan as a document.

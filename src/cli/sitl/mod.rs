@@ -6,13 +6,13 @@ mod faults;
 mod files;
 mod host;
 mod process;
-mod world;
 
 use std::path::PathBuf;
 
 use crate::config::Mission;
 use crate::link::clock::Clock;
 use crate::planner::problem::Airframe;
+use crate::simulation;
 
 use super::plan::write_plan;
 use super::planning::{document as plan_document, mission_options, plan_mission};
@@ -74,7 +74,7 @@ fn fly(args: &Args, mission: &Mission, faults: Faults) -> Result<Exit, String> {
     if write_plan(directory.path(), &plan).is_err() {
         return Ok(Exit::Unusable);
     }
-    let config = world::config(mission, &timed.plan)?;
+    let config = simulation::world_config(mission, &timed.plan)?;
     let world = veilwing_sitl::World::new(config).map_err(|error| error.to_string())?;
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()

@@ -3,7 +3,7 @@
 use nalgebra::Vector2;
 use veilwing_sitl as sim;
 
-use crate::cli::planning::{timing, transit_limits};
+use crate::companion::settings::{timing, transit_limits};
 use crate::config::Mission;
 use crate::geo::Attitude;
 use crate::planner::plan::VehiclePlan;
@@ -18,7 +18,11 @@ use crate::units::{Dbm, Watts};
 /// Homes lie this far apart, or three separations if that is more.
 const HOMES_APART_M: f64 = 20.0;
 
-pub(super) fn config(mission: &Mission, plan: &Plan) -> Result<sim::WorldConfig, String> {
+/// The world in which `mission` is flown as planned.
+///
+/// # Errors
+/// A plan whose slots cannot be flown one after the other, or no room for two homes; in words.
+pub fn world_config(mission: &Mission, plan: &Plan) -> Result<sim::WorldConfig, String> {
     let homes = homes(mission)?;
     let uncertainty = |u: problem::Uncertainty| match u {
         problem::Uncertainty::None => sim::Uncertainty::Exact,

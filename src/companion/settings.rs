@@ -1,0 +1,117 @@
+//! From a mission file and a vehicle file to what the state machines of one companion are told.
+
+use std::time::Duration;
+
+use crate::autopilot;
+use crate::config::{self, Mission, TransmitterKind, Vehicle};
+use crate::mission::Settings;
+use crate::mission::interlock::Ceilings;
+use crate::pair;
+use crate::role::{PerVehicle, Role};
+use crate::schedule::table::Timing;
+use crate::schedule::trajectory::Limits;
+use crate::transmitter::{self, Kind, PowerParameter, Unit};
+
+/// The longest jam lease and transmitter lease: the time in which everything falls silent by itself.
+pub const LEASE: Duration = Duration::from_millis(500);
+/// Without a word for this long the other vehicle is lost and the mission is given up.
+pub const PEER_TIMEOUT: Duration = Duration::from_secs(3);
+
+/// What the executive of `vehicle` is told. `boot_id` differs at each start of a companion; `start_unasked` begins
+/// the mission without waiting for MISSION_START.
+#[must_use]
+pub fn settings(mission: &Mission, vehicle: &Vehicle, boot_id: u32, start_unasked: bool) -> Settings {
+    let role = vehicle.role;
+    let own = own(vehicle);
+    let limits = transit_limits(mission);
+    let mut autopilot = autopilot::Settings::new(own, mission.origin);
+    autopilot.autopilot_system = vehicle.autopilot.system_id;
+    autopilot.rate_hz = vehicle.autopilot.rate_hz;
+    autopilot.planned_tilt_rad = mission.vehicles[role].max_tilt_rad.min(mission.airspace_max_tilt_rad);
+    autopilot.tilt_rate_rad_s = limits[role].tilt_rate_rad_s;
+    autopilot.firmware = vehicle.autopilot.firmware;
+    autopilot.actuation = vehicle.autopilot.actuation;
+    Settings {
+        role,
+        own,
+        autopilot,
+        pair: pair::Settings {
+            role,
+            boot_id,
+            mission_digest: mission.digest(),
+            lease: LEASE,
+            peer_timeout: PEER_TIMEOUT,
+            clock_tolerance: Duration::from_secs_f64(mission.tdma.guard_s / 4.0),
+        },
+        airspace: mission.airspace.clone(),
+        limits,
+        timing: timing(mission),
+        order: mission.tdma.order,
+        jitter_rad: mission.jitter.std_rad,
+        ceilings: Ceilings {
+            mission_w: mission.power_ceiling(role).0,
+            vehicle_w: vehicle.limits.max_power_w.unwrap_or(f64::INFINITY),
+        },
+        emission_authorised: vehicle.transmitter.simulated || mission.emission.is_some(),
+        start_unasked,
+    }
+}
+
+/// What the driver of the vehicle's transmitter is told.
+#[must_use]
+pub fn transmitter_settings(vehicle: &Vehicle) -> transmitter::Settings {
+    let own = own(vehicle);
+    let t = &vehicle.transmitter;
+    let kind = match (t.kind, &t.parameter) {
+        (TransmitterKind::Leased, _) => Kind::Leased { command: t.command },
+        (TransmitterKind::Parameter, Some(parameter)) => Kind::Parameter(power_parameter(parameter)),
+        (TransmitterKind::Parameter, None) | (TransmitterKind::None, _) => Kind::None,
+    };
+    transmitter::Settings { own, target: (own.0, t.component_id), kind }
+}
+
+/// What the slot table demands of each vehicle.
+#[must_use]
+pub fn transit_limits(mission: &Mission) -> PerVehicle<Limits> {
+    PerVehicle::from_fn(|role| {
+        let vehicle = &mission.vehicles[role];
+        Limits {
+            acceleration_m_s2: vehicle.acceleration_m_s2,
+            ..Limits::new(vehicle.speed_m_s, vehicle.climb_m_s, vehicle.tilt_rate_rad_s)
+        }
+    })
+}
+
+/// Lengths of slots and number of superframes.
+#[must_use]
+pub fn timing(mission: &Mission) -> Timing {
+    let tdma = &mission.tdma;
+    let seconds = Duration::from_secs_f64;
+    let timing = Timing::new(seconds(tdma.slot_s), seconds(tdma.guard_s), tdma.superframes);
+    Timing { settle: seconds(tdma.settle_s), ..timing }
+}
+
+/// The companion's own MAVLink system and component.
+fn own(vehicle: &Vehicle) -> (u8, u8) {
+    // Where the vehicle file names no system.
+    let default = match vehicle.role {
+        Role::I => 1,
+        Role::J => 2,
+    };
+    (vehicle.autopilot.system_id.unwrap_or(default), vehicle.autopilot.component_id)
+}
+
+fn power_parameter(parameter: &config::PowerParameter) -> PowerParameter {
+    let unit = match parameter.unit {
+        config::PowerUnit::Watt => Unit::Watt,
+        config::PowerUnit::Milliwatt => Unit::Milliwatt,
+        config::PowerUnit::Dbm => Unit::Dbm,
+        config::PowerUnit::Levels => Unit::Levels(parameter.levels.clone()),
+    };
+    PowerParameter {
+        name: parameter.name.clone(),
+        protocol: parameter.protocol,
+        unit,
+        off_value: parameter.off_value,
+    }
+}

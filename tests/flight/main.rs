@@ -1,0 +1,7 @@
+//! Whole flights in virtual time: two executives, the simulated world, the bytes between them.
+
+// Helpers of tests may fail the test.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
+
+mod harness;
+mod nominal;

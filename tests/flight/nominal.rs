@@ -1,0 +1,28 @@
+//! The mission as it should go.
+
+use veilwing::mission::Outcome;
+use veilwing::role::Role;
+
+use crate::harness::*;
+
+#[test]
+fn val_a_flight_serves_every_slot_as_planned() {
+    let mut flight = Flight::new(Setup::default());
+    flight.to_the_end();
+    flight.assert_safe();
+    let report = flight.report();
+    assert_eq!(report.slots.len(), 2);
+    for slot in &report.slots {
+        let difference = (slot.achieved_secrecy_rate_bps - slot.planned_secrecy_rate_bps).abs();
+        let allowed = (0.03 * slot.planned_secrecy_rate_bps).max(4.0 * slot.standard_error_bps);
+        assert!(difference <= allowed, "{slot:#?}");
+        assert!(slot.radiated_s.i > 2.5 && slot.radiated_s.j >= slot.radiated_s.i, "{slot:#?}");
+        assert_eq!(slot.jam_out_of_tolerance_s, 0.0, "{slot:#?}");
+    }
+    for role in Role::BOTH {
+        assert_eq!(flight.outcomes[role], Some(Outcome::Completed), "{}", flight.story());
+        assert!(flight.landed(role));
+    }
+    assert!(report.min_separation_m.unwrap() > 5.0);
+    println!("{}", flight.story());
+}
