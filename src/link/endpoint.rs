@@ -135,7 +135,8 @@ impl<M: Message> Link<M> {
     }
 
     /// The next frame of the peer's. Never ends: a link that is down is reopened in here. Safe to cancel, and
-    /// to be polled among others: after a bounded amount of work without a frame it lets them go first.
+    /// to be polled among others: after a bounded amount of work without a frame it lets them go first. Silence
+    /// is noticed when this is called, so call it every second or more often.
     pub async fn recv(&mut self) -> Frame<M> {
         std::future::poll_fn(|cx| self.poll_recv(cx)).await
     }
@@ -264,6 +265,7 @@ impl<M: Message> Link<M> {
                 }
                 self.draining = Some((origin, ends));
             }
+            Arrival::Headway => {}
             Arrival::Stranger { length } => {
                 self.counters.received_bytes += length as u64;
                 self.reject(Rejection::Stranger);
