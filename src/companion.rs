@@ -1,1 +1,132 @@
-//! The one event loop.
+//! The one event loop: drains what the executive wants sent, then takes one input, with no other task between.
+//!
+//! Planning runs on a thread of its own and arrives as an input. Setpoints are due at instants of the executive's
+//! choosing; the loop sleeps until the earliest (never between two of them for a fixed length).
+
+use std::future::Future;
+
+use mavlink::dialects::ardupilotmega::MavSeverity;
+use tokio::sync::oneshot;
+use tracing::{debug, error, info, warn};
+
+use crate::config::LinkAddress;
+use crate::link::{Clock, Link, LinkConfig, LinkError};
+use crate::mission::{Executive, Notice, Outcome, Outgoing, Settings};
+use crate::pair::wire;
+use crate::planner::slots::Plan;
+use crate::role::Role;
+use crate::transmitter::Transmitter;
+
+type AutopilotMessage = mavlink::dialects::ardupilotmega::MavMessage;
+
+/// What a companion needs besides the executive's settings.
+pub struct Companion {
+    /// The executive's settings.
+    pub settings: Settings,
+    /// The transmitter's driver.
+    pub transmitter: Transmitter,
+    /// Link to the autopilot.
+    pub autopilot: (LinkAddress, LinkConfig),
+    /// Link to the other companion.
+    pub pair: (LinkAddress, LinkConfig),
+    /// Makes the plan; runs on a thread of its own.
+    pub planner: Box<dyn FnOnce() -> Result<Plan, String> + Send>,
+}
+
+/// Why a companion could not run.
+#[derive(Debug, thiserror::Error)]
+pub enum CompanionError {
+    /// A link could not be opened.
+    #[error(transparent)]
+    Link(#[from] LinkError),
+    /// There is no plan to fly.
+    #[error("no plan: {0}")]
+    Plan(String),
+}
+
+impl Companion {
+    /// Runs until the mission is over or `stop` completes; silent in both cases.
+    ///
+    /// # Errors
+    /// A link that cannot be opened, or no plan.
+    pub async fn run(self, clock: Clock, stop: impl Future<Output = ()>) -> Result<Outcome, CompanionError> {
+        let role = self.settings.role;
+        let own = self.settings.own;
+        let mut autopilot: Link<AutopilotMessage> =
+            Link::open(self.autopilot.0, self.autopilot.1, clock.clone()).await?;
+        let mut pair: Link<wire::MavMessage> = Link::open(self.pair.0, self.pair.1, clock.clone()).await?;
+        let mut executive = Executive::new(self.settings, self.transmitter, clock.now());
+        let mut planning = Some(start_planning(self.planner));
+        let mut stop = std::pin::pin!(stop);
+        let mut stopping = false;
+        loop {
+            while let Some(outgoing) = executive.poll_transmit() {
+                match outgoing {
+                    Outgoing::Autopilot(message) => autopilot.send(own, &message),
+                    Outgoing::Pair(message) => pair.send(own, &message),
+                }
+            }
+            while let Some(notice) = executive.poll_notice() {
+                log(role, executive.phase_name(), &notice);
+            }
+            if let Some(outcome) = executive.outcome(clock.now()) {
+                debug!("autopilot link: {}", autopilot.counters());
+                debug!("pair link: {}", pair.counters());
+                return Ok(outcome);
+            }
+            let (deadline, why) = executive.poll_timeout();
+            tokio::select! {
+                biased;
+                () = &mut stop, if !stopping => {
+                    stopping = true;
+                    executive.shutdown(clock.now());
+                }
+                // Deadlines before messages: no flood can hold up a setpoint.
+                () = clock.sleep_until(deadline) => {
+                    tracing::trace!(why, "timeout");
+                    executive.handle_timeout(clock.now());
+                }
+                frame = autopilot.recv() => executive.handle_autopilot(frame.header, &frame.message, clock.now()),
+                frame = pair.recv() => executive.handle_pair(&frame.message, clock.now()),
+                plan = planned(&mut planning) => executive.handle_plan(plan.map_err(CompanionError::Plan)?),
+            }
+        }
+    }
+}
+
+fn start_planning(
+    planner: Box<dyn FnOnce() -> Result<Plan, String> + Send>,
+) -> oneshot::Receiver<Result<Plan, String>> {
+    let (sender, receiver) = oneshot::channel();
+    std::thread::spawn(move || {
+        // The receiver is gone if the companion has ended: nobody wants the plan then.
+        let _ = sender.send(planner());
+    });
+    receiver
+}
+
+/// The plan, once; never completes afterwards.
+async fn planned(planning: &mut Option<oneshot::Receiver<Result<Plan, String>>>) -> Result<Plan, String> {
+    match planning {
+        Some(receiver) => {
+            let plan =
+                receiver.await.unwrap_or_else(|_| Err("the planner's thread ended without a plan".into()));
+            *planning = None;
+            plan
+        }
+        None => std::future::pending().await,
+    }
+}
+
+fn log(role: Role, phase: &str, notice: &Notice) {
+    let text = &notice.text;
+    match notice.severity {
+        MavSeverity::MAV_SEVERITY_EMERGENCY
+        | MavSeverity::MAV_SEVERITY_ALERT
+        | MavSeverity::MAV_SEVERITY_CRITICAL
+        | MavSeverity::MAV_SEVERITY_ERROR => error!(%role, phase, "{text}"),
+        MavSeverity::MAV_SEVERITY_WARNING => warn!(%role, phase, "{text}"),
+        MavSeverity::MAV_SEVERITY_NOTICE | MavSeverity::MAV_SEVERITY_INFO => info!(%role, phase, "{text}"),
+        MavSeverity::MAV_SEVERITY_DEBUG => debug!(%role, phase, "{text}"),
+    }
+}

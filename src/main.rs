@@ -1,3 +1,7 @@
 //! The `veilwing` command.
 
-fn main() {}
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    veilwing::cli::main()
+}

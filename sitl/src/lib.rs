@@ -1,1 +1,31 @@
-//! The simulated world.
+//! The simulated world: software vehicles behind a MAVLink autopilot face, leased transmitters, and the radio
+//! truth that scores a flight and watches its invariants from outside.
+//!
+//! The physics, the frames and the formulas are stated here again, from the paper and from the MAVLink
+//! documents, and never shared with the companion: a sign that is wrong on one side cannot cancel on the other.
+//! The library does no I/O and reads no clock: bytes and simulation time go in, MAVLink frames come out.
+//!
+//! Inside, the frame is the mission's: ENU about the mission origin, bodies FLU (x forward, y left, z up).
+//! NED and FRD exist only behind the autopilot face ([`vehicle::autopilot`]), about each vehicle's own origin.
+
+mod frames;
+mod geodesy;
+mod random;
+pub mod vehicle;
+mod wire;
+pub mod world;
+
+pub use frames::{Euler, antenna_axis};
+pub use geodesy::Origin;
+pub use vehicle::autopilot::SetpointCounters;
+pub use vehicle::config::{Airframe, BatteryConfig, Body, Firmware, Role, VehicleConfig, WindConfig};
+pub use vehicle::jitter::{JitterAxes, JitterConfig, JitterModel};
+pub use vehicle::{Vehicle, VehicleCounters, VehicleSnapshot};
+pub use wire::WireCounters;
+pub use world::config::{
+    AirspaceConfig, Eavesdropper, Error, Node, PlannedPose, PlannedSlot, RadioConfig, Tolerance, Uncertainty,
+    WorldConfig,
+};
+pub use world::fault::Fault;
+pub use world::report::{FlightReport, PerVehicle, SlotReport, Violation};
+pub use world::{Snapshot, World};

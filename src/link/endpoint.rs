@@ -11,7 +11,6 @@ use std::time::Duration;
 use mavlink::Message;
 
 use super::LinkError;
-use super::address::LinkAddress;
 use super::clock::Clock;
 use super::codec::{Decoder, Encoder};
 use super::counters::{Counters, Rejection};
@@ -20,6 +19,7 @@ use super::outbox::Outbox;
 use super::signing::{Signing, SigningConfig};
 use super::tlog::TlogWriter;
 use super::transport::{self, Arrival, MemoryEnd, Origin, Transport};
+use crate::config::LinkAddress;
 
 /// Reads after which the event loop gets its turn, whatever else waits in the socket.
 const READS_PER_POLL: usize = 64;
@@ -225,7 +225,8 @@ impl<M: Message> Link<M> {
         if transport.has_peer() {
             self.counters.connections += 1;
         }
-        tracing::info!(link = self.name, address = ?self.address, "link is open");
+        let address = self.address.as_ref().map(tracing::field::display);
+        tracing::info!(link = self.name, address, "link is open");
         self.way = Way::Up(transport);
     }
 

@@ -4,7 +4,6 @@
 //! connections are not used: they answer whoever sent the last datagram, accept replays after a restart, lose
 //! a HEARTBEAT with an enum value of tomorrow, share one sequence among components, and never reconnect.
 
-pub mod address;
 pub mod clock;
 pub mod codec;
 pub mod counters;
@@ -17,7 +16,8 @@ mod transport;
 
 use std::io;
 
-pub use address::{HostPort, LinkAddress};
+use crate::config::LinkAddress;
+
 pub use clock::Clock;
 pub use counters::{Counters, Rejection};
 pub use endpoint::{Link, LinkConfig};
@@ -32,7 +32,7 @@ pub use transport::MemoryEnd;
 pub enum LinkError {
     /// The local address cannot be bound.
     #[error(
-        "link {name}: cannot listen on {address:?}: {source}; another program may use the port, or the address may not be this machine's"
+        "link {name}: cannot listen on {address}: {source}; another program may use the port, or the address may not be this machine's"
     )]
     Bind {
         /// The link's name.

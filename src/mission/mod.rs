@@ -1,1 +1,12 @@
-//! mission.
+//! The executive of one vehicle: the mission's phases, the interlock (S1-S6) and the failsafe (F1-F3). No I/O.
+
+pub mod executive;
+mod flight;
+mod homing;
+pub mod interlock;
+mod operator;
+pub mod pose_monitor;
+mod reaction;
+mod slot;
+
+pub use executive::{Executive, Notice, Outcome, Outgoing, Settings};

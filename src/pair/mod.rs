@@ -1,1 +1,11 @@
-//! pair.
+//! Slot agreement between the two companions: a state machine without I/O over the messages of
+//! `message_definitions/veilwing.xml`. ARCHITECTURE.md draws the sequence of a slot.
+
+pub mod clock;
+pub mod coordinator;
+pub mod lease;
+mod peer;
+pub mod wire;
+
+pub use coordinator::{Commitment, Coordinator, Event, Local, PlanTerms, Readiness, Settings, Vouch};
+pub use peer::Peer;

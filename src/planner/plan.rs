@@ -36,6 +36,8 @@ pub struct SlotPlan {
 /// How a search ended. The best point is carried either way.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Status {
+    /// Not searched: given poses and powers, scored.
+    Evaluated,
     /// The local solver met its tolerance at the best point.
     Converged,
     /// The iteration budget ended first.

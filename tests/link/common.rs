@@ -2,8 +2,9 @@
 
 use mavlink::Message;
 use mavlink::dialects::ardupilotmega::{HEARTBEAT_DATA, MavMessage};
+use veilwing::config::{HostPort, LinkAddress};
 use veilwing::link::codec::{Decoder, Encoder};
-use veilwing::link::{Clock, Counters, Frame, HostPort, Link, LinkAddress, LinkConfig, RawFrame, Rejection};
+use veilwing::link::{Clock, Counters, Frame, Link, LinkConfig, RawFrame, Rejection};
 
 pub type M = MavMessage;
 

@@ -2,14 +2,9 @@
 
 use mavlink::Message;
 use veilwing::link::{Clock, Link, LinkConfig, MemoryEnd, TlogReader, TlogWriter};
+use veilwing::pair::wire::MavMessage;
 
 use crate::tlog::directory;
-
-#[allow(clippy::all, clippy::unwrap_used, clippy::panic, dead_code, unused_imports)]
-mod generated {
-    include!(concat!(env!("OUT_DIR"), "/mod.rs"));
-}
-use generated::veilwing::MavMessage;
 
 /// `tests/stranger/read_tlog.py --definitions message_definitions/veilwing.xml` reads the log that this leaves.
 #[tokio::test]

@@ -6,9 +6,10 @@ use std::time::Duration;
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use tokio::net::UdpSocket;
+use veilwing::config::LinkAddress;
 use veilwing::link::codec::Encoder;
 use veilwing::link::signing::{RADIO_STATUS_ID, Signing};
-use veilwing::link::{Clock, Key, Link, LinkAddress, LinkConfig, MemoryEnd, Rejection, SigningConfig};
+use veilwing::link::{Clock, Key, Link, LinkConfig, MemoryEnd, Rejection, SigningConfig};
 use veilwing::time::Utc;
 
 use crate::common::*;

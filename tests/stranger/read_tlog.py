@@ -26,8 +26,13 @@ def use_definitions(xml):
         if not mavgen.mavgen(options, [os.path.abspath(xml)]):
             sys.exit(f"pymavlink cannot generate code from {xml}")
         spec = importlib.util.spec_from_file_location("dialect", output)
-        mavutil.mavlink = importlib.util.module_from_spec(spec)
-        spec.loader.exec_module(mavutil.mavlink)
+        dialect = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(dialect)
+    # mavutil takes it for granted that every dialect has the common enums.
+    for name in vars(mavutil.mavlink):
+        if name.startswith("MAV_"):
+            vars(dialect).setdefault(name, getattr(mavutil.mavlink, name))
+    mavutil.mavlink = dialect
 
 
 def main():
@@ -35,10 +40,9 @@ def main():
     parser.add_argument("file", type=pathlib.Path)
     parser.add_argument("--definitions", help="XML of the dialect, if not ardupilotmega")
     arguments = parser.parse_args()
+    mavutil.set_dialect("ardupilotmega")
     if arguments.definitions:
         use_definitions(arguments.definitions)
-    else:
-        mavutil.set_dialect("ardupilotmega")
 
     log = mavutil.mavlogfile(str(arguments.file))
     counts = collections.Counter()

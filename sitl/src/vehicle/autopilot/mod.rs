@@ -1,0 +1,361 @@
+//! The MAVLink face of an autopilot, with the manners of PX4 or ArduCopter.
+//!
+//! Frames end here: setpoints are turned into the mission's ENU as they come in, telemetry into the vehicle's own
+//! NED as it goes out.
+//!
+//! Traps of the real firmwares that it has, each shown by a test: OFFBOARD is acknowledged while disarmed, arming in it
+//! needs a proven stream; a lost stream falls back by COM_OBL_RC_ACT, and resuming it takes the vehicle back unasked;
+//! FD_FAIL_R/P end a tilted flight; integers ride bytewise (PX4). Setpoints before GUIDED and before the take-off are
+//! ignored; one ignored axis drops its group; a position target is kept for ever in silence, the attitude levels
+//! (ArduCopter). Unknown parameters get silence from both.
+//!
+//! Its SET_ATTITUDE_TARGET turns the body apart from its position, and its thrust fields are ignored: the `pose` kind
+//! of actuation.
+
+// Ground stations still speak the superseded SET_MODE, PING and frame names, so an autopilot must understand them.
+#![allow(deprecated)]
+
+mod commands;
+mod flight;
+mod modes;
+mod offboard;
+mod streams;
+mod telemetry;
+
+use std::collections::{BTreeMap, VecDeque};
+use std::time::Duration;
+
+use mavlink::dialects::ardupilotmega::*;
+use nalgebra::{UnitQuaternion, Vector3};
+
+use super::config::{Airframe, Firmware, VehicleConfig};
+use super::parameters::{Parameters, SetOutcome};
+use super::router::{Router, Sender, To};
+use crate::frames::heading_rad;
+use crate::geodesy::{LocalFrame, Origin};
+
+pub(crate) use flight::Guidance;
+pub(crate) use modes::Mode;
+pub use offboard::SetpointCounters;
+
+/// The autopilot's component id (MAV_COMP_ID_AUTOPILOT1).
+pub const COMPONENT: u8 = 1;
+const HEARTBEAT_INTERVAL: Duration = Duration::from_secs(1);
+/// From losing the position estimate to giving up the mode that needs it.
+const ESTIMATOR_GRACE: Duration = Duration::from_millis(500);
+
+/// What the autopilot's estimator says at one instant.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Sensed {
+    pub now: Duration,
+    pub position_enu_m: Vector3<f64>,
+    pub velocity_enu_m_s: Vector3<f64>,
+    /// Body FLU to ENU, jitter included: what is reported.
+    pub attitude: UnitQuaternion<f64>,
+    /// Without the jitter: what is controlled.
+    pub nominal: UnitQuaternion<f64>,
+    pub rates_flu_rad_s: Vector3<f64>,
+    /// The landing gear carries weight.
+    pub contact: bool,
+    /// 0 to 1.
+    pub battery: f64,
+}
+
+/// One autopilot.
+#[derive(Debug, Clone)]
+pub(crate) struct Autopilot {
+    system_id: u8,
+    firmware: Firmware,
+    airframe: Airframe,
+    frame: LocalFrame,
+    utc_start_us: u64,
+    ready_after: Duration,
+    pub parameters: Parameters,
+    offboard: offboard::Offboard,
+
+    pub mode: Mode,
+    pub armed: bool,
+    pub landed: bool,
+    /// OFFBOARD was lost to a silent stream and nobody has chosen another mode since: PX4 goes back by itself.
+    resumes: bool,
+    /// A failsafe chose the present mode.
+    failsafe: bool,
+    flight: flight::Flight,
+    home_enu_m: Vector3<f64>,
+    pub estimator_ok: bool,
+    estimator_lost_at: Option<Duration>,
+
+    streams: BTreeMap<usize, streams::Streams>,
+    parameter_queue: VecDeque<(usize, usize)>,
+    next_heartbeat: Duration,
+    sensed: Option<Sensed>,
+}
+
+impl Autopilot {
+    pub fn new(config: &VehicleConfig, mission: Origin, utc_start_us: u64) -> Self {
+        let mut parameters = Parameters::of_firmware(config.firmware);
+        for name in ["MAV_SYS_ID", "SYSID_THISMAV"] {
+            parameters.set(name, super::parameters::Value::Int(config.system_id.into()));
+        }
+        let origin = config.home() + Vector3::from(config.local_origin_offset_enu_m);
+        Self {
+            system_id: config.system_id,
+            firmware: config.firmware,
+            airframe: config.airframe,
+            frame: LocalFrame::at(mission, origin),
+            utc_start_us,
+            ready_after: Duration::try_from_secs_f64(config.ready_after_s).unwrap_or_default(),
+            parameters,
+            offboard: offboard::Offboard::default(),
+            mode: match config.firmware {
+                Firmware::Px4 => Mode::Hold,
+                Firmware::ArduCopter => Mode::Stabilize,
+            },
+            armed: false,
+            landed: true,
+            resumes: false,
+            failsafe: false,
+            flight: flight::Flight::at(config.home(), config.heading_rad),
+            home_enu_m: config.home(),
+            estimator_ok: true,
+            estimator_lost_at: None,
+            streams: BTreeMap::new(),
+            parameter_queue: VecDeque::new(),
+            next_heartbeat: Duration::ZERO,
+            sensed: None,
+        }
+    }
+
+    pub fn setpoint_counters(&self) -> SetpointCounters {
+        self.offboard.counters
+    }
+
+    /// Why the vehicle cannot arm, if it cannot.
+    fn unready(&self, now: Duration) -> Option<&'static str> {
+        if now < self.ready_after {
+            Some("Preflight Fail: estimator not ready")
+        } else if !self.estimator_ok {
+            Some("Preflight Fail: no valid position estimate")
+        } else {
+            None
+        }
+    }
+
+    /// Takes what a client sent to this component.
+    pub fn handle(&mut self, from: Sender, message: MavMessage, now: Duration, router: &mut Router) {
+        match message {
+            MavMessage::COMMAND_LONG(_) | MavMessage::COMMAND_INT(_) | MavMessage::SET_MODE(_) => {
+                self.handle_command(from, &message, now, router);
+            }
+            MavMessage::SET_POSITION_TARGET_LOCAL_NED(_)
+            | MavMessage::SET_POSITION_TARGET_GLOBAL_INT(_)
+            | MavMessage::SET_ATTITUDE_TARGET(_) => self.handle_setpoint(&message, now),
+            MavMessage::PARAM_REQUEST_LIST(_) => {
+                self.parameter_queue.extend((0..self.parameters.len()).map(|k| (from.link, k)));
+            }
+            MavMessage::PARAM_REQUEST_READ(m) => self.read_parameter(from, &m, router),
+            MavMessage::PARAM_SET(m) => self.set_parameter(&m, router),
+            MavMessage::TIMESYNC(m) if m.tc1 == 0 => {
+                let reply = TIMESYNC_DATA {
+                    tc1: now.as_nanos() as i64,
+                    ts1: m.ts1,
+                    target_system: from.system_id,
+                    target_component: from.component_id,
+                };
+                router.send(To::Link(from.link), COMPONENT, &MavMessage::TIMESYNC(reply));
+            }
+            MavMessage::PING(m) if m.target_system == 0 => {
+                let reply =
+                    PING_DATA { target_system: from.system_id, target_component: from.component_id, ..m };
+                router.send(To::Link(from.link), COMPONENT, &MavMessage::PING(reply));
+            }
+            MavMessage::MISSION_REQUEST_LIST(m) => {
+                let reply = MISSION_COUNT_DATA {
+                    target_system: from.system_id,
+                    target_component: from.component_id,
+                    mission_type: m.mission_type,
+                    ..MISSION_COUNT_DATA::DEFAULT
+                };
+                router.send(To::Link(from.link), COMPONENT, &MavMessage::MISSION_COUNT(reply));
+            }
+            _ => {}
+        }
+    }
+
+    fn handle_setpoint(&mut self, message: &MavMessage, now: Duration) {
+        if !self.takes_setpoints() {
+            return;
+        }
+        match message {
+            MavMessage::SET_POSITION_TARGET_LOCAL_NED(m) => {
+                self.offboard.local(m, self.firmware, &self.frame, now);
+            }
+            MavMessage::SET_POSITION_TARGET_GLOBAL_INT(m) => {
+                let home_alt_m = self.frame.geodetic(self.home_enu_m).alt_amsl_m;
+                self.offboard.global(m, self.firmware, &self.frame, home_alt_m, now);
+            }
+            MavMessage::SET_ATTITUDE_TARGET(m) => self.offboard.attitude(m, &self.frame, now),
+            _ => {}
+        }
+    }
+
+    /// ArduCopter ignores setpoints outside GUIDED and before its take-off; PX4 lets any stream prove itself.
+    fn takes_setpoints(&mut self) -> bool {
+        let takes = match self.firmware {
+            Firmware::Px4 => true,
+            Firmware::ArduCopter => {
+                self.mode == Mode::Companion && self.armed && !self.landed && !self.flight.taking_off()
+            }
+        };
+        self.offboard.counters.not_in_control += u64::from(!takes);
+        takes
+    }
+
+    fn read_parameter(&self, from: Sender, m: &PARAM_REQUEST_READ_DATA, router: &mut Router) {
+        let index = usize::try_from(m.param_index)
+            .ok()
+            .or_else(|| m.param_id.to_str().ok().and_then(|name| self.parameters.index_of(name)));
+        // An unknown parameter gets silence, from both firmwares.
+        if let Some(value) = index.and_then(|k| self.parameters.message(k)) {
+            router.send(To::Link(from.link), COMPONENT, &MavMessage::PARAM_VALUE(value));
+        }
+    }
+
+    fn set_parameter(&mut self, m: &PARAM_SET_DATA, router: &mut Router) {
+        let (SetOutcome::Stored(index) | SetOutcome::Refused(index)) = self.parameters.handle_set(m) else {
+            return;
+        };
+        if let Some(value) = self.parameters.message(index) {
+            router.send(To::All, COMPONENT, &MavMessage::PARAM_VALUE(value));
+        }
+    }
+
+    fn text(&self, severity: MavSeverity, text: &str, router: &mut Router) {
+        router.text(COMPONENT, severity, text);
+    }
+
+    /// One step: telemetry, failsafes, and what the vehicle shall do.
+    pub fn tick(&mut self, sensed: &Sensed, router: &mut Router) -> Guidance {
+        self.sensed = Some(*sensed);
+        self.tell(sensed, router);
+        self.watch_land(sensed, router);
+        self.watch_stream(sensed, router);
+        self.watch_estimator(sensed, router);
+        self.watch_attitude(sensed, router);
+        self.guide(sensed, router)
+    }
+
+    fn tell(&mut self, sensed: &Sensed, router: &mut Router) {
+        if sensed.now >= self.next_heartbeat {
+            self.next_heartbeat = sensed.now + HEARTBEAT_INTERVAL;
+            router.send(To::All, COMPONENT, &self.heartbeat());
+        }
+        for link in router.active_links().collect::<Vec<_>>() {
+            let streams =
+                self.streams.entry(link).or_insert_with(|| streams::Streams::new(self.firmware, sensed.now));
+            for id in streams.due(sensed.now) {
+                if let Some(message) = self.message(id, sensed) {
+                    router.send(To::Link(link), COMPONENT, &message);
+                }
+            }
+        }
+        // One a step: 400 a second, as a fast link carries them.
+        if let Some((link, index)) = self.parameter_queue.pop_front()
+            && let Some(value) = self.parameters.message(index)
+        {
+            router.send(To::Link(link), COMPONENT, &MavMessage::PARAM_VALUE(value));
+        }
+    }
+
+    /// PX4's offboard loss and return. ArduCopter says nothing and does nothing (see `flight`).
+    fn watch_stream(&mut self, sensed: &Sensed, router: &mut Router) {
+        if self.firmware != Firmware::Px4 || !self.armed {
+            return;
+        }
+        let live = self.offboard.live(sensed.now, self.parameters.seconds("COM_OF_LOSS_T"));
+        if self.mode == Mode::Companion && !live {
+            let action = self.parameters.real("COM_OBL_RC_ACT") as i32;
+            let mode = match action {
+                3 => Mode::ReturnToLaunch,
+                // Position, altitude and manual need sticks; without them the vehicle comes down.
+                0..=2 | 4 => Mode::Land,
+                6 | 7 => return self.terminate("Failsafe: offboard lost, terminating", router),
+                _ => Mode::Hold,
+            };
+            self.enter(mode, sensed);
+            self.failsafe = true;
+            self.resumes = true;
+            let text = format!("Failsafe: Offboard signal lost, switching to {}", mode.name(self.firmware));
+            self.text(MavSeverity::MAV_SEVERITY_CRITICAL, &text, router);
+        } else if self.resumes && live && self.offboard.proven(sensed.now) {
+            self.enter(Mode::Companion, sensed);
+            self.text(MavSeverity::MAV_SEVERITY_INFO, "Offboard signal regained", router);
+        }
+    }
+
+    fn watch_estimator(&mut self, sensed: &Sensed, router: &mut Router) {
+        if self.estimator_ok {
+            self.estimator_lost_at = None;
+            return;
+        }
+        let lost_at = *self.estimator_lost_at.get_or_insert(sensed.now);
+        let late = sensed.now.saturating_sub(lost_at) >= ESTIMATOR_GRACE;
+        if self.armed && late && self.mode != Mode::Land {
+            self.enter(Mode::Land, sensed);
+            self.failsafe = true;
+            let text = match self.firmware {
+                Firmware::Px4 => "Failsafe: position estimate lost, descending",
+                Firmware::ArduCopter => "EKF Failsafe: changed to LAND Mode",
+            };
+            self.text(MavSeverity::MAV_SEVERITY_CRITICAL, text, router);
+        }
+    }
+
+    /// PX4's failure detector ends a flight at a tilt beyond FD_FAIL_R or FD_FAIL_P (0 switches it off).
+    fn watch_attitude(&mut self, sensed: &Sensed, router: &mut Router) {
+        if self.firmware != Firmware::Px4 || !self.armed || self.landed {
+            return;
+        }
+        let (roll, pitch, _) = self.frame.attitude_to_ned(&sensed.nominal).euler_angles();
+        for (name, angle) in [("FD_FAIL_R", roll), ("FD_FAIL_P", pitch)] {
+            let limit_deg = f64::from(self.parameters.real(name));
+            if limit_deg > 0.0 && angle.to_degrees().abs() > limit_deg {
+                return self.terminate("Critical: attitude failure detected, terminating", router);
+            }
+        }
+    }
+
+    fn terminate(&mut self, why: &str, router: &mut Router) {
+        self.text(MavSeverity::MAV_SEVERITY_EMERGENCY, why, router);
+        self.disarm();
+    }
+
+    fn disarm(&mut self) {
+        self.armed = false;
+        self.resumes = false;
+        self.failsafe = false;
+        self.flight.end();
+    }
+
+    /// Changes the mode, from where the vehicle is.
+    fn enter(&mut self, mode: Mode, sensed: &Sensed) {
+        self.mode = mode;
+        self.resumes = false;
+        self.failsafe = false;
+        self.flight.hold_here(sensed.position_enu_m, heading_rad(&sensed.nominal));
+    }
+
+    /// The pilot takes the sticks.
+    pub fn pilot_takes_over(&mut self, router: &mut Router) {
+        if let Some(sensed) = self.sensed {
+            self.enter(Mode::Position, &sensed);
+            let text = format!("Pilot took over: {}", self.mode.name(self.firmware));
+            self.text(MavSeverity::MAV_SEVERITY_INFO, &text, router);
+        }
+    }
+
+    /// As the firmware's ground stations call the mode.
+    pub fn mode_name(&self) -> &'static str {
+        self.mode.name(self.firmware)
+    }
+}

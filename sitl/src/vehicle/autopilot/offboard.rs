@@ -1,0 +1,303 @@
+//! Setpoints from outside: which are taken, and whether their stream is alive.
+
+use std::time::Duration;
+
+use mavlink::dialects::ardupilotmega::{
+    MavFrame, SET_ATTITUDE_TARGET_DATA, SET_POSITION_TARGET_GLOBAL_INT_DATA,
+    SET_POSITION_TARGET_LOCAL_NED_DATA,
+};
+use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+
+use crate::geodesy::{LocalFrame, Origin};
+use crate::vehicle::config::Firmware;
+
+/// PX4 wants setpoints at more than 2 Hz, for a second, before it trusts the stream.
+const LONGEST_GAP: Duration = Duration::from_millis(500);
+const PROVEN_AFTER: Duration = Duration::from_secs(1);
+/// How long a target moves on with its velocity between two setpoints.
+const EXTRAPOLATE_S: f64 = 0.1;
+/// How far from a unit quaternion a sender's single precision may be.
+const NORM_TOLERANCE: f64 = 0.01;
+
+/// What became of setpoints.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
+pub struct SetpointCounters {
+    /// Taken.
+    pub accepted: u64,
+    /// In a coordinate frame that the firmware does not take.
+    pub wrong_frame: u64,
+    /// Nothing left after the ignore bits, not finite, or not a unit quaternion.
+    pub invalid: u64,
+    /// ArduCopter: outside GUIDED, or before the take-off.
+    pub not_in_control: u64,
+}
+
+/// A position target, mission ENU.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Setpoint {
+    position: [Option<f64>; 3],
+    pub velocity: [Option<f64>; 3],
+    /// From east towards north.
+    pub heading_rad: Option<f64>,
+    pub at: Duration,
+}
+
+impl Setpoint {
+    /// The position meant at `now`: between two setpoints it moves on with its velocity.
+    pub fn position_at(&self, now: Duration) -> [Option<f64>; 3] {
+        let age = now.saturating_sub(self.at).as_secs_f64().min(EXTRAPOLATE_S);
+        std::array::from_fn(|k| self.position[k].map(|p| p + self.velocity[k].unwrap_or(0.0) * age))
+    }
+
+    pub fn has_position(&self) -> bool {
+        self.position.iter().any(Option::is_some)
+    }
+}
+
+/// The latest setpoints and the health of their stream.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Offboard {
+    pub setpoint: Option<Setpoint>,
+    /// Attitude, body FLU to mission ENU, and when it came.
+    pub attitude: Option<(UnitQuaternion<f64>, Duration)>,
+    pub counters: SetpointCounters,
+    since: Option<Duration>,
+    last: Option<Duration>,
+}
+
+/// What the ignore bits leave of a target: position, velocity (NED), yaw.
+struct Fields {
+    mask: u16,
+    position_ned: [f64; 3],
+    velocity_ned: [f64; 3],
+    yaw_rad: f64,
+}
+
+impl Offboard {
+    /// A setpoint came within `timeout`.
+    pub fn live(&self, now: Duration, timeout: Duration) -> bool {
+        self.last.is_some_and(|last| now.saturating_sub(last) <= timeout)
+    }
+
+    /// The stream has run for long enough to be trusted with the vehicle.
+    pub fn proven(&self, now: Duration) -> bool {
+        self.live(now, LONGEST_GAP)
+            && self.since.is_some_and(|since| now.saturating_sub(since) >= PROVEN_AFTER)
+    }
+
+    pub fn clear(&mut self) {
+        self.setpoint = None;
+        self.attitude = None;
+    }
+
+    fn note(&mut self, now: Duration) {
+        if !self.live(now, LONGEST_GAP) {
+            self.since = Some(now);
+        }
+        self.last = Some(now);
+        self.counters.accepted += 1;
+    }
+
+    pub fn local(
+        &mut self,
+        m: &SET_POSITION_TARGET_LOCAL_NED_DATA,
+        firmware: Firmware,
+        frame: &LocalFrame,
+        now: Duration,
+    ) {
+        if m.coordinate_frame != MavFrame::MAV_FRAME_LOCAL_NED {
+            self.counters.wrong_frame += 1;
+            return;
+        }
+        let fields = Fields {
+            mask: m.type_mask.bits(),
+            position_ned: [m.x, m.y, m.z].map(f64::from),
+            velocity_ned: [m.vx, m.vy, m.vz].map(f64::from),
+            yaw_rad: m.yaw.into(),
+        };
+        self.take(&fields, firmware, frame, now);
+    }
+
+    pub fn global(
+        &mut self,
+        m: &SET_POSITION_TARGET_GLOBAL_INT_DATA,
+        firmware: Firmware,
+        frame: &LocalFrame,
+        home_alt_m: f64,
+        now: Duration,
+    ) {
+        let base_m = match m.coordinate_frame {
+            MavFrame::MAV_FRAME_GLOBAL | MavFrame::MAV_FRAME_GLOBAL_INT => 0.0,
+            MavFrame::MAV_FRAME_GLOBAL_RELATIVE_ALT | MavFrame::MAV_FRAME_GLOBAL_RELATIVE_ALT_INT => {
+                home_alt_m
+            }
+            _ => {
+                self.counters.wrong_frame += 1;
+                return;
+            }
+        };
+        let mut point = Origin::from_wire(m.lat_int, m.lon_int, 0);
+        point.alt_amsl_m = f64::from(m.alt) + base_m;
+        let ned = frame.ned_of(point);
+        let fields = Fields {
+            mask: m.type_mask.bits(),
+            position_ned: ned.into(),
+            velocity_ned: [m.vx, m.vy, m.vz].map(f64::from),
+            yaw_rad: m.yaw.into(),
+        };
+        self.take(&fields, firmware, frame, now);
+    }
+
+    fn take(&mut self, fields: &Fields, firmware: Firmware, frame: &LocalFrame, now: Duration) {
+        let group = |first: u16, values: [f64; 3]| -> [Option<f64>; 3] {
+            let given: [Option<f64>; 3] = std::array::from_fn(|k| {
+                (fields.mask & (first << k) == 0 && values[k].is_finite()).then_some(values[k])
+            });
+            // ArduCopter: one ignored axis drops its whole group.
+            let whole = given.iter().all(Option::is_some);
+            if firmware == Firmware::ArduCopter && !whole { [None; 3] } else { given }
+        };
+        let (position, velocity) = (group(1, fields.position_ned), group(8, fields.velocity_ned));
+        if position.iter().chain(&velocity).all(Option::is_none) {
+            self.counters.invalid += 1;
+            return;
+        }
+        let filled = |v: [Option<f64>; 3]| Vector3::from(v.map(|x| x.unwrap_or(0.0)));
+        // The two frames' axes differ by the earth's curvature alone, so an axis left out in NED is left out in ENU.
+        let mask = |values: Vector3<f64>, given: [Option<f64>; 3]| -> [Option<f64>; 3] {
+            std::array::from_fn(|k| given[[1, 0, 2][k]].map(|_| values[k]))
+        };
+        let yaw_given = fields.mask & 1024 == 0 && fields.yaw_rad.is_finite();
+        self.setpoint = Some(Setpoint {
+            position: mask(frame.position_to_enu(filled(position)), position),
+            velocity: mask(frame.vector_to_enu(filled(velocity)), velocity),
+            heading_rad: yaw_given.then_some(std::f64::consts::FRAC_PI_2 - fields.yaw_rad),
+            at: now,
+        });
+        self.note(now);
+    }
+
+    /// SET_ATTITUDE_TARGET: roll, pitch and yaw, apart from position. Thrust and rates are ignored.
+    pub fn attitude(&mut self, m: &SET_ATTITUDE_TARGET_DATA, frame: &LocalFrame, now: Duration) {
+        const ATTITUDE_IGNORE: u8 = 128;
+        let q = m.q.map(f64::from);
+        let quaternion = Quaternion::new(q[0], q[1], q[2], q[3]);
+        let unit = (quaternion.norm() - 1.0).abs() <= NORM_TOLERANCE;
+        if m.type_mask.bits() & ATTITUDE_IGNORE != 0 || !unit {
+            self.counters.invalid += 1;
+            return;
+        }
+        let ned_frd = UnitQuaternion::from_quaternion(quaternion);
+        self.attitude = Some((frame.attitude_to_enu(&ned_frd), now));
+        self.note(now);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use mavlink::dialects::ardupilotmega::PositionTargetTypemask;
+
+    fn frame() -> LocalFrame {
+        let prague = Origin { lat_deg: 50.0, lon_deg: 14.0, alt_amsl_m: 200.0 };
+        LocalFrame::at(prague, Vector3::new(10.0, 20.0, 0.0))
+    }
+
+    fn target(mask: u16) -> SET_POSITION_TARGET_LOCAL_NED_DATA {
+        SET_POSITION_TARGET_LOCAL_NED_DATA {
+            x: 1.0,
+            y: 2.0,
+            z: -3.0,
+            vx: 0.1,
+            vy: 0.2,
+            vz: 0.3,
+            yaw: 0.0,
+            type_mask: PositionTargetTypemask::from_bits_truncate(mask),
+            coordinate_frame: MavFrame::MAV_FRAME_LOCAL_NED,
+            ..SET_POSITION_TARGET_LOCAL_NED_DATA::DEFAULT
+        }
+    }
+
+    fn near(a: [Option<f64>; 3], b: [Option<f64>; 3]) -> bool {
+        a.iter().zip(&b).all(|(a, b)| match (a, b) {
+            (Some(a), Some(b)) => (a - b).abs() < 0.02,
+            (None, None) => true,
+            _ => false,
+        })
+    }
+
+    #[test]
+    fn val_local_ned_lands_in_the_missions_enu() {
+        let mut o = Offboard::default();
+        o.local(&target(0), Firmware::Px4, &frame(), Duration::ZERO);
+        let s = o.setpoint.unwrap();
+        assert!(near(s.position, [Some(12.0), Some(21.0), Some(3.0)]), "{s:?}");
+        assert!(near(s.velocity, [Some(0.2), Some(0.1), Some(-0.3)]));
+        assert!((s.heading_rad.unwrap() - std::f64::consts::FRAC_PI_2).abs() < 1e-6, "north");
+        let later = s.position_at(Duration::from_millis(50));
+        assert!((later[0].unwrap() - s.position[0].unwrap() - 0.01).abs() < 1e-6);
+    }
+
+    #[test]
+    fn prop_ignore_bits_per_firmware() {
+        let mut o = Offboard::default();
+        o.local(&target(1 | 1024), Firmware::Px4, &frame(), Duration::ZERO);
+        let s = o.setpoint.unwrap();
+        assert!(near(s.position, [Some(12.0), None, Some(3.0)]) && s.heading_rad.is_none());
+        o.local(&target(1), Firmware::ArduCopter, &frame(), Duration::ZERO);
+        assert!(!o.setpoint.unwrap().has_position());
+        o.local(&target(63), Firmware::Px4, &frame(), Duration::ZERO);
+        let mut body = target(0);
+        body.coordinate_frame = MavFrame::MAV_FRAME_BODY_NED;
+        o.local(&body, Firmware::Px4, &frame(), Duration::ZERO);
+        assert_eq!((o.counters.accepted, o.counters.invalid, o.counters.wrong_frame), (2, 1, 1));
+    }
+
+    #[test]
+    fn val_global_target_is_the_same_point() {
+        let (mut o, f) = (Offboard::default(), frame());
+        let point = f.geodetic(Vector3::new(50.0, -30.0, 90.0));
+        let (lat_int, lon_int, _) = point.to_wire();
+        for (coordinate_frame, alt) in [
+            (MavFrame::MAV_FRAME_GLOBAL_INT, point.alt_amsl_m),
+            (MavFrame::MAV_FRAME_GLOBAL_RELATIVE_ALT_INT, point.alt_amsl_m - 200.0),
+        ] {
+            let m = SET_POSITION_TARGET_GLOBAL_INT_DATA {
+                lat_int,
+                lon_int,
+                alt: alt as f32,
+                coordinate_frame,
+                type_mask: PositionTargetTypemask::from_bits_truncate(8 | 16 | 32 | 1024),
+                ..SET_POSITION_TARGET_GLOBAL_INT_DATA::DEFAULT
+            };
+            o.global(&m, Firmware::Px4, &f, 200.0, Duration::ZERO);
+            assert!(near(o.setpoint.unwrap().position, [Some(50.0), Some(-30.0), Some(90.0)]));
+        }
+    }
+
+    #[test]
+    fn prop_a_stream_is_proven_after_a_second_and_dies_of_gaps() {
+        let ms = Duration::from_millis;
+        let mut o = Offboard::default();
+        for k in 0..=5 {
+            assert!(k == 5 || !o.proven(ms(k * 200)));
+            o.local(&target(0), Firmware::Px4, &frame(), ms(k * 200));
+        }
+        assert!(o.proven(ms(1000)) && o.live(ms(2000), ms(1000)) && !o.live(ms(2001), ms(1000)));
+        o.local(&target(0), Firmware::Px4, &frame(), ms(1600));
+        assert!(!o.proven(ms(1600)), "a gap of 600 ms starts the second again");
+    }
+
+    #[test]
+    fn prop_bad_quaternions_are_counted_and_ignored() {
+        let mut o = Offboard::default();
+        for q in [[0.0; 4], [f32::NAN, 0.0, 0.0, 0.0], [2.0, 0.0, 0.0, 0.0]] {
+            o.attitude(
+                &SET_ATTITUDE_TARGET_DATA { q, ..SET_ATTITUDE_TARGET_DATA::DEFAULT },
+                &frame(),
+                Duration::ZERO,
+            );
+        }
+        assert_eq!((o.counters.invalid, o.attitude), (3, None));
+    }
+}

@@ -1,0 +1,189 @@
+//! What one software vehicle is.
+
+use nalgebra::Vector3;
+
+/// Which vehicle of the pair this is; a vehicle alone is `I`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Role {
+    /// The aerial base station.
+    I,
+    /// The friendly jammer.
+    J,
+}
+
+impl Role {
+    /// 0 for I, 1 for J.
+    #[must_use]
+    pub const fn index(self) -> usize {
+        match self {
+            Self::I => 0,
+            Self::J => 1,
+        }
+    }
+}
+
+/// The firmware whose manners the autopilot has.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Firmware {
+    /// OFFBOARD from a live stream, parameters encoded bytewise.
+    #[default]
+    Px4,
+    /// GUIDED, take-off by command, parameters cast to float.
+    ArduCopter,
+}
+
+/// What the rotors can do.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Airframe {
+    /// Force and torque in every direction: attitude and position are independent.
+    #[default]
+    Omnidirectional,
+    /// A multirotor with parallel rotors: thrust along the body's z alone, so it tilts to move and its attitude
+    /// targets are ignored.
+    Conventional,
+}
+
+/// Mass and limits of the rigid body.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Body {
+    /// Kilograms.
+    pub mass_kg: f64,
+    /// Principal moments about the body's axes.
+    pub inertia_kg_m2: [f64; 3],
+    /// The greatest force of the rotors, in any direction the airframe has.
+    pub max_force_n: f64,
+    /// The greatest torque of the rotors.
+    pub max_torque_nm: f64,
+    /// First-order lag of force and torque behind their commands.
+    pub actuator_lag_s: f64,
+    /// Drag: force = this times the square of the air speed.
+    pub drag_n_s2_per_m2: f64,
+    /// Where drag acts, from the centre of mass, body axes: wind turns the vehicle as well as pushing it.
+    pub pressure_offset_m: [f64; 3],
+}
+
+impl Default for Body {
+    fn default() -> Self {
+        Self {
+            mass_kg: 4.0,
+            inertia_kg_m2: [0.09, 0.09, 0.12],
+            max_force_n: 90.0,
+            max_torque_nm: 8.0,
+            actuator_lag_s: 0.03,
+            drag_n_s2_per_m2: 0.06,
+            pressure_offset_m: [0.0, 0.0, 0.02],
+        }
+    }
+}
+
+/// Mean wind and its first-order (Gauss-Markov) gusts.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct WindConfig {
+    /// Where the air moves to, east, north, up.
+    pub mean_enu_m_s: [f64; 3],
+    /// Standard deviation of the gust on each horizontal axis; the vertical one has half of it.
+    pub gust_std_m_s: f64,
+    /// Correlation time of the gusts; 0 takes 2 s.
+    pub gust_correlation_s: f64,
+}
+
+/// A battery that drains evenly.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BatteryConfig {
+    /// Charge at the start, 0 to 1.
+    pub initial: f64,
+    /// Time in the air from full to empty.
+    pub endurance_s: f64,
+}
+
+impl Default for BatteryConfig {
+    fn default() -> Self {
+        Self { initial: 1.0, endurance_s: 1800.0 }
+    }
+}
+
+/// One software vehicle: body, autopilot face and transmitter.
+#[derive(Debug, Clone, PartialEq)]
+pub struct VehicleConfig {
+    /// I or J.
+    pub role: Role,
+    /// MAVLink system id of the autopilot and of everything aboard.
+    pub system_id: u8,
+    /// Where it stands at the start, mission ENU; the ground under it is level at this height.
+    pub home_enu_m: [f64; 3],
+    /// Heading at the start, from east towards north (0 faces east).
+    pub heading_rad: f64,
+    /// Where the autopilot's local origin lies, from home: real ones are set where the estimator started.
+    pub local_origin_offset_enu_m: [f64; 3],
+    /// What the rotors can do.
+    pub airframe: Airframe,
+    /// Whose manners the autopilot has.
+    pub firmware: Firmware,
+    /// Mass and limits.
+    pub body: Body,
+    /// Wind where this vehicle flies.
+    pub wind: WindConfig,
+    /// Battery.
+    pub battery: BatteryConfig,
+    /// Time from power-on until the autopilot agrees to arm.
+    pub ready_after_s: f64,
+    /// The transmitter's own limit.
+    pub transmitter_max_dbm: f64,
+}
+
+impl VehicleConfig {
+    /// A vehicle of this role at the mission's origin.
+    #[must_use]
+    pub fn new(role: Role) -> Self {
+        Self {
+            role,
+            system_id: role.index() as u8 + 1,
+            home_enu_m: [0.0; 3],
+            heading_rad: 0.0,
+            local_origin_offset_enu_m: [0.0; 3],
+            airframe: Airframe::default(),
+            firmware: Firmware::default(),
+            body: Body::default(),
+            wind: WindConfig::default(),
+            battery: BatteryConfig::default(),
+            ready_after_s: 2.0,
+            transmitter_max_dbm: 30.0,
+        }
+    }
+
+    pub(crate) fn home(&self) -> Vector3<f64> {
+        Vector3::from(self.home_enu_m)
+    }
+
+    /// The first value that cannot be flown, if any.
+    pub(crate) fn fault(&self) -> Option<(&'static str, f64)> {
+        let body = &self.body;
+        let positive = [
+            ("body.mass_kg", body.mass_kg),
+            ("body.inertia_kg_m2[0]", body.inertia_kg_m2[0]),
+            ("body.inertia_kg_m2[1]", body.inertia_kg_m2[1]),
+            ("body.inertia_kg_m2[2]", body.inertia_kg_m2[2]),
+            ("body.max_force_n", body.max_force_n),
+            ("body.max_torque_nm", body.max_torque_nm),
+            ("battery.endurance_s", self.battery.endurance_s),
+        ];
+        let mut finite = vec![
+            ("heading_rad", self.heading_rad),
+            ("ready_after_s", self.ready_after_s),
+            ("transmitter_max_dbm", self.transmitter_max_dbm),
+            ("body.actuator_lag_s", body.actuator_lag_s),
+            ("body.drag_n_s2_per_m2", body.drag_n_s2_per_m2),
+            ("wind.gust_std_m_s", self.wind.gust_std_m_s),
+            ("wind.gust_correlation_s", self.wind.gust_correlation_s),
+            ("battery.initial", self.battery.initial),
+        ];
+        finite.extend(body.pressure_offset_m.map(|v| ("body.pressure_offset_m", v)));
+        finite.extend(self.home_enu_m.map(|v| ("home_enu_m", v)));
+        finite.extend(self.local_origin_offset_enu_m.map(|v| ("local_origin_offset_enu_m", v)));
+        finite.extend(self.wind.mean_enu_m_s.map(|v| ("wind.mean_enu_m_s", v)));
+        positive
+            .into_iter()
+            .find(|(_, v)| !(v.is_finite() && *v > 0.0))
+            .or_else(|| finite.into_iter().find(|(_, v)| !v.is_finite()))
+    }
+}

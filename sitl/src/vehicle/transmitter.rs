@@ -1,0 +1,169 @@
+//! The payload radio: transmit power by leased command (MAV_CMD_USER_1), silent again by itself.
+
+use std::time::Duration;
+
+use mavlink::dialects::ardupilotmega::{COMMAND_INT_DATA, MavCmd, MavResult};
+
+use super::parameters::{Encoding, Parameters, Value};
+
+/// The component id of a payload radio (MAV_COMP_ID_TELEMETRY_RADIO).
+pub const COMPONENT: u8 = 68;
+/// The default id of the leased power command.
+pub const POWER_COMMAND: MavCmd = MavCmd::MAV_CMD_USER_1;
+
+/// What is radiated, and until when.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Emission {
+    pub power_dbm: f64,
+    /// The slot number that came with the command.
+    pub slot: i32,
+    pub expires_at: Duration,
+}
+
+/// Counters of the power command.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct TransmitterCounters {
+    /// Commands carried out.
+    pub accepted: u64,
+    /// Commands refused: not finite, or above the limit.
+    pub denied: u64,
+    /// Times that the power fell to off because nobody renewed it.
+    pub expired: u64,
+}
+
+/// The transmitter of one vehicle.
+#[derive(Debug, Clone)]
+pub(crate) struct Transmitter {
+    pub parameters: Parameters,
+    pub counters: TransmitterCounters,
+    hardware_max_dbm: f64,
+    emission: Option<Emission>,
+    /// A fault: neither expiry nor command changes what is radiated.
+    pub stuck: bool,
+}
+
+impl Transmitter {
+    pub fn new(max_dbm: f64) -> Self {
+        let parameters = Parameters::new(
+            Encoding::Cast,
+            &[("TX_MAX_DBM", Value::Real(max_dbm as f32)), ("TX_EXPIRY_OK", Value::Int(1))],
+        );
+        let counters = TransmitterCounters::default();
+        Self { parameters, counters, hardware_max_dbm: max_dbm, emission: None, stuck: false }
+    }
+
+    pub fn emission(&self) -> Option<Emission> {
+        self.emission
+    }
+
+    /// Radiated power in watts; `None` when silent.
+    pub fn power_w(&self) -> Option<f64> {
+        self.emission.map(|e| 10f64.powf((e.power_dbm - 30.0) / 10.0))
+    }
+
+    fn limit_dbm(&self) -> f64 {
+        f64::from(self.parameters.real("TX_MAX_DBM")).min(self.hardware_max_dbm)
+    }
+
+    /// Carries out the power command; returns the result and the achieved power in milli-dBm (`i32::MIN` = off).
+    pub fn command(&mut self, command: &COMMAND_INT_DATA, now: Duration) -> (MavResult, i32) {
+        let asked = f64::from(command.param1);
+        let off = command.y <= 0 || asked == f64::NEG_INFINITY;
+        let refused = !off && (!asked.is_finite() || asked > self.limit_dbm() + DBM_ROUNDING);
+        if refused || self.stuck {
+            self.counters.denied += 1;
+            let result = if refused { MavResult::MAV_RESULT_DENIED } else { MavResult::MAV_RESULT_FAILED };
+            return (result, self.achieved_mdbm());
+        }
+        self.counters.accepted += 1;
+        self.emission = (!off).then(|| Emission {
+            // The synthesiser's step is a thousandth of a decibel.
+            power_dbm: (asked * 1000.0).round() / 1000.0,
+            slot: command.x,
+            expires_at: now + Duration::from_millis(command.y.unsigned_abs().into()),
+        });
+        (MavResult::MAV_RESULT_ACCEPTED, self.achieved_mdbm())
+    }
+
+    fn achieved_mdbm(&self) -> i32 {
+        self.emission.map_or(i32::MIN, |e| (e.power_dbm * 1000.0).round() as i32)
+    }
+
+    /// When the power falls to off by itself.
+    pub fn expires_at(&self) -> Option<Duration> {
+        self.emission.filter(|_| !self.stuck).map(|e| e.expires_at)
+    }
+
+    /// Falls silent if the lease has run out.
+    pub fn expire(&mut self, now: Duration) {
+        if self.expires_at().is_some_and(|at| at <= now) {
+            self.emission = None;
+            self.counters.expired += 1;
+        }
+    }
+}
+
+/// A limit written as a float and read back must admit itself: f32 carries 27 dBm to 2e-6.
+const DBM_ROUNDING: f64 = 1e-5;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn power(dbm: f32, slot: i32, expiry_ms: i32) -> COMMAND_INT_DATA {
+        COMMAND_INT_DATA { param1: dbm, x: slot, y: expiry_ms, ..COMMAND_INT_DATA::DEFAULT }
+    }
+
+    #[test]
+    fn val_lease_expires_to_the_millisecond() {
+        let mut tx = Transmitter::new(30.0);
+        let t0 = Duration::from_micros(1_234_567);
+        let reply = tx.command(&power(26.5, 4, 500), t0);
+        assert_eq!(reply, (MavResult::MAV_RESULT_ACCEPTED, 26_500));
+        assert!((tx.power_w().unwrap() - 0.446_684).abs() < 1e-6);
+        tx.expire(t0 + Duration::from_micros(499_999));
+        assert_eq!(tx.emission().map(|e| e.slot), Some(4));
+        tx.expire(t0 + Duration::from_millis(500));
+        assert_eq!((tx.emission(), tx.counters.expired), (None, 1));
+    }
+
+    #[test]
+    fn prop_bad_powers_are_denied_and_change_nothing() {
+        let mut tx = Transmitter::new(27.0);
+        tx.command(&power(20.0, 1, 500), Duration::ZERO);
+        let before = tx.emission();
+        for bad in [f32::NAN, f32::INFINITY, 27.1, 1e9] {
+            let reply = tx.command(&power(bad, 2, 500), Duration::from_millis(1));
+            assert_eq!(reply, (MavResult::MAV_RESULT_DENIED, 20_000));
+            assert_eq!(tx.emission(), before);
+        }
+        assert_eq!(tx.counters.denied, 4);
+        tx.parameters.set("TX_MAX_DBM", Value::Real(10.0));
+        assert_eq!(tx.command(&power(11.0, 2, 500), Duration::ZERO).0, MavResult::MAV_RESULT_DENIED);
+        tx.parameters.set("TX_MAX_DBM", Value::Real(90.0));
+        assert_eq!(tx.command(&power(27.5, 2, 500), Duration::ZERO).0, MavResult::MAV_RESULT_DENIED);
+    }
+
+    #[test]
+    fn prop_off_is_off_at_once() {
+        for off in [power(f32::NEG_INFINITY, 1, 500), power(20.0, 1, 0), power(f32::NAN, 1, -3)] {
+            let mut tx = Transmitter::new(27.0);
+            tx.command(&power(20.0, 1, 500), Duration::ZERO);
+            assert_eq!(
+                tx.command(&off, Duration::from_millis(1)),
+                (MavResult::MAV_RESULT_ACCEPTED, i32::MIN)
+            );
+            assert_eq!(tx.power_w(), None);
+        }
+    }
+
+    #[test]
+    fn prop_a_stuck_transmitter_ignores_expiry_and_orders() {
+        let mut tx = Transmitter::new(27.0);
+        tx.command(&power(20.0, 1, 100), Duration::ZERO);
+        tx.stuck = true;
+        assert_eq!(tx.command(&power(20.0, 1, 0), Duration::ZERO).0, MavResult::MAV_RESULT_FAILED);
+        tx.expire(Duration::from_secs(9));
+        assert!(tx.power_w().is_some());
+    }
+}

@@ -1,0 +1,289 @@
+//! What the world is made of, checked once.
+
+use nalgebra::{UnitQuaternion, Vector3};
+use thiserror::Error;
+
+use crate::frames::Euler;
+use crate::geodesy::Origin;
+use crate::vehicle::config::VehicleConfig;
+use crate::vehicle::jitter::JitterConfig;
+
+/// A receiver at a known place.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Node {
+    /// As in the mission.
+    pub name: String,
+    /// Mission ENU, metres.
+    pub position_enu_m: [f64; 3],
+}
+
+/// How well an eavesdropper's position is known. The truth is drawn once a flight, horizontally.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub enum Uncertainty {
+    /// Exactly where the mission says.
+    #[default]
+    Exact,
+    /// Uniform on a disc of this radius, metres.
+    Disc {
+        /// Metres.
+        radius_m: f64,
+    },
+    /// Gaussian on each horizontal axis.
+    Gaussian {
+        /// Metres.
+        std_m: f64,
+    },
+}
+
+/// Somebody who listens.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Eavesdropper {
+    /// As in the mission.
+    pub name: String,
+    /// The mission's estimate, ENU, metres.
+    pub position_enu_m: [f64; 3],
+    /// How far the truth may be from it.
+    pub uncertainty: Uncertainty,
+}
+
+/// The radio channel.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RadioConfig {
+    /// Hertz.
+    pub bandwidth_hz: f64,
+    /// The noise variance, watts.
+    pub noise_power_w: f64,
+    /// Channel gain at one metre along the pattern's maximum.
+    pub reference_gain: f64,
+    /// The mission's cap for I and J, watts.
+    pub max_power_w: [f64; 2],
+}
+
+/// Where vehicles may be.
+#[derive(Debug, Clone, PartialEq)]
+pub struct AirspaceConfig {
+    /// Lowest and highest height above the mission's origin.
+    pub altitude_m: [f64; 2],
+    /// Corners of the geofence.
+    pub area_enu_m: Vec<[f64; 2]>,
+    /// Metres.
+    pub min_separation_m: f64,
+}
+
+/// One vehicle's pose in a slot. Angles in the paper's convention.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PlannedPose {
+    /// Mission ENU, metres.
+    pub position_enu_m: [f64; 3],
+    /// Radians.
+    pub roll_rad: f64,
+    /// Radians.
+    pub pitch_rad: f64,
+    /// Radians, from east towards north.
+    pub yaw_rad: f64,
+    /// Watts; 0 for a vehicle that the plan keeps silent.
+    pub tx_power_w: f64,
+}
+
+impl PlannedPose {
+    pub(crate) fn euler(&self) -> Euler {
+        Euler { roll_rad: self.roll_rad, pitch_rad: self.pitch_rad, yaw_rad: self.yaw_rad }
+    }
+
+    pub(crate) fn attitude(&self) -> UnitQuaternion<f64> {
+        self.euler().rotation()
+    }
+
+    pub(crate) fn position(&self) -> Vector3<f64> {
+        Vector3::from(self.position_enu_m)
+    }
+}
+
+/// What the plan says of one slot. Power commands name a slot by its index in [`WorldConfig::slots`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlannedSlot {
+    /// The user served.
+    pub user: String,
+    /// The plan's expectation.
+    pub secrecy_rate_bps: f64,
+    /// I and J.
+    pub poses: [PlannedPose; 2],
+}
+
+/// How far a vehicle may be from its planned pose, judged without the injected jitter.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Tolerance {
+    /// Metres.
+    pub position_m: f64,
+    /// Angle of the rotation between the two attitudes, degrees.
+    pub attitude_deg: f64,
+}
+
+impl Default for Tolerance {
+    fn default() -> Self {
+        Self { position_m: 1.0, attitude_deg: 5.0 }
+    }
+}
+
+impl Tolerance {
+    /// Is this position and (jitter-free) attitude within tolerance of the plan's?
+    pub(crate) fn holds(
+        &self,
+        plan: &Reference,
+        position: &Vector3<f64>,
+        attitude: &UnitQuaternion<f64>,
+    ) -> bool {
+        (position - plan.position).norm() <= self.position_m
+            && attitude.angle_to(&plan.attitude).to_degrees() <= self.attitude_deg
+    }
+}
+
+/// A planned pose, ready for comparison.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Reference {
+    pub position: Vector3<f64>,
+    pub attitude: UnitQuaternion<f64>,
+    pub euler: Euler,
+    pub power_w: f64,
+}
+
+impl From<&PlannedPose> for Reference {
+    fn from(pose: &PlannedPose) -> Self {
+        Self {
+            position: pose.position(),
+            attitude: pose.attitude(),
+            euler: pose.euler(),
+            power_w: pose.tx_power_w,
+        }
+    }
+}
+
+/// Everything that a flight starts from.
+#[derive(Debug, Clone, PartialEq)]
+pub struct WorldConfig {
+    /// The same seed gives the same world, bit for bit.
+    pub seed: u64,
+    /// Where the mission's frame lies.
+    pub origin: Origin,
+    /// UTC at simulation time zero, microseconds since 1970.
+    pub utc_start_us: u64,
+    /// I and J.
+    pub vehicles: [VehicleConfig; 2],
+    /// Users.
+    pub users: Vec<Node>,
+    /// Eavesdroppers.
+    pub eavesdroppers: Vec<Eavesdropper>,
+    /// The channel.
+    pub radio: RadioConfig,
+    /// Geofence, altitudes, separation.
+    pub airspace: AirspaceConfig,
+    /// The injected attitude jitter.
+    pub jitter: JitterConfig,
+    /// The plan that is flown, slot by slot in the order of their numbers.
+    pub slots: Vec<PlannedSlot>,
+    /// What counts as in pose.
+    pub tolerance: Tolerance,
+}
+
+/// Why a world cannot be made.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum Error {
+    /// A number that is not finite, or not positive where it must be.
+    #[error("{what} is {value}: it must be finite, and positive where it is a size")]
+    Value {
+        /// Which one.
+        what: String,
+        /// Its value.
+        value: f64,
+    },
+    /// A slot for a user that is not there.
+    #[error("slot {slot} serves user \"{user}\", who is not among the users")]
+    UnknownUser {
+        /// Index of the slot.
+        slot: usize,
+        /// The name.
+        user: String,
+    },
+    /// Two vehicles with one system id.
+    #[error("both vehicles have system id {0}: give each its own, from 1 to 254")]
+    SystemIds(u8),
+    /// Vehicles are not I and J, in this order.
+    #[error("vehicles must be I and J, in this order")]
+    Roles,
+}
+
+impl WorldConfig {
+    /// Checks what the world relies on.
+    pub(crate) fn check(&self) -> Result<(), Error> {
+        let [i, j] = &self.vehicles;
+        if [i.role.index(), j.role.index()] != [0, 1] {
+            return Err(Error::Roles);
+        }
+        if i.system_id == j.system_id {
+            return Err(Error::SystemIds(i.system_id));
+        }
+        for vehicle in &self.vehicles {
+            if let Some((what, value)) = vehicle.fault() {
+                return Err(Error::Value { what: format!("vehicle {:?}: {what}", vehicle.role), value });
+            }
+        }
+        for (what, value, positive) in self.numbers() {
+            if !value.is_finite() || positive && value <= 0.0 {
+                return Err(Error::Value { what, value });
+            }
+        }
+        for (slot, planned) in self.slots.iter().enumerate() {
+            if !self.users.iter().any(|u| u.name == planned.user) {
+                return Err(Error::UnknownUser { slot, user: planned.user.clone() });
+            }
+        }
+        Ok(())
+    }
+
+    fn numbers(&self) -> Vec<(String, f64, bool)> {
+        let named = |what: &str, value, positive| (what.to_owned(), value, positive);
+        let mut all = vec![
+            named("origin.lat_deg", self.origin.lat_deg, false),
+            named("origin.lon_deg", self.origin.lon_deg, false),
+            named("origin.alt_amsl_m", self.origin.alt_amsl_m, false),
+            named("radio.bandwidth_hz", self.radio.bandwidth_hz, true),
+            named("radio.noise_power_w", self.radio.noise_power_w, true),
+            named("radio.reference_gain", self.radio.reference_gain, true),
+            named("radio.max_power_w[0]", self.radio.max_power_w[0], false),
+            named("radio.max_power_w[1]", self.radio.max_power_w[1], false),
+            named("jitter.std_deg", self.jitter.std_deg, false),
+            named("jitter.correlation_s", self.jitter.correlation_s, false),
+            named("tolerance.position_m", self.tolerance.position_m, true),
+            named("tolerance.attitude_deg", self.tolerance.attitude_deg, true),
+            named("airspace.min_separation_m", self.airspace.min_separation_m, false),
+            named("airspace.altitude_m[0]", self.airspace.altitude_m[0], false),
+            named("airspace.altitude_m[1]", self.airspace.altitude_m[1], false),
+        ];
+        let corners = self.airspace.area_enu_m.iter().flatten();
+        all.extend(corners.map(|v| named("airspace.area_enu_m", *v, false)));
+        let places = self.users.iter().map(|u| (&u.name, &u.position_enu_m));
+        for (name, position) in places.chain(self.eavesdroppers.iter().map(|e| (&e.name, &e.position_enu_m)))
+        {
+            all.extend(position.map(|v| (format!("position of \"{name}\""), v, false)));
+        }
+        for e in &self.eavesdroppers {
+            let spread = match e.uncertainty {
+                Uncertainty::Exact => 0.0,
+                Uncertainty::Disc { radius_m: s } | Uncertainty::Gaussian { std_m: s } => s,
+            };
+            all.push((format!("uncertainty of \"{}\"", e.name), spread, false));
+        }
+        for (k, slot) in self.slots.iter().enumerate() {
+            for pose in &slot.poses {
+                let angles = [pose.roll_rad, pose.pitch_rad, pose.yaw_rad, pose.tx_power_w];
+                all.extend(
+                    angles
+                        .iter()
+                        .chain(&pose.position_enu_m)
+                        .map(|v| (format!("pose of slot {k}"), *v, false)),
+                );
+            }
+        }
+        all
+    }
+}

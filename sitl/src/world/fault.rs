@@ -1,0 +1,55 @@
+//! What goes wrong.
+
+/// A fault, in force from the moment it is injected.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Fault {
+    /// The companion's link to its vehicle is cut (`on`) or mended, both directions.
+    LinkLoss {
+        /// 0 for I, 1 for J.
+        vehicle: usize,
+        /// Cut, or mended.
+        on: bool,
+    },
+    /// The pilot takes the sticks.
+    PilotMode {
+        /// 0 for I, 1 for J.
+        vehicle: usize,
+    },
+    /// The position estimate is lost.
+    EstimatorFailure {
+        /// 0 for I, 1 for J.
+        vehicle: usize,
+    },
+    /// The mean wind changes at once.
+    WindStep {
+        /// 0 for I, 1 for J.
+        vehicle: usize,
+        /// Where the air moves to, east, north, up.
+        mean_enu_m_s: [f64; 3],
+    },
+    /// The transmitter goes on with what it radiates, whatever it is told and whenever its lease ends.
+    TransmitterStuck {
+        /// 0 for I, 1 for J.
+        vehicle: usize,
+    },
+    /// The companion has been killed. Nothing changes in the world; the monitor must know it.
+    CompanionLost {
+        /// 0 for I, 1 for J.
+        vehicle: usize,
+    },
+}
+
+impl Fault {
+    /// The vehicle concerned.
+    #[must_use]
+    pub const fn vehicle(&self) -> usize {
+        match *self {
+            Self::LinkLoss { vehicle, .. }
+            | Self::PilotMode { vehicle }
+            | Self::EstimatorFailure { vehicle }
+            | Self::WindStep { vehicle, .. }
+            | Self::TransmitterStuck { vehicle }
+            | Self::CompanionLost { vehicle } => vehicle,
+        }
+    }
+}

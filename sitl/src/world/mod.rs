@@ -1,0 +1,283 @@
+//! Two vehicles in one air: they fly, radiate and are judged.
+
+pub mod config;
+pub mod fault;
+mod monitor;
+mod radio;
+pub mod report;
+mod score;
+
+use std::time::Duration;
+
+use nalgebra::Vector3;
+use serde::Serialize;
+
+use crate::vehicle::autopilot::Mode;
+use crate::vehicle::{TICKS_PER_SAMPLE, Vehicle, VehicleCounters, VehicleSnapshot, tick_time};
+use config::{Error, Reference, WorldConfig};
+use fault::Fault;
+use monitor::{Monitor, Seen};
+use radio::Emitter;
+use report::FlightReport;
+use score::{PoseError, SlotScore};
+
+/// Relative difference from the planned power that still protects (INTERFACES: "at its planned power").
+const PLANNED_POWER_MARGIN: f64 = 0.01;
+
+/// The world at one instant.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Snapshot {
+    /// Simulation time.
+    pub now_s: f64,
+    /// I and J.
+    pub vehicles: [VehicleSnapshot; 2],
+    /// Metres.
+    pub separation_m: f64,
+    /// In the last radio sample in which I radiated for a user; `None` while it does not.
+    pub secrecy_rate_bps: Option<f64>,
+    /// Violations so far.
+    pub violations: usize,
+}
+
+/// The simulated world. No I/O, no clock: bytes and simulation time go in, frames come out.
+///
+/// The caller's loop: [`World::advance`] to the present simulation time, [`World::handle`] what has arrived (it is
+/// taken to have arrived at the time last advanced to), send what [`World::poll_transmit`] gives until it gives no
+/// more. Advancing in small or in large steps simulates the same.
+#[derive(Debug, Clone)]
+pub struct World {
+    config: WorldConfig,
+    vehicles: [Vehicle; 2],
+    users: Vec<Vector3<f64>>,
+    eavesdroppers: Vec<Vector3<f64>>,
+    /// I's and J's plan in each slot, and the index of the slot's user.
+    plans: Vec<([Reference; 2], usize)>,
+    scores: Vec<SlotScore>,
+    /// Samples of radiation in no slot of the plan.
+    outside_slots: [u32; 2],
+    monitor: Monitor,
+    secrecy_rate_bps: Option<f64>,
+    now: Duration,
+    ticks: u64,
+}
+
+impl World {
+    /// A world at simulation time zero, both vehicles on the ground.
+    ///
+    /// # Errors
+    /// The first value of the configuration that makes no world.
+    pub fn new(config: WorldConfig) -> Result<Self, Error> {
+        config.check()?;
+        let vehicle = |k: usize| {
+            Vehicle::new(
+                config.vehicles[k].clone(),
+                config.jitter,
+                config.origin,
+                config.utc_start_us,
+                config.seed,
+            )
+        };
+        let user_of = |name: &str| config.users.iter().position(|u| u.name == name).unwrap_or(0);
+        let plans = config
+            .slots
+            .iter()
+            .map(|s| ([Reference::from(&s.poses[0]), Reference::from(&s.poses[1])], user_of(&s.user)))
+            .collect();
+        Ok(Self {
+            vehicles: [vehicle(0), vehicle(1)],
+            users: config.users.iter().map(|u| Vector3::from(u.position_enu_m)).collect(),
+            eavesdroppers: radio::true_positions(&config.eavesdroppers, config.seed),
+            plans,
+            scores: vec![SlotScore::default(); config.slots.len()],
+            outside_slots: [0; 2],
+            monitor: Monitor::default(),
+            secrecy_rate_bps: None,
+            now: Duration::ZERO,
+            ticks: 0,
+            config,
+        })
+    }
+
+    /// Bytes from a client of a vehicle (0 for I, 1 for J), on one of its links (0 is the companion's).
+    pub fn handle(&mut self, vehicle: usize, link: usize, bytes: &[u8]) {
+        let Some(target) = self.vehicles.get_mut(vehicle) else { return };
+        let before = target.transmitter().emission();
+        target.handle(link, bytes, self.now);
+        if target.transmitter().emission() != before {
+            self.watch();
+        }
+    }
+
+    /// The next MAVLink frame to send: vehicle, link, bytes.
+    pub fn poll_transmit(&mut self) -> Option<(usize, usize, Vec<u8>)> {
+        self.vehicles
+            .iter_mut()
+            .enumerate()
+            .find_map(|(k, v)| v.poll_transmit().map(|(link, f)| (k, link, f)))
+    }
+
+    /// Simulates up to `to`, the time since the start. Going back does nothing.
+    pub fn advance(&mut self, to: Duration) {
+        loop {
+            let tick = tick_time(self.ticks);
+            let expiries = self.vehicles.iter().filter_map(|v| v.transmitter().expires_at());
+            if let Some(at) = expiries.min().filter(|at| *at <= tick.min(to)) {
+                self.now = self.now.max(at);
+                self.vehicles.iter_mut().for_each(|v| v.transmitter_mut().expire(at));
+                self.watch();
+                continue;
+            }
+            if tick > to {
+                break;
+            }
+            self.now = tick;
+            if self.ticks.is_multiple_of(TICKS_PER_SAMPLE) {
+                self.sample();
+            }
+            self.vehicles.iter_mut().for_each(|v| v.tick(tick));
+            self.ticks += 1;
+        }
+        self.now = self.now.max(to);
+    }
+
+    /// Simulation time since the start.
+    #[must_use]
+    pub fn now(&self) -> Duration {
+        self.now
+    }
+
+    /// Makes something go wrong, now.
+    pub fn inject(&mut self, fault: Fault) {
+        let Some(vehicle) = self.vehicles.get_mut(fault.vehicle()) else { return };
+        self.monitor.fault();
+        match fault {
+            Fault::LinkLoss { on, .. } => vehicle.cut_companion_link(on),
+            Fault::PilotMode { .. } => vehicle.pilot_takes_over(),
+            Fault::EstimatorFailure { .. } => vehicle.fail_estimator(),
+            Fault::WindStep { mean_enu_m_s, .. } => vehicle.set_wind(Vector3::from(mean_enu_m_s)),
+            Fault::TransmitterStuck { .. } => vehicle.transmitter_mut().stuck = true,
+            Fault::CompanionLost { .. } => {}
+        }
+    }
+
+    /// The slot that a vehicle's power command names, if the plan has it.
+    fn slot_of(&self, vehicle: usize) -> Option<usize> {
+        let emission = self.vehicles[vehicle].transmitter().emission()?;
+        usize::try_from(emission.slot).ok().filter(|slot| *slot < self.plans.len())
+    }
+
+    fn seen(&self, k: usize) -> Seen {
+        let vehicle = &self.vehicles[k];
+        let (position, attitude) = (vehicle.position_enu_m(), vehicle.nominal_attitude());
+        let slot = self.slot_of(k);
+        let plan = slot.map(|s| self.plans[s].0[k]);
+        let mode = vehicle.mode();
+        Seen {
+            power_w: vehicle.transmitter().power_w(),
+            slot,
+            plan,
+            in_pose: plan.is_some_and(|p| self.config.tolerance.holds(&p, &position, attitude)),
+            error: plan.map_or((0.0, 0.0), |p| {
+                ((position - p.position).norm(), attitude.angle_to(&p.attitude).to_degrees())
+            }),
+            position,
+            home: vehicle.home_enu_m(),
+            airborne: vehicle.airborne(),
+            confined: ![Mode::Position, Mode::Stabilize, Mode::Land].contains(&mode),
+            companion: mode == Mode::Companion,
+        }
+    }
+
+    /// The monitor's look at this instant.
+    fn watch(&mut self) -> [Seen; 2] {
+        let seen = [self.seen(0), self.seen(1)];
+        let planned_silent = seen[0].slot.is_some_and(|s| self.plans[s].0[1].power_w == 0.0);
+        self.monitor.observe(
+            self.now,
+            &seen,
+            planned_silent,
+            self.config.radio.max_power_w,
+            &self.config.airspace,
+        );
+        seen
+    }
+
+    /// One radio sample: jitter, SINR, score.
+    fn sample(&mut self) {
+        for k in 0..2 {
+            // While it radiates in pose, the angles that the body is meant to have are the plan's.
+            let meant = self.slot_of(k).map(|s| self.plans[s].0[k]).filter(|plan| {
+                let v = &self.vehicles[k];
+                self.config.tolerance.holds(plan, &v.position_enu_m(), v.nominal_attitude())
+            });
+            self.vehicles[k].sample(meant.map(|plan| plan.euler));
+        }
+        let seen = self.watch();
+        for (k, vehicle) in seen.iter().enumerate().filter(|(_, v)| v.power_w.is_some()) {
+            self.score_emitter(k, vehicle);
+        }
+        self.secrecy_rate_bps = None;
+        let (Some(power_i), Some(slot)) = (seen[0].power_w, seen[0].slot) else { return };
+        let emitter = |k: usize, power_w: f64| {
+            Emitter::new(self.vehicles[k].position_enu_m(), self.vehicles[k].attitude(), power_w)
+        };
+        let (i, j) = (emitter(0, power_i), emitter(1, seen[1].power_w.unwrap_or(0.0)));
+        let (references, user) = &self.plans[slot];
+        let rate =
+            radio::secrecy_rate_bps(&self.config.radio, &i, &j, &self.users[*user], &self.eavesdroppers);
+        self.secrecy_rate_bps = Some(rate);
+        let planned = references[1].power_w;
+        let difference = (seen[1].power_w.unwrap_or(0.0) - planned).abs();
+        let powered = difference <= PLANNED_POWER_MARGIN * planned;
+        let silent_by_plan = planned == 0.0;
+        let protected = powered && (silent_by_plan || seen[1].slot == Some(slot) && seen[1].in_pose);
+        let score = &mut self.scores[slot];
+        score.rate.add(rate);
+        score.unprotected += u32::from(!protected);
+    }
+
+    fn score_emitter(&mut self, k: usize, seen: &Seen) {
+        let (Some(slot), Some(plan)) = (seen.slot, seen.plan) else {
+            self.outside_slots[k] += 1;
+            return;
+        };
+        let (position_m, control_deg) = seen.error;
+        let attitude_deg = self.vehicles[k].attitude().angle_to(&plan.attitude).to_degrees();
+        let score = &mut self.scores[slot];
+        score.radiated(k, PoseError { position_m, attitude_deg, control_deg });
+        if k == 1 && !seen.in_pose {
+            score.jam_out_of_tolerance += 1;
+        }
+    }
+
+    /// The world at this instant.
+    #[must_use]
+    pub fn snapshot(&self) -> Snapshot {
+        let distance = self.vehicles[0].position_enu_m() - self.vehicles[1].position_enu_m();
+        Snapshot {
+            now_s: self.now.as_secs_f64(),
+            vehicles: [self.vehicles[0].snapshot(), self.vehicles[1].snapshot()],
+            separation_m: distance.norm(),
+            secrecy_rate_bps: self.secrecy_rate_bps,
+            violations: self.monitor.violations.len(),
+        }
+    }
+
+    /// What each vehicle has counted.
+    #[must_use]
+    pub fn counters(&self) -> [VehicleCounters; 2] {
+        [self.vehicles[0].counters(), self.vehicles[1].counters()]
+    }
+
+    /// The world's part of the flight document.
+    #[must_use]
+    pub fn report(&self) -> FlightReport {
+        FlightReport {
+            flight_s: self.now.as_secs_f64(),
+            slots: self.scores.iter().zip(&self.config.slots).map(|(s, p)| s.report(p)).collect(),
+            outside_slots_s: self.outside_slots.map(score::seconds).into(),
+            violations: self.monitor.violations.clone(),
+            min_separation_m: self.monitor.min_separation_m,
+        }
+    }
+}

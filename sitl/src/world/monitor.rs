@@ -1,0 +1,230 @@
+//! The invariants, watched from outside: from true states and true powers, never from anybody's word.
+
+use std::collections::BTreeSet;
+use std::time::Duration;
+
+use nalgebra::Vector3;
+
+use super::config::{AirspaceConfig, Reference};
+use super::report::Violation;
+
+/// A vehicle that leaves its pose while it radiates has S4's 100 ms from the first evidence on the wire; the evidence
+/// itself may be one telemetry period and a few steps old.
+const POSE_REACTION: Duration = Duration::from_millis(150);
+/// I may outlast a jammer that a fault has silenced by its lease (500 ms by default), plus the wire.
+const LEASE: Duration = Duration::from_millis(550);
+/// A jammer that was out of its pose this recently was right to fall silent out of turn (S4).
+const EXCUSE: Duration = Duration::from_secs(1);
+/// Relative. Powers travel as dBm in single precision and are set in steps of 0.001 dB (0.023%).
+const POWER_MARGIN: f64 = 1e-3;
+/// Plans lie on the geofence and on the band's edges, and a vehicle holds a pose to the tolerance, not better.
+const FENCE_MARGIN_M: f64 = 1.0;
+/// The same for heights, where a climb also ends with a small overshoot.
+const BAND_MARGIN_M: f64 = 3.0;
+/// Take-off and landing: within this distance of home a vehicle may be below the band.
+const HOME_COLUMN_M: f64 = 10.0;
+
+/// One vehicle at one instant.
+#[derive(Debug, Clone)]
+pub(crate) struct Seen {
+    pub power_w: Option<f64>,
+    /// The slot named with the power, and its plan for this vehicle; `None` outside the plan's slots.
+    pub slot: Option<usize>,
+    pub plan: Option<Reference>,
+    /// Within tolerance of that plan.
+    pub in_pose: bool,
+    /// How far off it is, metres and degrees.
+    pub error: (f64, f64),
+    pub position: Vector3<f64>,
+    pub home: Vector3<f64>,
+    pub airborne: bool,
+    /// Its path is nobody's but the companion's or the autopilot's: not the pilot's, not a forced landing.
+    pub confined: bool,
+    /// It is the companion that flies it.
+    pub companion: bool,
+}
+
+/// What is going on; a violation is reported when one of these begins.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Condition {
+    NoSlot(usize),
+    OutOfPose(usize),
+    Unprotected,
+    InfoFirst,
+    JamLeft,
+    Power(usize),
+    Near,
+    Fence(usize),
+    Band(usize),
+}
+
+/// Keeps what must be remembered between two looks.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Monitor {
+    active: BTreeSet<Condition>,
+    pub violations: Vec<Violation>,
+    pub min_separation_m: Option<f64>,
+    faulted: bool,
+    radiating: [bool; 2],
+    /// Out of pose while radiating since, and whether it began so.
+    out_since: [Option<(Duration, bool)>; 2],
+    /// I without a jammer since, and whether there was one before.
+    bare_since: Option<(Duration, bool)>,
+    jammer_last_out: Option<Duration>,
+}
+
+const NAMES: [&str; 2] = ["I", "J"];
+
+impl Monitor {
+    /// From now on silence out of turn is what S4 asks for.
+    pub fn fault(&mut self) {
+        self.faulted = true;
+    }
+
+    fn set(
+        &mut self,
+        condition: Condition,
+        holds: bool,
+        invariant: &'static str,
+        now: Duration,
+        detail: impl FnOnce() -> String,
+    ) {
+        if !holds {
+            self.active.remove(&condition);
+        } else if self.active.insert(condition) {
+            self.violations.push(Violation { invariant, at_s: now.as_secs_f64(), detail: detail() });
+        }
+    }
+
+    /// Looks at both vehicles: at every radio sample, and whenever a power changes.
+    /// `planned_silent`: the plan of I's slot keeps J silent, so that I needs no jammer.
+    pub fn observe(
+        &mut self,
+        now: Duration,
+        seen: &[Seen; 2],
+        planned_silent: bool,
+        max_power_w: [f64; 2],
+        airspace: &AirspaceConfig,
+    ) {
+        for v in 0..2 {
+            self.emission(v, now, &seen[v], max_power_w[v]);
+        }
+        self.order(now, seen, planned_silent);
+        self.radiating = [seen[0].power_w.is_some(), seen[1].power_w.is_some()];
+        self.separation(now, seen, airspace.min_separation_m);
+        for (v, vehicle) in seen.iter().enumerate() {
+            self.airspace(v, now, vehicle, airspace);
+        }
+    }
+
+    /// S1, S2 and S6 of one emitter.
+    fn emission(&mut self, v: usize, now: Duration, seen: &Seen, max_power_w: f64) {
+        let invariant = ["S1", "S2"][v];
+        let name = NAMES[v];
+        let radiates = seen.power_w.is_some();
+        self.set(Condition::NoSlot(v), radiates && seen.slot.is_none(), invariant, now, || {
+            format!("{name} radiates in no slot of the plan")
+        });
+
+        let out = radiates && seen.slot.is_some() && !seen.in_pose;
+        if v == 1 && seen.slot.is_some() && !seen.in_pose {
+            self.jammer_last_out = Some(now);
+        }
+        if !out {
+            self.out_since[v] = None;
+        } else if self.out_since[v].is_none() {
+            self.out_since[v] = Some((now, !self.radiating[v]));
+        }
+        let too_long = self.out_since[v]
+            .is_some_and(|(since, from_start)| from_start || now.saturating_sub(since) > POSE_REACTION);
+        self.set(Condition::OutOfPose(v), too_long, invariant, now, || {
+            let (metres, degrees) = seen.error;
+            format!("{name} radiates out of its pose: {metres:.2} m and {degrees:.2} deg off")
+        });
+
+        let cap = seen.plan.map_or(max_power_w, |plan| plan.power_w.min(max_power_w));
+        let power = seen.power_w.unwrap_or(0.0);
+        self.set(Condition::Power(v), radiates && power > cap * (1.0 + POWER_MARGIN), "S6", now, || {
+            format!("{name} radiates {power:.6} W; at most {cap:.6} W is allowed")
+        });
+    }
+
+    /// S1's jam and S3's order.
+    fn order(&mut self, now: Duration, seen: &[Seen; 2], planned_silent: bool) {
+        let [i, j] = seen;
+        let i_on = i.power_w.is_some();
+        let protected = planned_silent || j.power_w.is_some() && j.slot == i.slot;
+        let bare = i_on && i.slot.is_some() && !protected;
+        if !bare {
+            self.bare_since = None;
+        } else if self.bare_since.is_none() {
+            self.bare_since = Some((now, self.radiating[0]));
+        }
+        let (starts_bare, loses_jam) = match self.bare_since {
+            Some((since, had_jam)) => (!had_jam, had_jam && since == now),
+            None => (false, false),
+        };
+        let excused = self.faulted
+            || !j.companion
+            || self.jammer_last_out.is_some_and(|at| now.saturating_sub(at) <= EXCUSE);
+        self.set(Condition::InfoFirst, bare && starts_bare, "S3", now, || "I is on before J is".to_owned());
+        let left = self.active.contains(&Condition::JamLeft) || loses_jam && !excused;
+        self.set(Condition::JamLeft, bare && left, "S3", now, || "J went off while I was on".to_owned());
+        let too_long = self
+            .bare_since
+            .is_some_and(|(since, had_jam)| !had_jam || left || now.saturating_sub(since) > LEASE);
+        self.set(Condition::Unprotected, too_long, "S1", now, || {
+            "I radiates while J does not jam its slot".to_owned()
+        });
+    }
+
+    fn separation(&mut self, now: Duration, seen: &[Seen; 2], least_m: f64) {
+        let both = seen.iter().all(|s| s.airborne);
+        let distance = (seen[0].position - seen[1].position).norm();
+        if both {
+            self.min_separation_m = Some(self.min_separation_m.map_or(distance, |least| least.min(distance)));
+        }
+        self.set(Condition::Near, both && distance < least_m, "F1", now, || {
+            format!("the vehicles are {distance:.2} m apart; {least_m:.2} m is the least")
+        });
+    }
+
+    /// F1 of one vehicle: the geofence and the altitude band.
+    fn airspace(&mut self, v: usize, now: Duration, seen: &Seen, airspace: &AirspaceConfig) {
+        let name = NAMES[v];
+        let p = seen.position;
+        let at_home = (p.xy() - seen.home.xy()).norm() <= HOME_COLUMN_M;
+        let free = seen.airborne && seen.confined;
+        let beyond = if free && !at_home { beyond_fence_m(&airspace.area_enu_m, p.x, p.y) } else { 0.0 };
+        self.set(Condition::Fence(v), beyond > FENCE_MARGIN_M, "F1", now, || {
+            format!("{name} is {beyond:.1} m outside the geofence, at ({:.1}, {:.1})", p.x, p.y)
+        });
+        let [low, high] = airspace.altitude_m;
+        let below = p.z < low - BAND_MARGIN_M && !at_home;
+        let above = p.z > high + BAND_MARGIN_M;
+        self.set(Condition::Band(v), free && (below || above), "F1", now, || {
+            format!("{name} is at {:.1} m, outside the band from {low:.1} to {high:.1} m", p.z)
+        });
+    }
+}
+
+/// How far a point lies outside a polygon, metres; 0 inside, and where there is no polygon.
+fn beyond_fence_m(corners: &[[f64; 2]], x: f64, y: f64) -> f64 {
+    if corners.len() < 3 {
+        return 0.0;
+    }
+    let mut inside = false;
+    let mut nearest = f64::INFINITY;
+    for (k, &[x1, y1]) in corners.iter().enumerate() {
+        let [x0, y0] = corners[(k + corners.len() - 1) % corners.len()];
+        if (y0 > y) != (y1 > y) && x < x0 + (y - y0) / (y1 - y0) * (x1 - x0) {
+            inside = !inside;
+        }
+        let (dx, dy) = (x1 - x0, y1 - y0);
+        let length_squared = dx * dx + dy * dy;
+        let along = if length_squared > 0.0 { ((x - x0) * dx + (y - y0) * dy) / length_squared } else { 0.0 };
+        let along = along.clamp(0.0, 1.0);
+        nearest = nearest.min((x - x0 - along * dx).hypot(y - y0 - along * dy));
+    }
+    if inside { 0.0 } else { nearest }
+}

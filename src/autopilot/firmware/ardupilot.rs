@@ -1,0 +1,56 @@
+//! ArduPilot's copter: `custom_mode` is the mode's number.
+
+use super::{Mode, ModeNumber};
+
+const GUIDED: u8 = 4;
+const RTL: u8 = 6;
+const LAND: u8 = 9;
+/// Holds without a pilot's throttle; LOITER without one descends.
+const BRAKE: u8 = 17;
+
+/// `FRAME_CLASS` of the 6DoF frame, which tracks roll and pitch apart from position and panics on a quaternion.
+pub(in crate::autopilot) const FRAME_CLASS_6DOF: f64 = 16.0;
+
+pub(in crate::autopilot) const PARAMETERS: &[&str] =
+    &["FRAME_CLASS", "GUID_TIMEOUT", "GUID_OPTIONS", "FS_GCS_ENABLE", "SCR_ENABLE"];
+
+pub(super) fn mode(custom_mode: u32) -> Mode {
+    let name = match custom_mode {
+        4 => return Mode::Companion,
+        6 => return Mode::Return,
+        9 => return Mode::Land,
+        17 => return Mode::Hold,
+        0 => "STABILIZE",
+        1 => "ACRO",
+        2 => "ALT_HOLD",
+        3 => "AUTO",
+        5 => "LOITER",
+        7 => "CIRCLE",
+        11 => "DRIFT",
+        13 => "SPORT",
+        14 => "FLIP",
+        15 => "AUTOTUNE",
+        16 => "POSHOLD",
+        18 => "THROW",
+        19 => "AVOID_ADSB",
+        20 => "GUIDED_NOGPS",
+        21 => "SMART_RTL",
+        22 => "FLOWHOLD",
+        23 => "FOLLOW",
+        24 => "ZIGZAG",
+        27 => "AUTO_RTL",
+        _ => "an unknown mode",
+    };
+    Mode::Other { name, custom_mode }
+}
+
+pub(super) fn mode_number(mode: Mode) -> Option<ModeNumber> {
+    let main = match mode {
+        Mode::Companion => GUIDED,
+        Mode::Land => LAND,
+        Mode::Return => RTL,
+        Mode::Hold => BRAKE,
+        Mode::Other { .. } => return None,
+    };
+    Some(ModeNumber { main, sub: 0 })
+}

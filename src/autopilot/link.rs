@@ -1,0 +1,76 @@
+//! Whether the autopilot is still heard.
+
+use std::time::Duration;
+
+use super::Outbox;
+use super::settings::Event;
+use crate::time::Instant;
+
+/// Heartbeats come once a second; the mode is unknown when three in a row are missing.
+const HEARTBEAT_TIMEOUT: Duration = Duration::from_millis(3500);
+
+/// When the autopilot was last heard.
+#[derive(Debug)]
+pub(super) struct LinkWatch {
+    timeout: Duration,
+    heard_at: Option<Instant>,
+    heartbeat_at: Option<Instant>,
+    streaming: bool,
+    lost: bool,
+}
+
+impl LinkWatch {
+    pub(super) fn new(timeout: Duration) -> Self {
+        Self { timeout, heard_at: None, heartbeat_at: None, streaming: false, lost: false }
+    }
+
+    /// Any message of the autopilot. `true` if the link was lost and now is back: a heartbeat says so, for a mode
+    /// that is not known is no control.
+    pub(super) fn heard(
+        &mut self,
+        is_heartbeat: bool,
+        is_stream: bool,
+        now: Instant,
+        out: &mut Outbox,
+    ) -> bool {
+        self.heard_at = Some(now);
+        self.streaming |= is_stream;
+        if !is_heartbeat {
+            return false;
+        }
+        self.heartbeat_at = Some(now);
+        let restored = std::mem::take(&mut self.lost);
+        if restored {
+            self.streaming = false;
+            out.tell(Event::LinkRestored);
+        }
+        restored
+    }
+
+    /// `true` if the link is lost just now.
+    pub(super) fn advance(&mut self, now: Instant, out: &mut Outbox) -> bool {
+        if self.lost || self.timeout().is_none_or(|at| now < at) {
+            return false;
+        }
+        self.lost = true;
+        let silent_for = self.heard_at.map_or(Duration::ZERO, |at| now.saturating_since(at));
+        let without_heartbeat = self.heartbeat_at.map_or(Duration::ZERO, |at| now.saturating_since(at));
+        // Telemetry without heartbeats is a lost link too, and its age is the heartbeat's.
+        let silent_for = if silent_for < self.timeout { without_heartbeat } else { silent_for };
+        out.tell(Event::LinkLost { silent_for });
+        true
+    }
+
+    pub(super) fn is_lost(&self) -> bool {
+        self.lost
+    }
+
+    pub(super) fn timeout(&self) -> Option<Instant> {
+        if self.lost {
+            return None;
+        }
+        let silent = self.heard_at.filter(|_| self.streaming).map(|at| at + self.timeout);
+        let headless = self.heartbeat_at.map(|at| at + HEARTBEAT_TIMEOUT);
+        [silent, headless].into_iter().flatten().min()
+    }
+}

@@ -1,0 +1,218 @@
+//! The parameters the companion needs: read by name, a few at a time, and written.
+//!
+//! An autopilot that does not know a name says nothing (ArduCopter) or too little (PX4): silence is an answer.
+//! PX4 carries integers bytewise in the float field, ArduPilot converts them.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use mavlink::dialects::ardupilotmega::{
+    MavMessage, MavParamType, PARAM_REQUEST_READ_DATA, PARAM_SET_DATA, PARAM_VALUE_DATA,
+};
+
+use super::firmware::Firmware;
+use super::{Address, Outbox};
+use crate::time::Instant;
+
+const ANSWER_TIMEOUT: Duration = Duration::from_millis(500);
+const ATTEMPTS: u8 = 4;
+const READS_IN_FLIGHT: usize = 4;
+
+/// A parameter's value.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum ParamValue {
+    /// Of one of the integer types.
+    Int(i64),
+    /// Of one of the floating-point types.
+    Real(f64),
+}
+
+impl ParamValue {
+    /// The value as a number.
+    #[must_use]
+    pub fn as_f64(self) -> f64 {
+        match self {
+            Self::Int(value) => value as f64,
+            Self::Real(value) => value,
+        }
+    }
+}
+
+/// What is known of a parameter.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Knowledge {
+    /// Still being asked for.
+    Pending,
+    /// Asked for in vain: the autopilot does not have it, or does not say.
+    Unknown,
+    /// As the autopilot last said.
+    Known(ParamValue),
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Exchange {
+    sent: u8,
+    waits_until: Option<Instant>,
+}
+
+#[derive(Debug)]
+struct Entry {
+    known: Option<(ParamValue, MavParamType)>,
+    read: Option<Exchange>,
+    /// The value to be written and how far that is; kept until the autopilot repeats the value.
+    write: Option<(f64, Exchange)>,
+}
+
+const FRESH: Exchange = Exchange { sent: 0, waits_until: None };
+
+/// The parameters read and written so far.
+#[derive(Debug, Default)]
+pub(super) struct Parameters {
+    entries: BTreeMap<&'static str, Entry>,
+}
+
+impl Parameters {
+    /// Starts to read these parameters, forgetting what was known.
+    pub(super) fn read(&mut self, names: &[&'static str]) {
+        self.entries =
+            names.iter().map(|name| (*name, Entry { known: None, read: Some(FRESH), write: None })).collect();
+    }
+
+    /// What is known of a parameter.
+    pub(super) fn get(&self, name: &str) -> Knowledge {
+        match self.entries.get(name) {
+            Some(Entry { known: Some((value, _)), .. }) => Knowledge::Known(*value),
+            Some(Entry { read: Some(_), .. }) => Knowledge::Pending,
+            _ => Knowledge::Unknown,
+        }
+    }
+
+    /// Writes a parameter whose type is known from reading it; `false` if it is not.
+    pub(super) fn write(&mut self, name: &str, value: f64) -> bool {
+        let Some(entry) = self.entries.get_mut(name).filter(|entry| entry.known.is_some()) else {
+            return false;
+        };
+        if entry.write.is_none_or(|(wanted, _)| wanted != value) {
+            entry.write = Some((value, FRESH));
+        }
+        true
+    }
+
+    /// Whether a write still waits for the autopilot to repeat the value.
+    pub(super) fn is_writing(&self, name: &str) -> bool {
+        self.entries.get(name).is_some_and(|entry| entry.write.is_some())
+    }
+
+    pub(super) fn handle_value(&mut self, message: &PARAM_VALUE_DATA, firmware: Firmware) {
+        let Ok(name) = message.param_id.to_str() else { return };
+        let Some(entry) = self.entries.get_mut(name) else { return };
+        let Some(value) = decode(message.param_value, message.param_type, firmware) else { return };
+        entry.known = Some((value, message.param_type));
+        entry.read = None;
+        if entry
+            .write
+            .is_some_and(|(wanted, _)| (wanted - value.as_f64()).abs() <= 1e-6 * wanted.abs().max(1.0))
+        {
+            entry.write = None;
+        }
+    }
+
+    /// Sends what is due.
+    pub(super) fn advance(&mut self, now: Instant, firmware: Firmware, target: Address, out: &mut Outbox) {
+        let waiting =
+            |entry: &Entry| entry.read.is_some_and(|read| read.waits_until.is_some_and(|until| until > now));
+        let mut in_flight = self.entries.values().filter(|entry| waiting(entry)).count();
+        for (name, entry) in &mut self.entries {
+            if let Some(read) = &mut entry.read {
+                let expired = read.waits_until.is_some_and(|until| until <= now);
+                if expired && read.sent == ATTEMPTS {
+                    entry.read = None;
+                } else if expired || (read.waits_until.is_none() && in_flight < READS_IN_FLIGHT) {
+                    in_flight += 1;
+                    step(read, now);
+                    out.send(MavMessage::PARAM_REQUEST_READ(PARAM_REQUEST_READ_DATA {
+                        param_index: -1,
+                        target_system: target.0,
+                        target_component: target.1,
+                        param_id: (*name).into(),
+                    }));
+                }
+            }
+            let (Some((value, write)), Some((_, kind))) = (&mut entry.write, entry.known) else { continue };
+            // A write is repeated until it is confirmed: what depends on it must not proceed otherwise.
+            if write.waits_until.is_none_or(|until| until <= now) {
+                step(write, now);
+                out.send(MavMessage::PARAM_SET(PARAM_SET_DATA {
+                    param_value: encode(*value, kind, firmware),
+                    target_system: target.0,
+                    target_component: target.1,
+                    param_id: (*name).into(),
+                    param_type: kind,
+                }));
+            }
+        }
+    }
+
+    pub(super) fn timeout(&self) -> Option<Instant> {
+        self.entries
+            .values()
+            .flat_map(|entry| [entry.read, entry.write.map(|(_, write)| write)])
+            .filter_map(|exchange| exchange?.waits_until)
+            .min()
+    }
+}
+
+fn step(exchange: &mut Exchange, now: Instant) {
+    exchange.sent = exchange.sent.saturating_add(1);
+    exchange.waits_until = Some(now + ANSWER_TIMEOUT);
+}
+
+/// The value in a PARAM_VALUE; `None` if it is not finite.
+fn decode(raw: f32, kind: MavParamType, firmware: Firmware) -> Option<ParamValue> {
+    let bytes = raw.to_le_bytes();
+    let integer = match kind {
+        MavParamType::MAV_PARAM_TYPE_REAL32 | MavParamType::MAV_PARAM_TYPE_REAL64 => {
+            return raw.is_finite().then_some(ParamValue::Real(f64::from(raw)));
+        }
+        _ if firmware == Firmware::ArduPilot => {
+            return raw.is_finite().then_some(ParamValue::Int(raw.round() as i64));
+        }
+        MavParamType::MAV_PARAM_TYPE_UINT8 => i64::from(bytes[0]),
+        MavParamType::MAV_PARAM_TYPE_INT8 => i64::from(i8::from_le_bytes([bytes[0]])),
+        MavParamType::MAV_PARAM_TYPE_UINT16 => i64::from(u16::from_le_bytes([bytes[0], bytes[1]])),
+        MavParamType::MAV_PARAM_TYPE_INT16 => i64::from(i16::from_le_bytes([bytes[0], bytes[1]])),
+        MavParamType::MAV_PARAM_TYPE_UINT32 => i64::from(u32::from_le_bytes(bytes)),
+        _ => i64::from(i32::from_le_bytes(bytes)),
+    };
+    Some(ParamValue::Int(integer))
+}
+
+fn encode(value: f64, kind: MavParamType, firmware: Firmware) -> f32 {
+    let real = matches!(kind, MavParamType::MAV_PARAM_TYPE_REAL32 | MavParamType::MAV_PARAM_TYPE_REAL64);
+    if real || firmware == Firmware::ArduPilot {
+        return value as f32;
+    }
+    // Two's complement, little-endian: the low bytes are right for every narrower type too.
+    f32::from_le_bytes((value.round() as i64 as u32).to_le_bytes())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn val_px4_integers_travel_bytewise_and_ardupilot_converts_them() {
+        let px4 = |raw: i32| {
+            decode(f32::from_le_bytes(raw.to_le_bytes()), MavParamType::MAV_PARAM_TYPE_INT32, Firmware::Px4)
+        };
+        for raw in [5, -1, 1_234_567, i32::MIN] {
+            assert_eq!(px4(raw), Some(ParamValue::Int(i64::from(raw))));
+            let wire = encode(f64::from(raw), MavParamType::MAV_PARAM_TYPE_INT32, Firmware::Px4);
+            assert_eq!(wire.to_le_bytes(), raw.to_le_bytes());
+        }
+        let copter = decode(16.0, MavParamType::MAV_PARAM_TYPE_INT8, Firmware::ArduPilot);
+        assert_eq!(copter, Some(ParamValue::Int(16)));
+        assert_eq!(encode(16.0, MavParamType::MAV_PARAM_TYPE_INT8, Firmware::ArduPilot), 16.0);
+        assert_eq!(decode(f32::NAN, MavParamType::MAV_PARAM_TYPE_REAL32, Firmware::Px4), None);
+    }
+}

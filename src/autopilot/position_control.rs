@@ -1,0 +1,261 @@
+//! Position control of a fully actuated vehicle by body thrust, for autopilots that take a three-dimensional thrust
+//! but close no position loop around it.
+//!
+//! Force per mass, in the world: `f = g + K_p e + K_d (v_ref - v) + i`, with `di/dt = K_i e` frozen on an axis whose
+//! thrust is at its limit (anti-windup). In the body: `u = D R^T f h / g`, where `R` is the measured attitude (the
+//! force must point the right way while the vehicle turns), `h` the thrust command that hovers, learned in flight,
+//! and `D` the ratio of the thrust units of the axes: one unit of x thrust is not one unit of z.
+
+use nalgebra::Vector3;
+
+use crate::geo::{Attitude, Enu};
+
+const GRAVITY_M_S2: f64 = 9.806_65;
+
+/// Gains, limits and scales.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Settings {
+    /// Proportional gain, 1/s^2: horizontal and vertical.
+    pub proportional_s2: [f64; 2],
+    /// Velocity gain, 1/s: horizontal and vertical.
+    pub velocity_s: [f64; 2],
+    /// Integral gain, 1/s^3: horizontal and vertical.
+    pub integral_s3: [f64; 2],
+    /// Largest acceleration that the integral may stand for, m/s^2.
+    pub integral_limit_m_s2: f64,
+    /// Largest acceleration asked for beyond gravity, m/s^2.
+    pub acceleration_limit_m_s2: f64,
+    /// Position errors beyond this are taken as this, in metres: a far setpoint is flown to, not jumped at.
+    pub error_limit_m: f64,
+    /// Thrust command that hovers level, before anything is learned.
+    pub hover_thrust: f64,
+    /// Time constant of learning the hover thrust, in seconds.
+    pub hover_time_s: f64,
+    /// Newtons per unit of thrust along body x, y, z (from the rotors' geometry, CA_ROTOR*); only ratios matter.
+    pub thrust_n: [f64; 3],
+    /// Largest thrust command on any axis.
+    pub thrust_limit: f64,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            proportional_s2: [6.0, 8.0],
+            velocity_s: [4.5, 5.5],
+            integral_s3: [2.5, 3.0],
+            integral_limit_m_s2: 5.0,
+            acceleration_limit_m_s2: 6.0,
+            error_limit_m: 1.0,
+            hover_thrust: 0.5,
+            hover_time_s: 4.0,
+            // The stock omnicopter.
+            thrust_n: [133.9, 133.9, 115.9],
+            thrust_limit: 1.0,
+        }
+    }
+}
+
+/// What is measured.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Measured {
+    /// Position in metres, ENU.
+    pub position_enu_m: Enu,
+    /// Velocity in m/s, ENU.
+    pub velocity_enu_m_s: Vector3<f64>,
+    /// Attitude.
+    pub attitude: Attitude,
+}
+
+/// The controller's memory.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PositionControl {
+    settings: Settings,
+    integral_m_s2: Vector3<f64>,
+    hover_thrust: f64,
+}
+
+impl PositionControl {
+    /// A controller that has learned nothing yet.
+    #[must_use]
+    pub fn new(settings: Settings) -> Self {
+        Self { settings, integral_m_s2: Vector3::zeros(), hover_thrust: settings.hover_thrust }
+    }
+
+    /// Forgets the integral and keeps the hover thrust: for a new flight, or control taken again.
+    pub fn reset(&mut self) {
+        self.integral_m_s2 = Vector3::zeros();
+    }
+
+    /// The thrust command that hovers, as learned so far.
+    #[must_use]
+    pub fn hover_thrust(&self) -> f64 {
+        self.hover_thrust
+    }
+
+    /// The thrust command along body FRD axes (up is negative z) after a step of `dt_s`. Always finite and within
+    /// the limit. With `learn` off (on the ground) integral and hover thrust stay as they are.
+    pub fn step(
+        &mut self,
+        position_enu_m: Enu,
+        velocity_enu_m_s: Vector3<f64>,
+        measured: &Measured,
+        dt_s: f64,
+        learn: bool,
+    ) -> Vector3<f64> {
+        let s = self.settings;
+        let axes = |[horizontal, vertical]: [f64; 2]| Vector3::new(horizontal, horizontal, vertical);
+        let error = limited(position_enu_m - measured.position_enu_m, s.error_limit_m);
+        let velocity_error = velocity_enu_m_s - measured.velocity_enu_m_s;
+        let feedback =
+            axes(s.proportional_s2).component_mul(&error) + axes(s.velocity_s).component_mul(&velocity_error);
+        let wanted = limited(feedback + self.integral_m_s2, s.acceleration_limit_m_s2);
+        let force = wanted + Vector3::z() * GRAVITY_M_S2;
+
+        let body = measured.attitude.rotation().inverse() * force * (self.hover_thrust / GRAVITY_M_S2);
+        let scaled = Vector3::from_fn(|axis, _| body[axis] * s.thrust_n[2] / s.thrust_n[axis]);
+        let largest = scaled.amax();
+        let saturated = largest > s.thrust_limit;
+        let command = if saturated { scaled * (s.thrust_limit / largest) } else { scaled };
+
+        let limited_force = wanted.norm() + 1e-9 >= s.acceleration_limit_m_s2;
+        if learn && dt_s > 0.0 && !saturated && !limited_force {
+            let step = axes(s.integral_s3).component_mul(&error) * dt_s;
+            self.integral_m_s2 = limited(self.integral_m_s2 + step, s.integral_limit_m_s2);
+            self.learn_hover(dt_s);
+        }
+        // FLU to FRD.
+        let frd = Vector3::new(command.x, -command.y, -command.z);
+        if frd.iter().all(|c| c.is_finite()) { frd } else { Vector3::zeros() }
+    }
+
+    /// Moves the vertical part of the integral into the hover thrust, slowly, leaving their sum as it is.
+    fn learn_hover(&mut self, dt_s: f64) {
+        let part = (dt_s / self.settings.hover_time_s).min(1.0) * self.integral_m_s2.z / GRAVITY_M_S2;
+        let hover_thrust = (self.hover_thrust * (1.0 + part)).clamp(0.05, self.settings.thrust_limit);
+        let kept = hover_thrust / self.hover_thrust;
+        self.hover_thrust = hover_thrust;
+        self.integral_m_s2.z = (self.integral_m_s2.z + GRAVITY_M_S2) / kept - GRAVITY_M_S2;
+    }
+}
+
+/// `v`, shortened to `limit` if it is longer; zero if it is not finite.
+fn limited(v: Vector3<f64>, limit: f64) -> Vector3<f64> {
+    let norm = v.norm();
+    if !norm.is_finite() {
+        Vector3::zeros()
+    } else if norm > limit {
+        v * (limit / norm)
+    } else {
+        v
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A point mass under the thrust as the airframe really turns it into force.
+    struct Plant {
+        mass_kg: f64,
+        thrust_n: [f64; 3],
+        wind_n: Vector3<f64>,
+        measured: Measured,
+    }
+
+    impl Plant {
+        fn step(&mut self, frd: Vector3<f64>, dt_s: f64) {
+            let flu =
+                Vector3::new(frd.x * self.thrust_n[0], -frd.y * self.thrust_n[1], -frd.z * self.thrust_n[2]);
+            let force = self.measured.attitude.rotation() * flu + self.wind_n;
+            let acceleration = force / self.mass_kg - Vector3::z() * GRAVITY_M_S2;
+            self.measured.velocity_enu_m_s += acceleration * dt_s;
+            self.measured.position_enu_m += self.measured.velocity_enu_m_s * dt_s;
+        }
+    }
+
+    fn plant(roll_deg: f64, pitch_deg: f64) -> Plant {
+        let attitude = Attitude::from_euler(roll_deg.to_radians(), pitch_deg.to_radians(), 0.4);
+        let measured =
+            Measured { position_enu_m: Enu::zeros(), velocity_enu_m_s: Vector3::zeros(), attitude };
+        Plant { mass_kg: 4.0, thrust_n: [133.9, 133.9, 115.9], wind_n: Vector3::zeros(), measured }
+    }
+
+    #[test]
+    fn val_hover_thrust_of_known_attitudes() {
+        let settings = Settings { hover_thrust: 0.4, ..Settings::default() };
+        for (roll, pitch, expected) in [
+            (0.0, 0.0, Vector3::new(0.0, 0.0, -0.4)),
+            // Roll 90: body y (left) points up, so the thrust is to the left: negative in FRD.
+            (90.0, 0.0, Vector3::new(0.0, -0.4 * 115.9 / 133.9, 0.0)),
+            // Pitch 90 (paper's sign): body x points down, so the thrust is backwards.
+            (0.0, 90.0, Vector3::new(-0.4 * 115.9 / 133.9, 0.0, 0.0)),
+            (180.0, 0.0, Vector3::new(0.0, 0.0, 0.4)),
+        ] {
+            let mut control = PositionControl::new(settings);
+            let at = plant(roll, pitch).measured;
+            let thrust = control.step(Enu::zeros(), Vector3::zeros(), &at, 0.02, true);
+            assert!((thrust - expected).norm() < 1e-9, "roll {roll} pitch {pitch}: {thrust}");
+        }
+    }
+
+    #[test]
+    fn val_holds_in_wind_with_a_wrong_hover_thrust_at_every_attitude() {
+        for (roll, pitch) in [(0.0, 0.0), (30.0, 0.0), (60.0, 0.0), (90.0, 0.0), (0.0, -45.0), (180.0, 0.0)] {
+            let mut plant = plant(roll, pitch);
+            plant.wind_n = Vector3::new(3.0, -2.0, 1.0);
+            let mut control = PositionControl::new(Settings { hover_thrust: 0.3, ..Settings::default() });
+            for _ in 0..3000 {
+                let thrust = control.step(Enu::zeros(), Vector3::zeros(), &plant.measured, 0.02, true);
+                assert!(thrust.amax() <= 1.0);
+                plant.step(thrust, 0.02);
+            }
+            let at = plant.measured;
+            assert!(at.position_enu_m.norm() < 1e-3, "roll {roll} pitch {pitch}: {}", at.position_enu_m);
+            // Hover takes m g less the wind's lift along z of what the z axis gives.
+            let expected = (4.0 * GRAVITY_M_S2 - 1.0) / 115.9;
+            assert!((control.hover_thrust() - expected).abs() < 1e-3, "{}", control.hover_thrust());
+        }
+    }
+
+    #[test]
+    fn val_a_wrong_axis_scale_is_a_larger_error() {
+        let rms = |thrust_n: [f64; 3]| {
+            let mut plant = plant(90.0, 0.0);
+            let mut control = PositionControl::new(Settings {
+                hover_thrust: 4.0 * GRAVITY_M_S2 / 115.9,
+                thrust_n,
+                ..Settings::default()
+            });
+            let mut sum = 0.0;
+            for _ in 0..500 {
+                let thrust = control.step(Enu::zeros(), Vector3::zeros(), &plant.measured, 0.02, true);
+                plant.step(thrust, 0.02);
+                sum += plant.measured.position_enu_m.norm_squared();
+            }
+            (sum / 500.0).sqrt()
+        };
+        assert!(rms([133.9, 133.9, 115.9]) < 1e-6);
+        assert!(rms([115.9, 115.9, 115.9]) > 0.01);
+    }
+
+    #[test]
+    fn val_the_integral_stops_at_the_thrust_limit() {
+        let settings = Settings { thrust_limit: 0.35, hover_thrust: 0.34, ..Settings::default() };
+        let mut control = PositionControl::new(settings);
+        let below = plant(0.0, 0.0).measured;
+        for _ in 0..1000 {
+            let thrust = control.step(Enu::new(0.0, 0.0, 50.0), Vector3::zeros(), &below, 0.02, true);
+            assert!(thrust.amax() <= 0.35 + 1e-12);
+        }
+        assert_eq!(control, PositionControl::new(settings));
+    }
+
+    #[test]
+    fn val_garbage_in_is_never_garbage_out() {
+        let mut control = PositionControl::new(Settings::default());
+        let mut at = plant(0.0, 0.0).measured;
+        at.position_enu_m.x = f64::NAN;
+        let thrust = control.step(Enu::new(f64::INFINITY, 0.0, 0.0), Vector3::zeros(), &at, 0.02, true);
+        assert!(thrust.iter().all(|c| c.is_finite()));
+    }
+}

@@ -1,0 +1,117 @@
+//! What is known of the vehicle, each item with the instant at which it was received.
+
+use std::time::Duration;
+
+use mavlink::dialects::ardupilotmega::MavType;
+use nalgebra::Vector3;
+
+use super::firmware::{Firmware, Mode};
+use crate::geo::{Attitude, Enu, Geodetic, LocalFrame};
+use crate::time::Instant;
+
+/// A value and when it was received.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Timed<T> {
+    /// The value.
+    pub value: T,
+    /// When the message that carried it arrived.
+    pub received_at: Instant,
+}
+
+impl<T> Timed<T> {
+    pub(super) fn new(value: T, received_at: Instant) -> Self {
+        Self { value, received_at }
+    }
+
+    /// Time since it was received.
+    pub fn age(&self, now: Instant) -> Duration {
+        now.saturating_since(self.received_at)
+    }
+}
+
+/// Where the autopilot's land detector sees the vehicle.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Landed {
+    /// On the ground.
+    OnGround,
+    /// Flying.
+    InAir,
+    /// Leaving the ground.
+    TakingOff,
+    /// Coming down.
+    Landing,
+}
+
+/// The battery as SYS_STATUS reports it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Battery {
+    /// Charge left, in [0, 1].
+    pub remaining: Option<f64>,
+    /// Voltage in volts.
+    pub voltage_v: Option<f64>,
+}
+
+/// What is known of the vehicle. `None`: not heard yet, or forgotten after a restart of the autopilot.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct VehicleState {
+    /// The autopilot's system id.
+    pub system: Option<u8>,
+    /// The autopilot's firmware.
+    pub firmware: Option<Firmware>,
+    /// The firmware's version: major, minor, patch.
+    pub version: Option<(u8, u8, u8)>,
+    /// The kind of vehicle, from HEARTBEAT.
+    pub vehicle_type: Option<MavType>,
+    /// The estimator's position in the mission frame, in metres.
+    pub position_enu_m: Option<Timed<Enu>>,
+    /// The estimator's velocity in m/s, ENU.
+    pub velocity_enu_m_s: Option<Timed<Vector3<f64>>>,
+    /// The estimator's attitude.
+    pub attitude: Option<Timed<Attitude>>,
+    /// Whether the motors are armed.
+    pub armed: Option<Timed<bool>>,
+    /// The flight mode.
+    pub mode: Option<Timed<Mode>>,
+    /// What the land detector says.
+    pub landed: Option<Timed<Landed>>,
+    /// The autopilot's home (where it launched) in the mission frame, in metres.
+    pub home_enu_m: Option<Timed<Enu>>,
+    /// The battery.
+    pub battery: Option<Timed<Battery>>,
+    /// Whether the GPS receiver is healthy.
+    pub gps_ok: Option<Timed<bool>>,
+    /// Whether the estimator's health flags are all good.
+    pub estimator_ok: Option<Timed<bool>>,
+    /// Whether the autopilot's own pre-arm checks pass, where it says so.
+    pub prearm_ok: Option<Timed<bool>>,
+    /// The origin of the autopilot's local frame.
+    pub local_origin: Option<Timed<Geodetic>>,
+    /// A position from GLOBAL_POSITION_INT in the mission frame, in metres: a second opinion on the local origin.
+    pub global_position_enu_m: Option<Timed<Enu>>,
+}
+
+impl VehicleState {
+    /// Whether the last heartbeat showed the motors armed.
+    #[must_use]
+    pub fn is_armed(&self) -> bool {
+        self.armed.is_some_and(|armed| armed.value)
+    }
+
+    /// The mode of the last heartbeat.
+    #[must_use]
+    pub fn mode(&self) -> Option<Mode> {
+        self.mode.map(|mode| mode.value)
+    }
+
+    /// Whether the land detector last said that the vehicle flies; `None` if it never spoke.
+    #[must_use]
+    pub fn is_airborne(&self) -> Option<bool> {
+        self.landed.map(|landed| landed.value != Landed::OnGround)
+    }
+
+    /// The autopilot's local frame seen from the mission's, once its origin is known.
+    #[must_use]
+    pub fn local_frame(&self, mission: Geodetic) -> Option<LocalFrame> {
+        self.local_origin.map(|origin| LocalFrame { mission, autopilot: origin.value })
+    }
+}

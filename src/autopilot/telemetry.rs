@@ -1,0 +1,299 @@
+//! The autopilot's telemetry into [`VehicleState`], and what in it is not to be trusted.
+
+use mavlink::MessageData;
+use mavlink::dialects::ardupilotmega as mav;
+use mavlink::dialects::ardupilotmega::{
+    EkfStatusFlags, EstimatorStatusFlags, MavLandedState, MavMessage, MavSysStatusSensor,
+};
+use nalgebra::Vector3;
+
+use super::Outbox;
+use super::clock::UtcEstimate;
+use super::settings::{EstimatorFault, Event};
+use super::state::{Battery, Landed, Timed, VehicleState};
+use crate::geo::{Attitude, Enu, Geodetic, LocalFrame, Ned, swap_enu_ned};
+use crate::time::Instant;
+
+/// A boot clock that goes back by more than this belongs to a new boot; less is reordering on the way.
+const BOOT_BACKWARDS_MS: u32 = 2000;
+/// The origin may be refined by this much on the ground or in flight without being another one.
+const ORIGIN_TOLERANCE_M: f64 = 0.5;
+/// A variance of ArduPilot's estimator at which it calls itself failed (FS_EKF_THRESH is below).
+const EKF_VARIANCE_LIMIT: f32 = 1.0;
+
+/// Reads telemetry.
+#[derive(Debug)]
+pub(super) struct Telemetry {
+    mission: Geodetic,
+    position_jump_m: f64,
+    pub(super) state: VehicleState,
+    pub(super) utc: UtcEstimate,
+    boot_ms: Option<u32>,
+    /// The last local position and velocity with the autopilot's own time, in seconds, for the jump test.
+    last_local: Option<(Ned, Vector3<f64>, f64)>,
+    estimator_flags: Option<bool>,
+    sensors: Option<bool>,
+}
+
+impl Telemetry {
+    pub(super) fn new(mission: Geodetic, position_jump_m: f64) -> Self {
+        Self {
+            mission,
+            position_jump_m,
+            state: VehicleState::default(),
+            utc: UtcEstimate::default(),
+            boot_ms: None,
+            last_local: None,
+            estimator_flags: None,
+            sensors: None,
+        }
+    }
+
+    /// Forgets everything but the autopilot's identity.
+    pub(super) fn forget(&mut self) {
+        let VehicleState { system, firmware, .. } = self.state;
+        self.state = VehicleState { system, firmware, ..VehicleState::default() };
+        self.utc.clear();
+        self.boot_ms = None;
+        self.last_local = None;
+        self.estimator_flags = None;
+        self.sensors = None;
+    }
+
+    /// Whether this message shows that the autopilot has restarted.
+    pub(super) fn shows_restart(&mut self, message: &MavMessage) -> bool {
+        let boot_ms = match message {
+            MavMessage::SYSTEM_TIME(m) => m.time_boot_ms,
+            MavMessage::LOCAL_POSITION_NED(m) => m.time_boot_ms,
+            MavMessage::ATTITUDE_QUATERNION(m) => m.time_boot_ms,
+            MavMessage::GLOBAL_POSITION_INT(m) => m.time_boot_ms,
+            _ => return false,
+        };
+        let before = self.boot_ms.unwrap_or(boot_ms);
+        self.boot_ms = Some(before.max(boot_ms));
+        // Half the range apart is the counter's wrap after 49 days.
+        let back = before.saturating_sub(boot_ms);
+        let restarted = back > BOOT_BACKWARDS_MS && back < u32::MAX / 2;
+        if back > BOOT_BACKWARDS_MS {
+            self.boot_ms = Some(boot_ms);
+        }
+        restarted
+    }
+
+    pub(super) fn handle(&mut self, message: &MavMessage, now: Instant, out: &mut Outbox) {
+        match message {
+            MavMessage::LOCAL_POSITION_NED(m) => self.local_position(m, now, out),
+            MavMessage::ATTITUDE_QUATERNION(m) => self.attitude(m, now, out),
+            MavMessage::GLOBAL_POSITION_INT(m) => {
+                let point = geodetic(m.lat, m.lon, m.alt);
+                self.state.global_position_enu_m = Some(Timed::new(point.to_enu(self.mission), now));
+            }
+            MavMessage::GPS_GLOBAL_ORIGIN(m) => {
+                self.origin(geodetic(m.latitude, m.longitude, m.altitude), now, out)
+            }
+            MavMessage::HOME_POSITION(m) => {
+                let home = geodetic(m.latitude, m.longitude, m.altitude).to_enu(self.mission);
+                self.state.home_enu_m = Some(Timed::new(home, now));
+            }
+            MavMessage::SYSTEM_TIME(m) => self.utc.handle_system_time(m.time_unix_usec, now),
+            MavMessage::EXTENDED_SYS_STATE(m) => self.landed(m.landed_state, now, out),
+            MavMessage::SYS_STATUS(m) => self.sys_status(m, now, out),
+            MavMessage::ESTIMATOR_STATUS(m) => {
+                self.estimator(mav::ESTIMATOR_STATUS_DATA::NAME, estimator_status_fault(m.flags), now, out);
+            }
+            MavMessage::EKF_STATUS_REPORT(m) => {
+                self.estimator(mav::EKF_STATUS_REPORT_DATA::NAME, ekf_status_fault(m), now, out);
+            }
+            MavMessage::AUTOPILOT_VERSION(m) => {
+                let [_, patch, minor, major] = m.flight_sw_version.to_le_bytes();
+                self.state.version = Some((major, minor, patch));
+            }
+            _ => {}
+        }
+    }
+
+    fn local_position(&mut self, m: &mav::LOCAL_POSITION_NED_DATA, now: Instant, out: &mut Outbox) {
+        let local = Ned::new(m.x.into(), m.y.into(), m.z.into());
+        let velocity = Vector3::new(f64::from(m.vx), f64::from(m.vy), f64::from(m.vz));
+        if !local.iter().chain(velocity.iter()).all(|c| c.is_finite()) {
+            fault(out, EstimatorFault::NotFinite { message: mav::LOCAL_POSITION_NED_DATA::NAME });
+            return;
+        }
+        let at_s = f64::from(m.time_boot_ms) * 1e-3;
+        if let Some((last, last_velocity, last_s)) = self.last_local {
+            let span_s = (at_s - last_s).clamp(0.0, 5.0);
+            let distance_m = (local - last - 0.5 * span_s * (velocity + last_velocity)).norm();
+            // Over a gap in the telemetry the vehicle may have turned round: allow for 5 m/s of it.
+            if distance_m > self.position_jump_m + 5.0 * span_s {
+                fault(out, EstimatorFault::Jump { distance_m });
+            }
+        }
+        self.last_local = Some((local, velocity, at_s));
+        self.state.velocity_enu_m_s = Some(Timed::new(swap_enu_ned(velocity), now));
+        if let Some(frame) = self.state.local_frame(self.mission) {
+            self.state.position_enu_m = Some(Timed::new(frame.position_to_enu(local), now));
+        }
+    }
+
+    fn attitude(&mut self, m: &mav::ATTITUDE_QUATERNION_DATA, now: Instant, out: &mut Outbox) {
+        match Attitude::from_mavlink([m.q1.into(), m.q2.into(), m.q3.into(), m.q4.into()]) {
+            Some(attitude) => self.state.attitude = Some(Timed::new(attitude, now)),
+            None => fault(out, EstimatorFault::NotFinite { message: mav::ATTITUDE_QUATERNION_DATA::NAME }),
+        }
+    }
+
+    fn origin(&mut self, origin: Geodetic, now: Instant, out: &mut Outbox) {
+        if origin.lat_deg == 0.0 && origin.lon_deg == 0.0 {
+            return; // an origin that was never set
+        }
+        if let Some(before) = self.state.local_origin {
+            let distance_m = origin.to_enu(before.value).norm();
+            if distance_m > ORIGIN_TOLERANCE_M {
+                // Local coordinates mean something else now: what was known in them is void.
+                self.state.position_enu_m = None;
+                self.last_local = None;
+                if self.state.is_armed() {
+                    fault(out, EstimatorFault::OriginMoved { distance_m });
+                }
+            }
+        }
+        self.state.local_origin = Some(Timed::new(origin, now));
+    }
+
+    fn landed(&mut self, landed: MavLandedState, now: Instant, out: &mut Outbox) {
+        let landed = match landed {
+            MavLandedState::MAV_LANDED_STATE_ON_GROUND => Landed::OnGround,
+            MavLandedState::MAV_LANDED_STATE_IN_AIR => Landed::InAir,
+            MavLandedState::MAV_LANDED_STATE_TAKEOFF => Landed::TakingOff,
+            MavLandedState::MAV_LANDED_STATE_LANDING => Landed::Landing,
+            MavLandedState::MAV_LANDED_STATE_UNDEFINED => return,
+        };
+        let was_flying = self.state.landed.is_some_and(|before| before.value != Landed::OnGround);
+        if was_flying && landed == Landed::OnGround {
+            out.tell(Event::Landed);
+        }
+        self.state.landed = Some(Timed::new(landed, now));
+    }
+
+    fn sys_status(&mut self, m: &mav::SYS_STATUS_DATA, now: Instant, out: &mut Outbox) {
+        let healthy = |sensor: MavSysStatusSensor| {
+            let enabled = m.onboard_control_sensors_present.contains(sensor)
+                && m.onboard_control_sensors_enabled.contains(sensor);
+            enabled.then(|| m.onboard_control_sensors_health.contains(sensor))
+        };
+        let timed = |value: bool| Timed::new(value, now);
+        self.state.gps_ok = healthy(MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_GPS).map(timed);
+        self.state.prearm_ok = healthy(MavSysStatusSensor::MAV_SYS_STATUS_PREARM_CHECK).map(timed);
+        let battery = Battery {
+            remaining: (0..=100)
+                .contains(&m.battery_remaining)
+                .then(|| f64::from(m.battery_remaining) / 100.0),
+            voltage_v: (m.voltage_battery != u16::MAX && m.voltage_battery != 0)
+                .then(|| f64::from(m.voltage_battery) * 1e-3),
+        };
+        self.state.battery = Some(Timed::new(battery, now));
+        let failed = [
+            (MavSysStatusSensor::MAV_SYS_STATUS_AHRS, "the attitude and position estimate is unhealthy"),
+            (MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_3D_GYRO, "the gyroscope is unhealthy"),
+            (MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_3D_ACCEL, "the accelerometer is unhealthy"),
+            (MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_GPS, "the GPS receiver is unhealthy"),
+        ]
+        .into_iter()
+        .find(|(sensor, _)| healthy(*sensor) == Some(false));
+        let was_good = self.sensors.replace(failed.is_none());
+        if let (Some(true), Some((_, what))) = (was_good, failed) {
+            fault(out, EstimatorFault::Flags { message: mav::SYS_STATUS_DATA::NAME, what });
+        }
+        self.sum_up(now);
+    }
+
+    fn estimator(
+        &mut self,
+        message: &'static str,
+        what: Option<&'static str>,
+        now: Instant,
+        out: &mut Outbox,
+    ) {
+        let was_good = self.estimator_flags.replace(what.is_none());
+        // Not good from the start is not ready; the preflight says so. Good turned bad is a failure.
+        if let (Some(true), Some(what)) = (was_good, what) {
+            fault(out, EstimatorFault::Flags { message, what });
+        }
+        self.sum_up(now);
+    }
+
+    fn sum_up(&mut self, now: Instant) {
+        let good = match (self.estimator_flags, self.sensors) {
+            (Some(flags), sensors) => flags && sensors != Some(false),
+            (None, Some(false)) => false,
+            (None, _) => return,
+        };
+        self.state.estimator_ok = Some(Timed::new(good, now));
+    }
+
+    /// The position now in the autopilot's frame, for setpoints.
+    pub(super) fn frame(&self) -> Option<LocalFrame> {
+        self.state.local_frame(self.mission)
+    }
+
+    /// Position and velocity if both are known.
+    pub(super) fn motion(&self) -> Option<(Enu, Vector3<f64>)> {
+        Some((self.state.position_enu_m?.value, self.state.velocity_enu_m_s?.value))
+    }
+}
+
+fn fault(out: &mut Outbox, fault: EstimatorFault) {
+    out.tell(Event::EstimatorFailure(fault));
+}
+
+/// Degrees times 1e7 and millimetres above mean sea level.
+fn geodetic(lat: i32, lon: i32, alt_mm: i32) -> Geodetic {
+    Geodetic {
+        lat_deg: f64::from(lat) * 1e-7,
+        lon_deg: f64::from(lon) * 1e-7,
+        alt_m: f64::from(alt_mm) * 1e-3,
+    }
+}
+
+fn estimator_status_fault(flags: EstimatorStatusFlags) -> Option<&'static str> {
+    [
+        (EstimatorStatusFlags::ESTIMATOR_ATTITUDE, true, "no attitude"),
+        (EstimatorStatusFlags::ESTIMATOR_VELOCITY_HORIZ, true, "no horizontal velocity"),
+        (EstimatorStatusFlags::ESTIMATOR_VELOCITY_VERT, true, "no vertical velocity"),
+        (EstimatorStatusFlags::ESTIMATOR_POS_HORIZ_ABS, true, "no absolute horizontal position"),
+        (EstimatorStatusFlags::ESTIMATOR_POS_VERT_ABS, true, "no absolute altitude"),
+        (EstimatorStatusFlags::ESTIMATOR_CONST_POS_MODE, false, "position is assumed constant"),
+        (EstimatorStatusFlags::ESTIMATOR_GPS_GLITCH, false, "GPS glitch"),
+        (EstimatorStatusFlags::ESTIMATOR_ACCEL_ERROR, false, "accelerometer error"),
+    ]
+    .into_iter()
+    .find(|(flag, should_be, _)| flags.contains(*flag) != *should_be)
+    .map(|(_, _, what)| what)
+}
+
+fn ekf_status_fault(m: &mav::EKF_STATUS_REPORT_DATA) -> Option<&'static str> {
+    let bad_variance = |v: f32| !v.is_finite() || v >= EKF_VARIANCE_LIMIT;
+    let flags = [
+        (EkfStatusFlags::EKF_ATTITUDE, true, "no attitude"),
+        (EkfStatusFlags::EKF_VELOCITY_HORIZ, true, "no horizontal velocity"),
+        (EkfStatusFlags::EKF_VELOCITY_VERT, true, "no vertical velocity"),
+        (EkfStatusFlags::EKF_POS_HORIZ_ABS, true, "no absolute horizontal position"),
+        (EkfStatusFlags::EKF_POS_VERT_ABS, true, "no absolute altitude"),
+        (EkfStatusFlags::EKF_CONST_POS_MODE, false, "position is assumed constant"),
+        (EkfStatusFlags::EKF_GPS_GLITCHING, false, "GPS glitch"),
+        (EkfStatusFlags::EKF_UNINITIALIZED, false, "not initialised"),
+    ]
+    .into_iter()
+    .find(|(flag, should_be, _)| m.flags.contains(*flag) != *should_be)
+    .map(|(_, _, what)| what);
+    flags.or_else(|| {
+        [
+            (m.velocity_variance, "velocity variance"),
+            (m.pos_horiz_variance, "horizontal position variance"),
+            (m.pos_vert_variance, "altitude variance"),
+        ]
+        .into_iter()
+        .find(|(variance, _)| bad_variance(*variance))
+        .map(|(_, what)| what)
+    })
+}

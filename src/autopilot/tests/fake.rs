@@ -1,0 +1,566 @@
+//! A scripted autopilot and the wire to it, in virtual time. It states what real programs were seen to do, by hand.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::time::Duration;
+
+use mavlink::dialects::ardupilotmega::*;
+use mavlink::{MavHeader, Message};
+use nalgebra::Vector3;
+
+use super::super::*;
+use crate::geo::{Attitude, Geodetic};
+use crate::time::Instant;
+
+pub const MISSION: Geodetic = Geodetic { lat_deg: 50.0755, lon_deg: 14.4378, alt_m: 200.0 };
+/// The autopilot's own origin, elsewhere and higher.
+pub const ORIGIN: Geodetic = Geodetic { lat_deg: 50.0771, lon_deg: 14.4350, alt_m: 203.0 };
+pub const OWN: (u8, u8) = (1, 191);
+const LATENCY: Duration = Duration::from_millis(10);
+const STEP: Duration = Duration::from_millis(5);
+/// 2026-01-01 at our instant zero.
+pub const EPOCH_US: u64 = 1_767_225_600_000_000;
+
+pub const PX4_OFFBOARD: u32 = 6 << 16;
+pub const PX4_POSCTL: u32 = 3 << 16;
+pub const PX4_LOITER: u32 = 4 << 16 | 3 << 24;
+pub const PX4_LAND: u32 = 4 << 16 | 6 << 24;
+
+/// How a command is answered.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Manners {
+    Obey,
+    /// Acknowledge and do nothing.
+    PayLipService,
+    Refuse(MavResult, &'static str),
+    Ignore,
+}
+
+pub struct Fake {
+    pub firmware: Firmware,
+    pub address: (u8, u8),
+    pub custom_mode: u32,
+    pub armed: bool,
+    pub landed: MavLandedState,
+    /// Local NED.
+    pub position: Vector3<f64>,
+    pub target: Option<Vector3<f64>>,
+    pub attitude: [f32; 4],
+    pub set_mode: Manners,
+    pub arming: Manners,
+    pub takeoff: Manners,
+    pub parameters: BTreeMap<&'static str, (f32, MavParamType)>,
+    pub silent: bool,
+    pub estimator: EstimatorStatusFlags,
+    pub ekf: EkfStatusFlags,
+    /// Streams that never come, whatever is asked for.
+    pub mute: Vec<u32>,
+    pub received: Vec<(Instant, MavMessage)>,
+    booted_at: Instant,
+    intervals: BTreeMap<u32, (Duration, Instant)>,
+    heartbeat_at: Instant,
+    setpoint_at: Option<Instant>,
+    /// Offboard was left for want of a stream: PX4 goes back by itself when it resumes.
+    lapsed: bool,
+    climb_to: Option<f64>,
+    out: VecDeque<MavMessage>,
+}
+
+pub fn px4_ready() -> EstimatorStatusFlags {
+    EstimatorStatusFlags::from_bits_retain(1 | 2 | 4 | 8 | 16 | 32 | 256 | 512)
+}
+
+pub fn int(value: i32, firmware: Firmware) -> (f32, MavParamType) {
+    let raw = match firmware {
+        Firmware::Px4 => f32::from_le_bytes(value.to_le_bytes()),
+        Firmware::ArduPilot => value as f32,
+    };
+    (raw, MavParamType::MAV_PARAM_TYPE_INT32)
+}
+
+pub fn real(value: f32) -> (f32, MavParamType) {
+    (value, MavParamType::MAV_PARAM_TYPE_REAL32)
+}
+
+impl Fake {
+    pub fn new(firmware: Firmware) -> Self {
+        let parameters = match firmware {
+            Firmware::Px4 => BTreeMap::from([
+                ("COM_OF_LOSS_T", real(1.0)),
+                ("COM_OBL_RC_ACT", int(5, firmware)),
+                ("FD_FAIL_R", int(0, firmware)),
+                ("FD_FAIL_P", int(0, firmware)),
+                ("NAV_DLL_ACT", int(0, firmware)),
+                ("MAV_TYPE", int(14, firmware)),
+                ("THR_MDL_FAC", real(0.0)),
+                ("LNDMC_Z_VEL_MAX", real(0.3)),
+            ]),
+            Firmware::ArduPilot => BTreeMap::from([
+                ("FRAME_CLASS", int(16, firmware)),
+                ("GUID_TIMEOUT", real(3.0)),
+                ("GUID_OPTIONS", int(0, firmware)),
+                ("FS_GCS_ENABLE", int(0, firmware)),
+                ("SCR_ENABLE", int(1, firmware)),
+            ]),
+        };
+        Self {
+            firmware,
+            address: (1, 1),
+            custom_mode: match firmware {
+                Firmware::Px4 => PX4_POSCTL,
+                Firmware::ArduPilot => 0,
+            },
+            armed: false,
+            landed: MavLandedState::MAV_LANDED_STATE_ON_GROUND,
+            position: Vector3::new(5.0, -3.0, 0.0),
+            target: None,
+            attitude: Attitude::from_euler(0.0, 0.0, 0.3).to_mavlink().map(|c| c as f32),
+            set_mode: Manners::Obey,
+            arming: Manners::Obey,
+            takeoff: Manners::Obey,
+            parameters,
+            silent: false,
+            estimator: px4_ready(),
+            ekf: EkfStatusFlags::from_bits_retain(1 | 2 | 4 | 8 | 16 | 32 | 256 | 512),
+            mute: Vec::new(),
+            received: Vec::new(),
+            booted_at: Instant::ZERO,
+            intervals: BTreeMap::new(),
+            heartbeat_at: Instant::ZERO,
+            setpoint_at: None,
+            lapsed: false,
+            climb_to: None,
+            out: VecDeque::new(),
+        }
+    }
+
+    /// A watchdog reset in flight: the clock starts anew, streams and modes are the defaults.
+    pub fn restart(&mut self, now: Instant) {
+        self.booted_at = now;
+        self.intervals.clear();
+        self.custom_mode = if self.firmware == Firmware::Px4 { PX4_POSCTL } else { 0 };
+        self.setpoint_at = None;
+        self.lapsed = false;
+    }
+
+    pub fn setpoints_since(&self, since: Instant) -> usize {
+        let is_setpoint = |m: &MavMessage| {
+            matches!(m, MavMessage::SET_POSITION_TARGET_LOCAL_NED(_) | MavMessage::SET_ATTITUDE_TARGET(_))
+        };
+        self.received.iter().filter(|(at, m)| *at > since && is_setpoint(m)).count()
+    }
+
+    pub fn commands(&self, command: MavCmd) -> Vec<COMMAND_LONG_DATA> {
+        let wanted = |m: &MavMessage| match m {
+            MavMessage::COMMAND_LONG(c) if c.command == command => Some(c.clone()),
+            _ => None,
+        };
+        self.received.iter().filter_map(|(_, m)| wanted(m)).collect()
+    }
+
+    pub fn say(&mut self, text: &str) {
+        self.out.push_back(MavMessage::STATUSTEXT(STATUSTEXT_DATA {
+            severity: MavSeverity::MAV_SEVERITY_CRITICAL,
+            text: text.into(),
+            id: 0,
+            chunk_seq: 0,
+        }));
+    }
+
+    fn companion_mode(&self) -> u32 {
+        if self.firmware == Firmware::Px4 { PX4_OFFBOARD } else { 4 }
+    }
+
+    fn streaming(&self, now: Instant) -> bool {
+        self.setpoint_at.is_some_and(|at| now.saturating_since(at) < Duration::from_millis(500))
+    }
+
+    fn handle(&mut self, message: MavMessage, now: Instant) {
+        self.received.push((now, message.clone()));
+        match &message {
+            MavMessage::COMMAND_LONG(c) => self.command(c, now),
+            MavMessage::PARAM_REQUEST_READ(p) => self.answer_parameter(p.param_id.to_str().unwrap()),
+            MavMessage::PARAM_SET(p) => {
+                let name = p.param_id.to_str().unwrap();
+                if let Some((_, entry)) = self.parameters.iter_mut().find(|(known, _)| **known == name) {
+                    *entry = (p.param_value, p.param_type);
+                    self.answer_parameter(name);
+                }
+            }
+            MavMessage::SET_POSITION_TARGET_LOCAL_NED(p) => {
+                self.live_setpoint(now);
+                if self.custom_mode == self.companion_mode() && self.armed && self.climb_to.is_none() {
+                    self.target = Some(Vector3::new(p.x.into(), p.y.into(), p.z.into()));
+                }
+            }
+            MavMessage::SET_ATTITUDE_TARGET(a) => {
+                if a.type_mask.contains(AttitudeTargetTypemask::ATTITUDE_TARGET_TYPEMASK_THRUST_BODY_SET) {
+                    self.live_setpoint(now);
+                }
+                self.attitude = a.q;
+            }
+            _ => {}
+        }
+    }
+
+    fn live_setpoint(&mut self, now: Instant) {
+        self.setpoint_at = Some(now);
+        if self.lapsed {
+            self.lapsed = false;
+            self.custom_mode = self.companion_mode();
+        }
+    }
+
+    fn answer_parameter(&mut self, name: &str) {
+        let Some((name, (param_value, param_type))) = self.parameters.get_key_value(name) else { return };
+        self.out.push_back(MavMessage::PARAM_VALUE(PARAM_VALUE_DATA {
+            param_value: *param_value,
+            param_count: 900,
+            param_index: 0,
+            param_id: (*name).into(),
+            param_type: *param_type,
+        }));
+    }
+
+    fn command(&mut self, c: &COMMAND_LONG_DATA, now: Instant) {
+        let manners = match c.command {
+            MavCmd::MAV_CMD_DO_SET_MODE => self.set_mode.clone(),
+            MavCmd::MAV_CMD_COMPONENT_ARM_DISARM => self.arming.clone(),
+            MavCmd::MAV_CMD_NAV_TAKEOFF => self.takeoff.clone(),
+            _ => Manners::Obey,
+        };
+        let result = match manners {
+            Manners::Ignore => return,
+            Manners::PayLipService => MavResult::MAV_RESULT_ACCEPTED,
+            Manners::Refuse(result, text) => {
+                self.say(text);
+                result
+            }
+            Manners::Obey => self.obey(c, now),
+        };
+        self.out.push_back(MavMessage::COMMAND_ACK(COMMAND_ACK_DATA {
+            command: c.command,
+            result,
+            progress: 0,
+            result_param2: 0,
+            target_system: OWN.0,
+            target_component: OWN.1,
+        }));
+    }
+
+    fn obey(&mut self, c: &COMMAND_LONG_DATA, now: Instant) -> MavResult {
+        match c.command {
+            MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL => {
+                let interval = Duration::from_secs_f64(f64::from(c.param2) * 1e-6);
+                self.intervals.insert(c.param1 as u32, (interval, now));
+            }
+            MavCmd::MAV_CMD_REQUEST_MESSAGE => {
+                let message = self.telemetry(c.param1 as u32, now);
+                self.out.extend(message);
+            }
+            MavCmd::MAV_CMD_DO_SET_MODE => {
+                let wanted = match self.firmware {
+                    Firmware::Px4 => (c.param2 as u32) << 16 | (c.param3 as u32) << 24,
+                    Firmware::ArduPilot => c.param2 as u32,
+                };
+                if wanted == PX4_OFFBOARD && !self.streaming(now) {
+                    return MavResult::MAV_RESULT_TEMPORARILY_REJECTED;
+                }
+                self.custom_mode = wanted;
+                self.lapsed = false;
+                self.climb_to = None;
+            }
+            MavCmd::MAV_CMD_COMPONENT_ARM_DISARM => {
+                let flying = self.landed != MavLandedState::MAV_LANDED_STATE_ON_GROUND;
+                if c.param1 == 0.0 && flying {
+                    return MavResult::MAV_RESULT_FAILED;
+                }
+                self.armed = c.param1 == 1.0;
+            }
+            MavCmd::MAV_CMD_NAV_TAKEOFF => {
+                if self.firmware == Firmware::Px4 || !self.armed || self.custom_mode != 4 {
+                    return MavResult::MAV_RESULT_FAILED;
+                }
+                self.climb_to = Some(f64::from(-c.param7));
+            }
+            MavCmd::MAV_CMD_USER_4 => {}
+            _ => return MavResult::MAV_RESULT_UNSUPPORTED,
+        }
+        MavResult::MAV_RESULT_ACCEPTED
+    }
+
+    fn telemetry(&self, id: u32, now: Instant) -> Option<MavMessage> {
+        let time_boot_ms = now.saturating_since(self.booted_at).as_millis() as u32;
+        let e7 = |deg: f64| (deg * 1e7).round() as i32;
+        let (latitude, longitude, altitude) =
+            (e7(ORIGIN.lat_deg), e7(ORIGIN.lon_deg), (ORIGIN.alt_m * 1e3) as i32);
+        let message = match id {
+            32 => MavMessage::LOCAL_POSITION_NED(LOCAL_POSITION_NED_DATA {
+                time_boot_ms,
+                x: self.position.x as f32,
+                y: self.position.y as f32,
+                z: self.position.z as f32,
+                ..Default::default()
+            }),
+            31 => MavMessage::ATTITUDE_QUATERNION(ATTITUDE_QUATERNION_DATA {
+                time_boot_ms,
+                q1: self.attitude[0],
+                q2: self.attitude[1],
+                q3: self.attitude[2],
+                q4: self.attitude[3],
+                ..Default::default()
+            }),
+            33 => {
+                let local = crate::geo::swap_enu_ned(self.position);
+                let point = Geodetic::from_enu(local, ORIGIN);
+                MavMessage::GLOBAL_POSITION_INT(GLOBAL_POSITION_INT_DATA {
+                    time_boot_ms,
+                    lat: e7(point.lat_deg),
+                    lon: e7(point.lon_deg),
+                    alt: (point.alt_m * 1e3) as i32,
+                    ..Default::default()
+                })
+            }
+            49 => MavMessage::GPS_GLOBAL_ORIGIN(GPS_GLOBAL_ORIGIN_DATA {
+                latitude,
+                longitude,
+                altitude,
+                time_usec: 0,
+            }),
+            242 => MavMessage::HOME_POSITION(HOME_POSITION_DATA {
+                latitude,
+                longitude,
+                altitude,
+                ..Default::default()
+            }),
+            2 => MavMessage::SYSTEM_TIME(SYSTEM_TIME_DATA {
+                time_unix_usec: EPOCH_US + now.since_start().as_micros() as u64,
+                time_boot_ms,
+            }),
+            245 => MavMessage::EXTENDED_SYS_STATE(EXTENDED_SYS_STATE_DATA {
+                vtol_state: MavVtolState::MAV_VTOL_STATE_UNDEFINED,
+                landed_state: self.landed,
+            }),
+            230 => MavMessage::ESTIMATOR_STATUS(ESTIMATOR_STATUS_DATA {
+                flags: self.estimator,
+                ..Default::default()
+            }),
+            193 => MavMessage::EKF_STATUS_REPORT(EKF_STATUS_REPORT_DATA {
+                flags: self.ekf,
+                ..Default::default()
+            }),
+            1 => MavMessage::SYS_STATUS(SYS_STATUS_DATA {
+                onboard_control_sensors_present: MavSysStatusSensor::all(),
+                onboard_control_sensors_enabled: MavSysStatusSensor::all(),
+                onboard_control_sensors_health: MavSysStatusSensor::all(),
+                battery_remaining: 80,
+                voltage_battery: 22_000,
+                ..Default::default()
+            }),
+            148 => MavMessage::AUTOPILOT_VERSION(AUTOPILOT_VERSION_DATA {
+                flight_sw_version: 0x010f_02ff,
+                ..Default::default()
+            }),
+            _ => return None,
+        };
+        Some(message)
+    }
+
+    fn step(&mut self, now: Instant) {
+        if self.heartbeat_at <= now {
+            self.heartbeat_at = now + Duration::from_secs(1);
+            self.beat();
+        }
+        let due: Vec<u32> =
+            self.intervals.iter().filter(|(_, (_, at))| *at <= now).map(|(id, _)| *id).collect();
+        for id in due {
+            if let Some((interval, at)) = self.intervals.get_mut(&id) {
+                *at = *at + *interval;
+            }
+            if !self.mute.contains(&id) {
+                let message = self.telemetry(id, now);
+                self.out.extend(message);
+            }
+        }
+        let lost = self.setpoint_at.is_none_or(|at| now.saturating_since(at) > Duration::from_secs(1));
+        if self.firmware == Firmware::Px4 && self.custom_mode == PX4_OFFBOARD && lost && self.armed {
+            self.custom_mode = PX4_LOITER;
+            self.lapsed = true;
+            self.beat();
+        }
+        self.fly();
+    }
+
+    fn fly(&mut self) {
+        if let Some(z) = self.climb_to {
+            self.target = Some(Vector3::new(self.position.x, self.position.y, z));
+            if (self.position.z - z).abs() < 0.1 {
+                self.climb_to = None;
+            }
+        }
+        if self.custom_mode == PX4_LAND || self.custom_mode == 9 {
+            self.target = Some(Vector3::new(self.position.x, self.position.y, 0.0));
+        }
+        let (true, Some(target)) = (self.armed, self.target) else { return };
+        let way = target - self.position;
+        let step = 3.0 * STEP.as_secs_f64();
+        self.position += if way.norm() > step { way * (step / way.norm()) } else { way };
+        if self.position.z < -0.3 {
+            self.landed = MavLandedState::MAV_LANDED_STATE_IN_AIR;
+        } else if self.landed == MavLandedState::MAV_LANDED_STATE_IN_AIR && self.position.z > -0.05 {
+            self.landed = MavLandedState::MAV_LANDED_STATE_ON_GROUND;
+            self.armed = false;
+        }
+    }
+
+    /// Sends a heartbeat now.
+    pub fn beat(&mut self) {
+        let mut base_mode = MavModeFlag::MAV_MODE_FLAG_CUSTOM_MODE_ENABLED;
+        if self.armed {
+            base_mode |= MavModeFlag::MAV_MODE_FLAG_SAFETY_ARMED;
+        }
+        self.out.push_back(MavMessage::HEARTBEAT(HEARTBEAT_DATA {
+            custom_mode: self.custom_mode,
+            mavtype: MavType::MAV_TYPE_OCTOROTOR,
+            autopilot: match self.firmware {
+                Firmware::Px4 => MavAutopilot::MAV_AUTOPILOT_PX4,
+                Firmware::ArduPilot => MavAutopilot::MAV_AUTOPILOT_ARDUPILOTMEGA,
+            },
+            base_mode,
+            system_status: MavState::MAV_STATE_STANDBY,
+            mavlink_version: 3,
+        }));
+    }
+}
+
+/// An adapter, a scripted autopilot and the wire between them.
+pub struct World {
+    pub now: Instant,
+    pub fake: Fake,
+    pub autopilot: Autopilot,
+    pub events: Vec<(Instant, Event)>,
+    /// What the executive keeps setting; `None`: it stalls.
+    pub setpoint: Option<Setpoint>,
+    /// Cut the wire, both ways.
+    pub cut: bool,
+    to_fake: VecDeque<(Instant, MavMessage)>,
+    to_us: VecDeque<(Instant, MavHeader, MavMessage)>,
+}
+
+impl World {
+    pub fn new(fake: Fake, change: impl FnOnce(&mut Settings)) -> Self {
+        let mut settings = Settings::new(OWN, MISSION);
+        settings.autopilot_system = Some(1);
+        change(&mut settings);
+        let now = Instant::from_start(Duration::from_secs(1));
+        Self {
+            now,
+            fake,
+            autopilot: Autopilot::new(settings, now),
+            events: Vec::new(),
+            setpoint: None,
+            cut: false,
+            to_fake: VecDeque::new(),
+            to_us: VecDeque::new(),
+        }
+    }
+
+    /// Lets someone else's message arrive.
+    pub fn inject(&mut self, from: (u8, u8), message: &MavMessage) {
+        let header = MavHeader { system_id: from.0.into(), component_id: from.1, sequence: 0 };
+        self.autopilot.handle_message(header, message, self.now);
+    }
+
+    pub fn run(&mut self, seconds: f64) {
+        let end = self.now + Duration::from_secs_f64(seconds);
+        while self.now < end {
+            self.step();
+        }
+    }
+
+    /// Runs until there is such an event; panics after `seconds`.
+    pub fn until(&mut self, seconds: f64, wanted: impl Fn(&Event) -> bool) -> Event {
+        let end = self.now + Duration::from_secs_f64(seconds);
+        let mut seen = self.events.len();
+        while self.now < end {
+            self.step();
+            while seen < self.events.len() {
+                if wanted(&self.events[seen].1) {
+                    return self.events[seen].1.clone();
+                }
+                seen += 1;
+            }
+        }
+        panic!("not within {seconds} s: {:#?}", self.events);
+    }
+
+    fn step(&mut self) {
+        self.now = self.now + STEP;
+        let now = self.now;
+        while self.to_fake.front().is_some_and(|(at, _)| *at <= now) {
+            if let Some((_, message)) = self.to_fake.pop_front().filter(|_| !self.cut) {
+                self.fake.handle(message, now);
+            }
+        }
+        self.fake.step(now);
+        for message in std::mem::take(&mut self.fake.out) {
+            let (system, component_id) = self.fake.address;
+            let header = MavHeader { system_id: system.into(), component_id, sequence: 0 };
+            if !self.fake.silent && !self.cut {
+                self.to_us.push_back((now + LATENCY, header, message));
+            }
+        }
+        while self.to_us.front().is_some_and(|(at, ..)| *at <= now) {
+            if let Some((_, header, message)) = self.to_us.pop_front() {
+                self.autopilot.handle_message(header, &message, now);
+            }
+        }
+        if let Some(setpoint) = self.setpoint {
+            self.autopilot.set_setpoint(setpoint, now);
+        }
+        while self.autopilot.poll_timeout().is_some_and(|(at, _)| at <= now) {
+            self.autopilot.handle_timeout(now);
+        }
+        while let Some(message) = self.autopilot.poll_transmit() {
+            assert!(message.message_id() != 0, "heartbeats are the executive's");
+            self.to_fake.push_back((now + LATENCY, message));
+        }
+        while let Some(event) = self.autopilot.poll_event() {
+            self.events.push((now, event));
+        }
+    }
+
+    pub fn count(&self, wanted: impl Fn(&Event) -> bool) -> usize {
+        self.events.iter().filter(|(_, event)| wanted(event)).count()
+    }
+
+    /// Holds where the vehicle is.
+    pub fn hold_here(&mut self) {
+        let state = self.autopilot.state();
+        self.setpoint = Some(Setpoint {
+            position_enu_m: state.position_enu_m.unwrap().value,
+            velocity_enu_m_s: Vector3::zeros(),
+            attitude: Attitude::from_euler(0.0, 0.0, 0.0),
+        });
+    }
+
+    /// Discovered, telemetry flowing, parameters read.
+    pub fn connect(&mut self) {
+        self.until(5.0, |event| matches!(event, Event::Discovered { .. }));
+        self.run(6.0);
+        self.hold_here();
+    }
+
+    /// In control, armed and at 10 m.
+    pub fn launch(&mut self) {
+        self.connect();
+        self.autopilot.take_control(self.now);
+        self.until(10.0, |event| *event == Event::ControlTaken);
+        self.autopilot.arm(self.now);
+        self.until(10.0, |event| *event == Event::Armed);
+        self.autopilot.take_off(10.0, self.now);
+        self.until(30.0, |event| *event == Event::Airborne);
+        self.hold_here();
+        self.run(2.0);
+        assert!(self.autopilot.in_control(), "{:#?}", self.events);
+    }
+}

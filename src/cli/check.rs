@@ -1,0 +1,112 @@
+//! `veilwing check`: validates a mission, and vehicles for it.
+
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use crate::config::{Diagnostics, Mission, TransmitterKind, Vehicle};
+use crate::role::Role;
+use crate::units::Watts;
+
+/// Validate a mission file, and vehicle files for it.
+///
+/// Every error is printed as `file:line:column: message` with the offending line and a remedy.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Example: veilwing check config/mission.toml --vehicle config/vehicle-i.toml")]
+pub struct Args {
+    /// Mission file (TOML).
+    #[arg(value_name = "MISSION")]
+    mission: PathBuf,
+    /// Vehicle file (TOML) to validate with the mission; may be repeated.
+    #[arg(long = "vehicle", value_name = "FILE")]
+    vehicles: Vec<PathBuf>,
+}
+
+/// Validates; exit code 0, or 2 when a file cannot be used.
+#[must_use]
+pub fn run(args: &Args) -> ExitCode {
+    let mut usable = true;
+    let mut tell = |findings: Diagnostics| {
+        eprint!("{findings}");
+        usable &= !findings.has_errors();
+    };
+    let mission = Mission::load(&args.mission).map_err(&mut tell).ok();
+    if let Some(mission) = &mission {
+        tell(mission.warnings.clone());
+    }
+    let mut vehicles = Vec::new();
+    for path in &args.vehicles {
+        match Vehicle::load(path) {
+            Err(findings) => tell(findings),
+            Ok(vehicle) => {
+                tell(vehicle.warnings.clone());
+                if let Some(mission) = &mission {
+                    tell(vehicle.check_against(mission));
+                }
+                vehicles.push((path.as_path(), vehicle));
+            }
+        }
+    }
+    match mission {
+        Some(mission) if usable => {
+            print!("{}", summary(&mission, &vehicles));
+            ExitCode::SUCCESS
+        }
+        _ => ExitCode::from(2),
+    }
+}
+
+/// What an operator checks at a glance.
+fn summary(mission: &Mission, vehicles: &[(&Path, Vehicle)]) -> String {
+    let mut out = String::new();
+    let names = |names: Vec<&str>| format!("{} ({})", names.len(), names.join(", "));
+    let mut line = |title: &str, text: String| {
+        let _ = writeln!(out, "{title:<14} {text}");
+    };
+    line("mission", format!("{}, seed {}, digest {}", mission.name, mission.seed, mission.digest_hex()));
+    line("users", names(mission.users.iter().map(|user| user.name.as_str()).collect()));
+    line("eavesdroppers", names(mission.eavesdroppers.iter().map(|node| node.name.as_str()).collect()));
+    let [low_m, high_m] = mission.airspace.altitude_m;
+    let corners = mission.airspace.area_enu_m.len();
+    line(
+        "airspace",
+        format!(
+            "{low_m} to {high_m} m, {corners} corners, separation {} m",
+            mission.airspace.min_separation_m
+        ),
+    );
+    let slots = mission.users.len() * usize::from(mission.tdma.superframes);
+    line("slots", format!("{slots} of {} s, guard {} s", mission.tdma.slot_s, mission.tdma.guard_s));
+    line("jitter", format!("{:.3} deg", mission.jitter.std_rad.to_degrees()));
+    for role in Role::BOTH {
+        let (power_w, limit) = mission.power_ceiling(role);
+        line(&format!("power of {role}"), format!("up to {}, by {}", Watts(power_w), limit.key()));
+    }
+    line(
+        "emission",
+        mission.emission.as_ref().map_or_else(
+            || "none: simulated transmitters only".to_owned(),
+            |emission| {
+                let [low_hz, high_hz] = emission.band_hz.map(|hz| hz / 1e6);
+                format!("{low_hz} to {high_hz} MHz, authorised by {}", emission.authorised_by)
+            },
+        ),
+    );
+    for (path, vehicle) in vehicles {
+        let transmitter = match (vehicle.transmitter.kind, vehicle.transmitter.simulated) {
+            (TransmitterKind::None, _) => "no transmitter",
+            (_, true) => "simulated transmitter",
+            (_, false) => "real transmitter",
+        };
+        line(
+            &format!("vehicle {}", vehicle.role),
+            format!(
+                "{}: {transmitter}, autopilot {}, pair {}",
+                path.display(),
+                vehicle.autopilot.link,
+                vehicle.pair_link
+            ),
+        );
+    }
+    out
+}

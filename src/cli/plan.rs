@@ -1,0 +1,133 @@
+//! `veilwing plan`: plans every slot of a mission.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use crate::config::{METHODS, Mission};
+use crate::planner::problem::Method;
+use crate::report::plan_document::{PlanDocument, SlotDocument};
+use crate::role::Role;
+use crate::units::Watts;
+
+use super::planning::{document, mission_options, plan_mission};
+use super::{Exit, load_mission, print_json, print_text};
+
+/// Plan every slot of a mission: poses, powers, expected secrecy rate.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Example: veilwing plan config/paper.toml --method paper --json")]
+pub(super) struct Args {
+    /// Mission file.
+    mission: PathBuf,
+    /// Print the plan as one JSON document.
+    #[arg(long)]
+    json: bool,
+    /// Planner to use instead of the mission file's.
+    #[arg(long, value_parser = parse_method)]
+    method: Option<Method>,
+    /// Seed instead of the mission file's.
+    #[arg(long)]
+    seed: Option<u64>,
+    /// Threads to plan with; the plan does not depend on it.
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=256))]
+    threads: u16,
+    /// Write plan.json into this directory as well.
+    #[arg(long)]
+    out: Option<PathBuf>,
+}
+
+fn parse_method(text: &str) -> Result<Method, String> {
+    let found = METHODS.iter().find(|(name, _)| *name == text);
+    found.map(|(_, method)| *method).ok_or_else(|| {
+        let names: Vec<_> = METHODS.iter().map(|(name, _)| *name).collect();
+        format!("the methods are {}", names.join(", "))
+    })
+}
+
+pub(super) fn run(args: &Args) -> Exit {
+    let mission = match load_mission(&args.mission) {
+        Ok(mission) => mission,
+        Err(exit) => return exit,
+    };
+    let mut options = mission_options(&mission);
+    options.method = args.method.unwrap_or(options.method);
+    options.seed = args.seed.unwrap_or(options.seed);
+    options.threads = args.threads.into();
+    let timed = match plan_mission(&mission, &options) {
+        Ok(timed) => timed,
+        Err(error) => {
+            eprintln!("{}: {error}", args.mission.display());
+            return Exit::Unusable;
+        }
+    };
+    let document = document(&mission, &options, &timed);
+    if let Some(out) = &args.out
+        && let Err(exit) = write_plan(out, &document)
+    {
+        return exit;
+    }
+    if args.json { print_json(&document) } else { print_text(&table(&mission, &document)) }
+}
+
+/// Writes `plan.json` into a directory, which is made if it is not there.
+pub(super) fn write_plan(out: &Path, document: &PlanDocument) -> Result<(), Exit> {
+    let path = out.join("plan.json");
+    let text = serde_json::to_string_pretty(document).map_err(std::io::Error::other);
+    let written =
+        text.and_then(|text| std::fs::create_dir_all(out).and_then(|()| std::fs::write(&path, text)));
+    written.map_err(|error| {
+        eprintln!("error: cannot write {}: {error}", path.display());
+        Exit::Unusable
+    })
+}
+
+/// The plan for a reader.
+fn table(mission: &Mission, document: &PlanDocument) -> String {
+    let mut text = format!(
+        "mission {} ({}), plan {}, method {}, seed {}\n",
+        mission.name,
+        &document.mission_digest[..12],
+        &document.plan_digest[..12],
+        document.method,
+        document.seed
+    );
+    for slot in &document.slots {
+        // Writing to a String cannot fail.
+        let _ = write_slot(&mut text, mission, slot);
+    }
+    text
+}
+
+fn write_slot(text: &mut String, mission: &Mission, slot: &SlotDocument) -> std::fmt::Result {
+    let per_hz = |bps: f64| bps / mission.radio.bandwidth_hz;
+    let headroom = (1.0 - slot.secrecy_rate_bps / slot.upper_bound_bps) * 100.0;
+    writeln!(
+        text,
+        "\nuser {}: secrecy rate {:.4} Mbit/s ({:.3} +- {:.3} bit/s/Hz), at most {headroom:.1}% below the best possible ({}), {}, planned in {:.1} ms",
+        slot.user,
+        slot.secrecy_rate_bps / 1e6,
+        per_hz(slot.secrecy_rate_bps),
+        per_hz(slot.standard_error_bps),
+        slot.upper_bound_kind,
+        slot.status,
+        slot.planning_time_s * 1e3,
+    )?;
+    let db = |sinr: f64| 10.0 * sinr.log10();
+    write!(text, "  SINR: user {:.1} dB", db(slot.sinr.user))?;
+    for eavesdropper in &slot.sinr.eavesdroppers {
+        write!(text, ", {} {:.1} dB", eavesdropper.name, db(eavesdropper.sinr))?;
+    }
+    writeln!(text, "\n  vehicle  east_m  north_m  up_m  roll_deg  pitch_deg  yaw_deg  power")?;
+    for role in Role::BOTH {
+        let v = &slot.vehicles[role];
+        let [e, n, u] = v.position_enu_m;
+        writeln!(
+            text,
+            "  {role:>7} {e:>7.1} {n:>8.1} {u:>5.1} {:>9.2} {:>10.2} {:>8.2}  {}",
+            v.roll_rad.to_degrees(),
+            v.pitch_rad.to_degrees(),
+            v.yaw_rad.to_degrees(),
+            Watts(v.tx_power_w)
+        )?;
+    }
+    Ok(())
+}

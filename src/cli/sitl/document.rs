@@ -1,0 +1,146 @@
+//! The flight document (`veilwing-flight/1`) and its table for a reader. Every figure in it is the simulated
+//! world's.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+
+use serde::Serialize;
+use veilwing_sitl::FlightReport;
+
+use crate::config::Mission;
+use crate::role::{PerVehicle, Role};
+
+use super::host::{End, Flight, describe_end};
+
+/// How a flight ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub(super) enum FlightResult {
+    /// Both companions flew every slot and landed.
+    Completed,
+    /// At least one did not.
+    Aborted,
+    /// Stopped by the operator.
+    Interrupted,
+}
+
+/// The document.
+#[derive(Debug, Serialize)]
+pub(super) struct FlightDocument {
+    format: &'static str,
+    pub result: FlightResult,
+    plan_digest: String,
+    wall_s: f64,
+    #[serde(flatten)]
+    report: FlightReport,
+    messages: Messages,
+}
+
+#[derive(Debug, Serialize)]
+struct Messages {
+    sent: u64,
+    received: u64,
+    rejected: BTreeMap<&'static str, u64>,
+}
+
+impl FlightDocument {
+    pub fn new(flight: &Flight, plan_digest: String, wall_s: f64) -> Self {
+        let done = |role| flight.ends[role] == Some(End::Code(0));
+        let result = match flight.interrupted {
+            true => FlightResult::Interrupted,
+            false if Role::BOTH.into_iter().all(done) => FlightResult::Completed,
+            false => FlightResult::Aborted,
+        };
+        Self {
+            format: "veilwing-flight/1",
+            result,
+            plan_digest,
+            wall_s,
+            report: flight.report.clone(),
+            messages: Messages {
+                sent: flight.sent,
+                received: flight.received,
+                rejected: BTreeMap::from([("swallowed-by-fault", flight.swallowed)]),
+            },
+        }
+    }
+
+    /// Completed without a violated invariant.
+    pub fn is_good(&self) -> bool {
+        self.result == FlightResult::Completed && self.report.violations.is_empty()
+    }
+
+    /// The flight for a reader.
+    pub fn table(&self, mission: &Mission, ends: &PerVehicle<Option<End>>) -> String {
+        let mut text = String::new();
+        // Writing to a String cannot fail.
+        let _ = self.write_table(&mut text, mission, ends);
+        text
+    }
+
+    fn write_table(
+        &self,
+        text: &mut String,
+        mission: &Mission,
+        ends: &PerVehicle<Option<End>>,
+    ) -> std::fmt::Result {
+        let per_hz = |bps: f64| bps / mission.radio.bandwidth_hz;
+        writeln!(
+            text,
+            "\nslot  user            planned  achieved     +-   ratio  on_I_s  on_J_s  unprot_s  pos_I_m  pos_J_m  att_I_deg  att_J_deg"
+        )?;
+        for (number, slot) in self.report.slots.iter().enumerate() {
+            writeln!(
+                text,
+                "{number:>4}  {:<14} {:>8.3} {:>9.3} {:>6.3} {:>7.3} {:>7.2} {:>7.2} {:>9.3} {:>8} {:>8} {:>10} {:>10}",
+                slot.user,
+                per_hz(slot.planned_secrecy_rate_bps),
+                per_hz(slot.achieved_secrecy_rate_bps),
+                per_hz(slot.standard_error_bps),
+                slot.achieved_secrecy_rate_bps / slot.planned_secrecy_rate_bps,
+                slot.radiated_s.i,
+                slot.radiated_s.j,
+                slot.unprotected_s,
+                figure(slot.position_rms_m.i, 3),
+                figure(slot.position_rms_m.j, 3),
+                figure(slot.attitude_rms_deg.i, 2),
+                figure(slot.attitude_rms_deg.j, 2),
+            )?;
+        }
+        writeln!(
+            text,
+            "(rates in bit/s/Hz; on: seconds radiated; unprot: I on without J; errors are rms, jitter included)"
+        )?;
+        for role in Role::BOTH {
+            if let Some(end) = ends[role].filter(|end| *end != End::Code(0)) {
+                writeln!(text, "vehicle {role}: companion {}", describe_end(end))?;
+            }
+        }
+        for violation in &self.report.violations {
+            writeln!(
+                text,
+                "VIOLATION {} at {:.3} s: {}",
+                violation.invariant, violation.at_s, violation.detail
+            )?;
+        }
+        let verdict = match self.result {
+            FlightResult::Completed => "completed",
+            FlightResult::Aborted => "NOT COMPLETED",
+            FlightResult::Interrupted => "interrupted",
+        };
+        let separation =
+            self.report.min_separation_m.map_or("never both airborne".into(), |m| format!("{m:.1} m"));
+        writeln!(
+            text,
+            "{verdict}: {} violations, least separation {separation}, {:.1} s of flight in {:.1} s of wall time",
+            self.report.violations.len(),
+            self.report.flight_s,
+            self.wall_s
+        )
+    }
+}
+
+/// A figure, or a dash where nothing was measured.
+fn figure(value: Option<f64>, decimals: usize) -> String {
+    value.map_or("-".into(), |value| format!("{value:.decimals$}"))
+}

@@ -1,0 +1,66 @@
+//! The directory of a simulated flight: vehicle files for the companions, logs, plan, summary.
+
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+
+use crate::role::Role;
+
+/// Kept where the operator said, or temporary and removed at the end.
+pub(super) struct Directory {
+    path: PathBuf,
+    temporary: bool,
+}
+
+impl Directory {
+    pub fn new(out: Option<&Path>) -> Result<Self, String> {
+        let path = out.map_or_else(
+            || std::env::temp_dir().join(format!("veilwing-sitl-{}", std::process::id())),
+            Path::to_path_buf,
+        );
+        std::fs::create_dir_all(&path).map_err(|error| format!("{}: {error}", path.display()))?;
+        Ok(Self { path, temporary: out.is_none() })
+    }
+
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    pub fn write_summary(&self, document: &impl Serialize) -> Result<(), String> {
+        let path = self.path.join("summary.json");
+        let text = serde_json::to_string_pretty(document).map_err(|error| error.to_string())?;
+        std::fs::write(&path, text).map_err(|error| format!("{}: {error}", path.display()))
+    }
+}
+
+impl Drop for Directory {
+    fn drop(&mut self) {
+        if self.temporary {
+            // Nothing depends on it any more; what cannot be removed, the system's own cleaning takes.
+            let _ = std::fs::remove_dir_all(&self.path);
+        }
+    }
+}
+
+/// Writes the vehicle file of one companion: loopback links, a simulated transmitter.
+pub(super) fn write_vehicle(
+    directory: &Path,
+    role: Role,
+    system_id: u8,
+    autopilot_port: u16,
+    pair_port: u16,
+    actuation: &str,
+) -> Result<PathBuf, String> {
+    let name = role.to_string().to_lowercase();
+    let path = directory.join(format!("vehicle-{name}.toml"));
+    let text = format!(
+        "# Written by `veilwing sitl`: the simulated vehicle {role}.\n\
+         [vehicle]\nrole = \"{name}\"\n\n\
+         [autopilot]\nlink = \"udpout:127.0.0.1:{autopilot_port}\"\nactuation = \"{actuation}\"\nsystem_id = {system_id}\n\n\
+         [transmitter]\nkind = \"leased\"\nsimulated = true\n\n\
+         [pair]\nlink = \"udpout:127.0.0.1:{pair_port}\"\n\n\
+         [log]\ndir = \".\"\n"
+    );
+    std::fs::write(&path, text).map_err(|error| format!("{}: {error}", path.display()))?;
+    Ok(path)
+}

@@ -1,0 +1,107 @@
+//! `veilwing sitl`: the main job on one machine. The simulated world in this process, the two companions in
+//! processes of their own, MAVLink over loopback UDP between them.
+
+mod document;
+mod faults;
+mod files;
+mod host;
+mod world;
+
+use std::path::PathBuf;
+
+use crate::config::Mission;
+use crate::link::clock::Clock;
+use crate::planner::problem::Airframe;
+
+use super::plan::write_plan;
+use super::planning::{document as plan_document, mission_options, plan_mission};
+use super::{Exit, load_mission, print_json, print_text};
+use document::{FlightDocument, FlightResult};
+use faults::Faults;
+
+/// Fly a mission in simulation: two software vehicles, two companion processes, every slot flown and scored.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Example: veilwing sitl config/mission.toml --out flight-1")]
+pub(super) struct Args {
+    /// Mission file.
+    mission: PathBuf,
+    /// Print the flight as one JSON document.
+    #[arg(long)]
+    json: bool,
+    /// Simulated seconds per second of wall time.
+    #[arg(long, default_value_t = 1.0, value_parser = parse_speed)]
+    speed: f64,
+    /// Keep plan, summary, logs and a .tlog of every link in this directory.
+    #[arg(long)]
+    out: Option<PathBuf>,
+    /// Faults to inject, a TOML file (README, "Faults").
+    #[arg(long)]
+    faults: Option<PathBuf>,
+}
+
+fn parse_speed(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(speed) if (0.1..=50.0).contains(&speed) => Ok(speed),
+        _ => Err("give a number from 0.1 to 50".into()),
+    }
+}
+
+pub(super) fn run(args: &Args) -> Exit {
+    let mission = match load_mission(&args.mission) {
+        Ok(mission) => mission,
+        Err(exit) => return exit,
+    };
+    let faults = match args.faults.as_deref().map(Faults::load).transpose() {
+        Ok(faults) => faults.unwrap_or_default(),
+        Err(message) => {
+            eprintln!("{message}");
+            return Exit::Unusable;
+        }
+    };
+    fly(args, &mission, faults).unwrap_or_else(|message| {
+        eprintln!("error: {message}");
+        Exit::Unusable
+    })
+}
+
+fn fly(args: &Args, mission: &Mission, faults: Faults) -> Result<Exit, String> {
+    let wall = Clock::real();
+    let options = mission_options(mission);
+    let timed = plan_mission(mission, &options).map_err(|error| error.to_string())?;
+    let plan = plan_document(mission, &options, &timed);
+    let directory = files::Directory::new(args.out.as_deref())?;
+    if write_plan(directory.path(), &plan).is_err() {
+        return Ok(Exit::Unusable);
+    }
+    let config = world::config(mission, &timed.plan)?;
+    let world = veilwing_sitl::World::new(config).map_err(|error| error.to_string())?;
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+        .map_err(|error| format!("the event loop cannot start: {error}"))?;
+    let flight = runtime.block_on(host::fly(host::Setup {
+        mission: &args.mission,
+        world,
+        faults,
+        speed: args.speed,
+        directory: directory.path(),
+        actuation: crate::role::PerVehicle::from_fn(|role| match mission.vehicles[role].airframe {
+            Airframe::Omnidirectional => "pose",
+            Airframe::Conventional => "position",
+        }),
+    }))?;
+    let wall_s = wall.now().since_start().as_secs_f64();
+    let document = FlightDocument::new(&flight, plan.plan_digest.clone(), wall_s);
+    directory.write_summary(&document)?;
+    let shown =
+        if args.json { print_json(&document) } else { print_text(&document.table(mission, &flight.ends)) };
+    if let Some(out) = &args.out {
+        eprintln!("kept in {}", out.display());
+    }
+    Ok(match document.result {
+        _ if shown != Exit::Done => shown,
+        _ if document.is_good() => Exit::Done,
+        FlightResult::Interrupted => Exit::Interrupted,
+        FlightResult::Completed | FlightResult::Aborted => Exit::Bad,
+    })
+}

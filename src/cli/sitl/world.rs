@@ -1,0 +1,152 @@
+//! A mission and its plan, told to the simulated world in the world's own terms.
+
+use nalgebra::Vector2;
+use veilwing_sitl as sim;
+
+use crate::cli::planning::{timing, transit_limits};
+use crate::config::Mission;
+use crate::geo::Attitude;
+use crate::planner::plan::VehiclePlan;
+use crate::planner::problem::{self, Airframe, JitterAxes, JitterModel};
+use crate::planner::slots::{Plan, PlannedSlot};
+use crate::role::{PerVehicle, Role};
+use crate::schedule::table::Table;
+use crate::schedule::trajectory::Start;
+use crate::schedule::transit::Router;
+use crate::units::{Dbm, Watts};
+
+/// Homes lie this far apart, or three separations if that is more.
+const HOMES_APART_M: f64 = 20.0;
+
+pub(super) fn config(mission: &Mission, plan: &Plan) -> Result<sim::WorldConfig, String> {
+    let homes = homes(mission)?;
+    let uncertainty = |u: problem::Uncertainty| match u {
+        problem::Uncertainty::None => sim::Uncertainty::Exact,
+        problem::Uncertainty::Disc { radius_m } => sim::Uncertainty::Disc { radius_m },
+        problem::Uncertainty::Gaussian { std_m } => sim::Uncertainty::Gaussian { std_m },
+    };
+    Ok(sim::WorldConfig {
+        seed: mission.seed,
+        origin: sim::Origin {
+            lat_deg: mission.origin.lat_deg,
+            lon_deg: mission.origin.lon_deg,
+            alt_amsl_m: mission.origin.alt_m,
+        },
+        // A Saturday noon; any instant serves, as long as both vehicles are told the same.
+        utc_start_us: 1_800_014_400_000_000,
+        vehicles: [vehicle(mission, Role::I, homes[0]), vehicle(mission, Role::J, homes[1])],
+        users: mission
+            .users
+            .iter()
+            .map(|user| sim::Node { name: user.name.clone(), position_enu_m: user.position_enu_m.into() })
+            .collect(),
+        eavesdroppers: mission
+            .eavesdroppers
+            .iter()
+            .map(|e| sim::Eavesdropper {
+                name: e.name.clone(),
+                position_enu_m: e.node.position_enu_m.into(),
+                uncertainty: uncertainty(e.node.uncertainty),
+            })
+            .collect(),
+        radio: sim::RadioConfig {
+            bandwidth_hz: mission.radio.bandwidth_hz,
+            noise_power_w: mission.radio.noise_power_w,
+            reference_gain: mission.radio.reference_gain,
+            max_power_w: [mission.power_ceiling(Role::I).0, mission.power_ceiling(Role::J).0],
+        },
+        airspace: sim::AirspaceConfig {
+            altitude_m: mission.airspace.altitude_m,
+            area_enu_m: mission.airspace.area_enu_m.iter().map(|v| [v.x, v.y]).collect(),
+            min_separation_m: mission.airspace.min_separation_m,
+        },
+        jitter: sim::JitterConfig {
+            std_deg: mission.jitter.std_rad.to_degrees(),
+            model: match mission.jitter.model {
+                JitterModel::Euler => sim::JitterModel::Euler,
+                JitterModel::Body => sim::JitterModel::Body,
+            },
+            axes: match mission.jitter.axes {
+                JitterAxes::RollPitch => sim::JitterAxes::RollPitch,
+                JitterAxes::RollPitchYaw => sim::JitterAxes::RollPitchYaw,
+            },
+            correlation_s: 0.0,
+        },
+        slots: served(mission, plan, homes)?
+            .into_iter()
+            .map(|slot| sim::PlannedSlot {
+                user: slot.user.clone(),
+                secrecy_rate_bps: slot.plan.secrecy_rate_bps,
+                poses: [pose(&slot.plan.vehicles.i), pose(&slot.plan.vehicles.j)],
+            })
+            .collect(),
+        tolerance: sim::Tolerance::default(),
+    })
+}
+
+/// The slots in the order in which they are flown, over all superframes.
+fn served<'a>(
+    mission: &Mission,
+    plan: &'a Plan,
+    homes: [Vector2<f64>; 2],
+) -> Result<Vec<&'a PlannedSlot>, String> {
+    let bottom_m = mission.airspace.altitude_m[0];
+    let start = PerVehicle { i: homes[0], j: homes[1] }
+        .map(|home| Start { position_enu_m: home.push(bottom_m), attitude: Attitude::level() });
+    let router =
+        Router::new(&mission.airspace, &transit_limits(mission)).map_err(|error| error.to_string())?;
+    let users: Vec<_> = plan.slots.iter().map(|slot| vec![slot.plan.vehicles.map(|v| v.pose)]).collect();
+    let table = Table::build(&router, &start, &users, &timing(mission), mission.tdma.order)
+        .map_err(|e| e.to_string())?;
+    Ok(table.entries.iter().filter_map(|entry| plan.slots.get(entry.user_index)).collect())
+}
+
+fn pose(vehicle: &VehiclePlan) -> sim::PlannedPose {
+    sim::PlannedPose {
+        position_enu_m: vehicle.pose.position_enu_m.into(),
+        roll_rad: vehicle.pose.roll_rad,
+        pitch_rad: vehicle.pose.pitch_rad,
+        yaw_rad: vehicle.pose.yaw_rad,
+        tx_power_w: vehicle.tx_power_w,
+    }
+}
+
+fn vehicle(mission: &Mission, role: Role, home: Vector2<f64>) -> sim::VehicleConfig {
+    let (sim_role, sign) = match role {
+        Role::I => (sim::Role::I, 1.0),
+        Role::J => (sim::Role::J, -1.0),
+    };
+    let ceiling = Dbm::from(Watts(mission.power_ceiling(role).0)).0;
+    sim::VehicleConfig {
+        home_enu_m: [home.x, home.y, 0.0],
+        // Each autopilot has an origin of its own: where it was switched on, not where it stands.
+        local_origin_offset_enu_m: [sign * 7.0, -3.0 * sign, sign],
+        heading_rad: 0.6 * sign,
+        airframe: match mission.vehicles[role].airframe {
+            Airframe::Omnidirectional => sim::Airframe::Omnidirectional,
+            Airframe::Conventional => sim::Airframe::Conventional,
+        },
+        transmitter_max_dbm: ceiling.max(30.0),
+        ..sim::VehicleConfig::new(sim_role)
+    }
+}
+
+/// Where the two vehicles stand: the mission's homes, or side by side near the middle of the area.
+fn homes(mission: &Mission) -> Result<[Vector2<f64>; 2], String> {
+    if let (Some(i), Some(j)) = (mission.vehicles.i.home_enu_m, mission.vehicles.j.home_enu_m) {
+        return Ok([i.xy(), j.xy()]);
+    }
+    let fence =
+        crate::schedule::geofence::Geofence::new(&mission.airspace.area_enu_m).map_err(|e| e.to_string())?;
+    let apart = HOMES_APART_M.max(3.0 * mission.airspace.min_separation_m);
+    let area = &mission.airspace.area_enu_m;
+    let middle = area.iter().sum::<Vector2<f64>>() / area.len().max(1) as f64;
+    let vertices = area.iter().map(|vertex| middle + (vertex - middle) * 0.5);
+    let candidates = [Vector2::zeros(), middle].into_iter().chain(vertices);
+    let offsets = [Vector2::new(apart / 2.0, 0.0), Vector2::new(0.0, apart / 2.0)];
+    let pairs = candidates.flat_map(|c| offsets.map(|offset| [c - offset, c + offset]));
+    let mut inside = pairs.into_iter().filter(|pair| pair.iter().all(|&p| fence.contains(p)));
+    inside.next().ok_or_else(|| {
+        format!("no room for two homes {apart:.0} m apart inside the area: give [vehicles.i] and [vehicles.j] home_enu_m")
+    })
+}

@@ -1,0 +1,135 @@
+//! Kinds made of several values.
+
+use serde_json::{Value as Json, json};
+use toml::de::DeValue;
+
+use super::scalar::Number;
+use super::{Fault, Item, Kind, miscount, wrong_type};
+use crate::role::{PerVehicle, Role};
+
+/// A fixed number of numbers, each with its name and range.
+pub(in crate::config) struct Numbers<const N: usize>(pub(in crate::config) [(&'static str, Number); N]);
+
+impl<const N: usize> Kind for Numbers<N> {
+    type Out = [f64; N];
+
+    fn read(&self, item: &Item<'_>, faults: &mut Vec<Fault>) -> Option<[f64; N]> {
+        let Some(items) = item.get_ref().as_array().filter(|items| items.len() == N) else {
+            wrong_type(self, item, faults);
+            return None;
+        };
+        let mut values = [0.0; N];
+        let mut sound = true;
+        for ((value, item), (name, kind)) in values.iter_mut().zip(items.iter()).zip(&self.0) {
+            let first = faults.len();
+            match kind.read(item, faults) {
+                Some(number) => *value = number,
+                None => sound = false,
+            }
+            for fault in &mut faults[first..] {
+                fault.clause = format!("({name}) {}", fault.clause);
+            }
+        }
+        sound.then_some(values)
+    }
+
+    fn expected(&self) -> String {
+        let names: Vec<&str> = self.0.iter().map(|(name, _)| *name).collect();
+        format!("{N} numbers [{}]", names.join(", "))
+    }
+
+    fn schema(&self) -> Json {
+        let each: Vec<Json> = self.0.iter().map(|(_, kind)| kind.schema()).collect();
+        json!({ "type": "array", "prefixItems": each, "items": false, "minItems": N, "maxItems": N })
+    }
+
+    fn canonical(&self, value: &[f64; N]) -> Json {
+        value.iter().map(|number| json!(number + 0.0)).collect()
+    }
+}
+
+/// A list of so many values of a kind.
+pub(in crate::config) struct List<K> {
+    pub(in crate::config) each: K,
+    pub(in crate::config) at_least: usize,
+    pub(in crate::config) at_most: usize,
+}
+
+impl<K: Kind> Kind for List<K> {
+    type Out = Vec<K::Out>;
+
+    fn read(&self, item: &Item<'_>, faults: &mut Vec<Fault>) -> Option<Vec<K::Out>> {
+        let Some(items) = item.get_ref().as_array() else {
+            wrong_type(self, item, faults);
+            return None;
+        };
+        let values: Vec<Option<K::Out>> = items.iter().map(|item| self.each.read(item, faults)).collect();
+        if let Some(clause) = miscount(items.len(), self.at_least, self.at_most) {
+            faults.push(Fault { at: item.span(), clause });
+            return None;
+        }
+        values.into_iter().collect()
+    }
+
+    fn expected(&self) -> String {
+        format!("an array of {} to {}, each {}", self.at_least, self.at_most, self.each.expected())
+    }
+
+    fn schema(&self) -> Json {
+        json!({ "type": "array", "items": self.each.schema(), "minItems": self.at_least, "maxItems": self.at_most })
+    }
+
+    fn canonical(&self, values: &Vec<K::Out>) -> Json {
+        values.iter().map(|value| self.each.canonical(value)).collect()
+    }
+}
+
+/// One value for both vehicles, or a table with one for each: `0.5` or `{ i = 0.5, j = 0.2 }`.
+pub(in crate::config) struct Each<K>(pub(in crate::config) K);
+
+impl<K: Kind<Out: Copy>> Kind for Each<K> {
+    type Out = PerVehicle<K::Out>;
+
+    fn read(&self, item: &Item<'_>, faults: &mut Vec<Fault>) -> Option<Self::Out> {
+        let DeValue::Table(table) = item.get_ref() else {
+            return self.0.read(item, faults).map(|both| PerVehicle { i: both, j: both });
+        };
+        for (key, _) in table.iter().filter(|(key, _)| !matches!(key.get_ref().as_ref(), "i" | "j")) {
+            faults.push(Fault { at: key.span(), clause: format!("has the unknown key `{}`", key.get_ref()) });
+        }
+        let first = faults.len();
+        let values = PerVehicle::from_fn(|role| {
+            let key = if role == Role::I { "i" } else { "j" };
+            let Some(item) = table.get(key) else {
+                faults.push(Fault { at: item.span(), clause: format!("has no `{key}`") });
+                return None;
+            };
+            let before = faults.len();
+            let value = self.0.read(item, faults);
+            for fault in &mut faults[before..] {
+                fault.clause = format!("of {role} {}", fault.clause);
+            }
+            value
+        });
+        if faults.len() > first {
+            return None;
+        }
+        Some(PerVehicle { i: values.i?, j: values.j? })
+    }
+
+    fn expected(&self) -> String {
+        format!("{}, or one for each vehicle, {{ i = ..., j = ... }}", self.0.expected())
+    }
+
+    fn schema(&self) -> Json {
+        let one = self.0.schema();
+        json!({ "oneOf": [one, {
+            "type": "object", "additionalProperties": false, "required": ["i", "j"],
+            "properties": { "i": one, "j": one },
+        }] })
+    }
+
+    fn canonical(&self, value: &Self::Out) -> Json {
+        json!({ "i": self.0.canonical(&value.i), "j": self.0.canonical(&value.j) })
+    }
+}

@@ -1,0 +1,267 @@
+//! What no single setting of a mission file can be wrong about: settings against each other.
+
+use std::collections::BTreeMap;
+
+use super::document::Document;
+use super::mission::{Draft, Position};
+use super::mission_file::FAR_M;
+use super::polygon;
+use crate::geo::{Enu, Geodetic};
+use crate::role::Role;
+
+const ORIGIN: &str = "mission.origin";
+const ORIGIN_HELP: &str = "give [mission] origin = { lat_deg = ..., lon_deg = ..., alt_amsl_m = ... }";
+
+/// Adds what is wrong with the settings together. Settings already refused are left out.
+pub(super) fn check(draft: &Draft, file: &mut Document) {
+    origin(file);
+    airspace(draft, file);
+    emission(draft, file);
+    names(draft.users.iter().map(|(name, _)| name), "user", file);
+    names(draft.eavesdroppers.iter().map(|(name, ..)| name), "eavesdropper", file);
+    nodes(draft, file);
+    homes(draft, file);
+    tdma(draft, file);
+    hints(draft, file);
+}
+
+fn origin(file: &mut Document) {
+    let keys = ["lat_deg", "lon_deg", "alt_amsl_m"].map(|key| format!("{ORIGIN}.{key}"));
+    if file.given(ORIGIN) && file.sound(&[ORIGIN]) && !keys.iter().all(|key| file.given(key)) {
+        let message = "`origin` is given only in part: the rest would be somewhere else's".to_owned();
+        file.fail(ORIGIN);
+        file.missing(file.at(ORIGIN), message, ORIGIN_HELP.to_owned());
+    }
+}
+
+fn airspace(draft: &Draft, file: &mut Document) {
+    const BAND: &str = "airspace.altitude_m";
+    const AREA: &str = "airspace.area_enu_m";
+    const SEPARATION: &str = "airspace.min_separation_m";
+    let airspace = &draft.airspace;
+    let [low, high] = airspace.altitude_m;
+    if file.sound(&[BAND]) && low >= high {
+        let message = format!(
+            "`altitude_m` is inverted or empty: the lowest, {low} m, is not below the highest, {high} m"
+        );
+        refuse(file, BAND, message, "write [lowest, highest], in metres above the mission origin");
+    }
+    if file.sound(&[AREA])
+        && let Err(error) = polygon::check(&airspace.area_enu_m)
+    {
+        let help = "list the corners once each, in order around the area, at least three of them";
+        refuse(file, AREA, format!("`area_enu_m` {error}"), help);
+    }
+    if file.sound(&[BAND, AREA, SEPARATION]) {
+        let widest = polygon::diameter_m(&airspace.area_enu_m).hypot(high - low);
+        if airspace.min_separation_m > widest {
+            let message = format!(
+                "`min_separation_m` of {} m cannot be met: no two points of the airspace are further apart than {widest:.1} m",
+                airspace.min_separation_m
+            );
+            refuse(file, SEPARATION, message, "lower it, or enlarge area_enu_m or altitude_m");
+        }
+    }
+}
+
+fn emission(draft: &Draft, file: &mut Document) {
+    const BAND: &str = "emission.band_hz";
+    let Some(emission) = &draft.emission else { return };
+    let [low, high] = emission.band_hz;
+    if file.sound(&[BAND]) && low >= high {
+        let message = format!(
+            "`band_hz` is inverted or empty: the lowest, {low:e} Hz, is not below the highest, {high:e} Hz"
+        );
+        refuse(file, BAND, message, "write [lowest, highest], in Hz");
+    }
+    if let Some(carrier_hz) = draft.carrier_hz
+        && file.sound(&[BAND, "radio.carrier_hz", "radio.bandwidth_hz"])
+    {
+        let half_hz = draft.radio.bandwidth_hz / 2.0;
+        if carrier_hz - half_hz < low || carrier_hz + half_hz > high {
+            let message = format!(
+                "`carrier_hz` with the bandwidth reaches from {:e} to {:e} Hz, outside the permitted {low:e} to {high:e} Hz",
+                carrier_hz - half_hz,
+                carrier_hz + half_hz
+            );
+            refuse(
+                file,
+                "radio.carrier_hz",
+                message,
+                "choose a carrier and bandwidth inside emission.band_hz",
+            );
+        }
+    }
+    if !file.given(ORIGIN) {
+        let message = "[emission] lets real transmitters radiate, but the mission has no `origin`".to_owned();
+        file.missing(file.at("emission"), message, ORIGIN_HELP.to_owned());
+    }
+}
+
+fn names<'n>(names: impl Iterator<Item = &'n String>, kind: &str, file: &mut Document) {
+    let mut seen = BTreeMap::new();
+    for (index, name) in names.enumerate() {
+        let path = format!("{kind}[{index}].name");
+        if let Some(first) = seen.get(name) {
+            let message = format!("{kind} {} has the same name as {kind} {}: {name:?}", index + 1, first + 1);
+            refuse(file, &path, message, "give each its own name");
+        } else {
+            seen.insert(name, index);
+        }
+    }
+}
+
+fn nodes(draft: &Draft, file: &mut Document) {
+    let users = draft.users.iter().enumerate().map(|(index, (_, at))| ("user", index, *at));
+    let eavesdroppers =
+        draft.eavesdroppers.iter().enumerate().map(|(index, (_, at, _))| ("eavesdropper", index, *at));
+    for (kind, index, position) in users.chain(eavesdroppers) {
+        let path = format!("{kind}[{index}]");
+        if file.sound(&[&path]) {
+            node(draft, file, kind, &path, position);
+        }
+    }
+    let users: Vec<Enu> = draft.users.iter().map(|(_, at)| at.enu(draft.origin)).collect();
+    for (index, (name, at, _)) in draft.eavesdroppers.iter().enumerate() {
+        let at = at.enu(draft.origin);
+        let path = format!("eavesdropper[{index}]");
+        if let Some(user) = users.iter().position(|user| *user == at)
+            && file.sound(&[&format!("user[{user}]"), &path])
+        {
+            let message = format!(
+                "eavesdropper {name:?} stands where user {:?} does: no secrecy is possible",
+                draft.users[user].0
+            );
+            file.warning(file.at(&path), message, "check both positions".to_owned());
+        }
+    }
+}
+
+fn node(draft: &Draft, file: &mut Document, kind: &str, path: &str, position: Position) {
+    let place = |key: &str| format!("{path}.{key}");
+    let enu = position.enu(draft.origin);
+    let key = match position {
+        Position::Enu(_) => place("enu_m"),
+        Position::Geodetic(_) => place("lat_deg"),
+    };
+    if let Position::Geodetic(Geodetic { lat_deg, lon_deg, .. }) = position {
+        if !file.given(ORIGIN) {
+            let message = "a position by latitude and longitude needs the mission's `origin`".to_owned();
+            file.missing(file.at(&key), message, ORIGIN_HELP.to_owned());
+            return;
+        }
+        if !file.sound(&[ORIGIN]) {
+            return;
+        }
+        let distance_m = enu.xy().norm();
+        if distance_m > FAR_M {
+            let message = format!(
+                "the position {lat_deg}, {lon_deg} is {:.0} km from the mission origin, further than {:.0} km",
+                distance_m / 1e3,
+                FAR_M / 1e3
+            );
+            refuse(
+                file,
+                &key,
+                message,
+                "check the signs and the order of latitude and longitude, here and in `origin`",
+            );
+            return;
+        }
+    }
+    let [low, high] = draft.airspace.altitude_m;
+    let inside = (low..=high).contains(&enu.z) && polygon::contains(&draft.airspace.area_enu_m, enu.xy());
+    if file.sound(&["airspace.altitude_m", "airspace.area_enu_m"]) && inside {
+        let message = format!(
+            "the {kind} stands inside the airspace, at {} m of {low} to {high} m: a vehicle could meet it",
+            enu.z
+        );
+        refuse(
+            file,
+            &key,
+            message,
+            "raise the lower end of airspace.altitude_m above every node in the area",
+        );
+    }
+}
+
+fn homes(draft: &Draft, file: &mut Document) {
+    let homes = draft.vehicles.map(|vehicle| vehicle.home_enu_m);
+    for role in Role::BOTH {
+        let path = if role == Role::I { "vehicles.i.home_enu_m" } else { "vehicles.j.home_enu_m" };
+        let inside = |home: Enu| polygon::contains(&draft.airspace.area_enu_m, home.xy());
+        if let Some(home) = homes[role]
+            && file.sound(&[path, "airspace.area_enu_m"])
+            && !inside(home)
+        {
+            let message =
+                format!("the home of {role}, [{}, {}] m, lies outside `area_enu_m`", home.x, home.y);
+            refuse(
+                file,
+                path,
+                message,
+                "vehicles stay inside the area from take-off to landing: move one or enlarge the other",
+            );
+        }
+    }
+    if let (Some(i), Some(j)) = (homes.i, homes.j)
+        && file.sound(&["vehicles.i.home_enu_m", "vehicles.j.home_enu_m", "airspace.min_separation_m"])
+        && (i - j).norm() < draft.airspace.min_separation_m
+    {
+        let message = format!(
+            "the homes are {:.1} m apart, closer than `min_separation_m` of {} m",
+            (i - j).norm(),
+            draft.airspace.min_separation_m
+        );
+        refuse(file, "vehicles.j.home_enu_m", message, "move one of them");
+    }
+}
+
+fn tdma(draft: &Draft, file: &mut Document) {
+    let tdma = draft.tdma;
+    if file.sound(&["tdma.slot_s", "tdma.guard_s"]) && tdma.guard_s >= tdma.slot_s {
+        let path = if file.given("tdma.guard_s") { "tdma.guard_s" } else { "tdma.slot_s" };
+        let message =
+            format!("the guard time of {} s leaves nothing of a slot of {} s", tdma.guard_s, tdma.slot_s);
+        refuse(file, path, message, "make guard_s shorter than slot_s");
+    }
+    let slots = draft.users.len() * usize::from(tdma.superframes);
+    if file.sound(&["tdma.superframes"]) && slots > usize::from(u16::MAX) {
+        let message =
+            format!("`superframes` makes {slots} slots, more than the {} that can be numbered", u16::MAX);
+        refuse(file, "tdma.superframes", message, "lower it, or serve fewer users");
+    }
+}
+
+fn hints(draft: &Draft, file: &mut Document) {
+    if file.sound(&["jitter"]) && draft.jitter.std_rad == 0.0 {
+        let message = "`std_deg` is 0: plans will trust attitudes that no vehicle holds".to_owned();
+        file.warning(
+            file.at("jitter.std_deg"),
+            message,
+            "give the attitude error measured in flight; 1 to 3 deg is usual".to_owned(),
+        );
+    }
+    if file.sound(&["radio.max_power_w"]) && draft.radio.max_power_w.i == 0.0 {
+        let message = "`max_power_w` of I is 0: the mission transmits nothing".to_owned();
+        file.warning(file.at("radio.max_power_w"), message, "give vehicle I a power".to_owned());
+    }
+    if file.given("radio.carrier_hz") {
+        return;
+    }
+    for key in ["tx_gain_dbi", "rx_gain_dbi"].map(|key| format!("radio.{key}")) {
+        if file.given(&key) {
+            let message = "an antenna gain without `carrier_hz` has no effect".to_owned();
+            file.warning(
+                file.at(&key),
+                message,
+                "give carrier_hz, or put the gain into reference_gain".to_owned(),
+            );
+        }
+    }
+}
+
+fn refuse(file: &mut Document, path: &str, message: String, help: &str) {
+    file.fail(path);
+    file.error(file.at(path), message, help.to_owned());
+}

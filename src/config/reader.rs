@@ -1,0 +1,367 @@
+//! Reads, checks and describes settings in one pass: each setting is declared once, with its kind, default, unit,
+//! range and sentence, and from that come its value, its errors, its schema and its share of the digest.
+
+use serde_json::{Map, Value as Json, json};
+use toml::de::{DeTable, DeValue};
+
+use super::diagnostic::Span;
+use super::document::Document;
+use super::kind::{Fault, Item, Kind, miscount, nearest};
+
+/// Most `[[tables]]` of one name. Far above any mission, and low enough that checking each against each is quick.
+const MOST_TABLES: usize = 1000;
+
+/// One table of a file while it is read.
+pub(super) struct Section<'c, 'd> {
+    document: &'c mut Document,
+    table: Option<&'d DeTable<'d>>,
+    path: String,
+    /// Keys that were asked for.
+    known: Vec<&'static str>,
+    properties: Map<String, Json>,
+    required: Vec<&'static str>,
+    rules: Vec<Json>,
+}
+
+impl<'c, 'd> Section<'c, 'd> {
+    pub(super) fn root(document: &'c mut Document, table: Option<&'d DeTable<'d>>) -> Self {
+        Self::at_path(document, table, String::new())
+    }
+
+    fn at_path(document: &'c mut Document, table: Option<&'d DeTable<'d>>, path: String) -> Self {
+        Self {
+            document,
+            table,
+            path,
+            known: Vec::new(),
+            properties: Map::new(),
+            required: Vec::new(),
+            rules: Vec::new(),
+        }
+    }
+
+    /// Runs `f` on this table, refuses the keys it did not ask for, and gives what it made and the table's schema.
+    pub(super) fn describe<T>(mut self, f: impl FnOnce(&mut Self) -> T) -> (T, Json) {
+        let value = f(&mut self);
+        self.refuse_unknown();
+        let mut schema =
+            json!({ "type": "object", "additionalProperties": false, "properties": self.properties });
+        if !self.required.is_empty() {
+            schema["required"] = json!(self.required);
+        }
+        if !self.rules.is_empty() {
+            schema["allOf"] = json!(self.rules);
+        }
+        (value, schema)
+    }
+
+    /// A setting with a default.
+    pub(super) fn read<K: Kind>(
+        &mut self,
+        key: &'static str,
+        sentence: &str,
+        kind: K,
+        default: K::Out,
+    ) -> K::Out {
+        let default_json = kind.canonical(&default);
+        let value = self.value(key, &kind, Some(&default_json)).unwrap_or(default);
+        self.record(key, &kind, Some(&value));
+        let mut schema = kind.schema();
+        schema["default"] = default_json;
+        self.property(key, sentence, schema);
+        value
+    }
+
+    /// A setting that may be left unset.
+    pub(super) fn optional<K: Kind>(&mut self, key: &'static str, sentence: &str, kind: K) -> Option<K::Out> {
+        let value = self.value(key, &kind, None);
+        self.record(key, &kind, value.as_ref());
+        self.property(key, sentence, kind.schema());
+        value
+    }
+
+    /// A setting that must be given.
+    pub(super) fn required<K: Kind>(&mut self, key: &'static str, sentence: &str, kind: K) -> Option<K::Out> {
+        self.required.push(key);
+        if self.item(key).is_none() {
+            let help = format!("add `{key} = ...`: {}", kind.expected());
+            self.missing(key, &help);
+        }
+        self.optional(key, sentence, kind)
+    }
+
+    /// A table whose settings all have defaults, unless `f` asks for more.
+    pub(super) fn table<T>(
+        &mut self,
+        key: &'static str,
+        sentence: &str,
+        f: impl FnOnce(&mut Section<'_, '_>) -> T,
+    ) -> T {
+        let table = self.subtable(key);
+        let path = self.path_of(key);
+        let (value, schema) = Section::at_path(self.document, table, path).describe(f);
+        self.property(key, sentence, schema);
+        value
+    }
+
+    /// A table that must be there, even if it is empty.
+    pub(super) fn required_table<T>(
+        &mut self,
+        key: &'static str,
+        sentence: &str,
+        f: impl FnOnce(&mut Section<'_, '_>) -> T,
+    ) -> T {
+        self.required.push(key);
+        if self.item(key).is_none() {
+            let help = format!("add a [{}] table", self.path_of(key));
+            self.missing(key, &help);
+        }
+        self.table(key, sentence, f)
+    }
+
+    /// A table that means something by being there.
+    pub(super) fn optional_table<T>(
+        &mut self,
+        key: &'static str,
+        sentence: &str,
+        f: impl FnOnce(&mut Section<'_, '_>) -> T,
+    ) -> Option<T> {
+        let there = self.ask(key).is_some();
+        (there || self.document.describing).then(|| self.table(key, sentence, f)).filter(|_| there)
+    }
+
+    /// `[[key]]` tables, from `at_least` to [`MOST_TABLES`] of them; `f` is given each one's index.
+    pub(super) fn tables<T>(
+        &mut self,
+        key: &'static str,
+        sentence: &str,
+        at_least: usize,
+        mut f: impl FnMut(&mut Section<'_, '_>, usize) -> T,
+    ) -> Vec<T> {
+        if self.document.describing {
+            let (_, each) = Section::at_path(self.document, None, self.path_of(key)).describe(|s| f(s, 0));
+            self.property(
+                key,
+                sentence,
+                json!({ "type": "array", "items": each, "minItems": at_least, "maxItems": MOST_TABLES }),
+            );
+        }
+        if at_least > 0 {
+            self.required.push(key);
+        }
+        let Some(item) = self.ask(key) else {
+            if at_least > 0 {
+                let help = format!("add a [[{}]] table", self.path_of(key));
+                self.missing(key, &help);
+            }
+            return Vec::new();
+        };
+        let tables = self.table_list(key, item, at_least).unwrap_or_default();
+        let read = |(index, (path, table))| {
+            Section::at_path(self.document, Some(table), path).describe(|s| f(s, index)).0
+        };
+        tables.into_iter().enumerate().map(read).collect()
+    }
+
+    /// The tables of a list with their paths, if it is a list of so many tables.
+    fn table_list(
+        &mut self,
+        key: &str,
+        list: &'d Item<'d>,
+        at_least: usize,
+    ) -> Option<Vec<(String, &'d DeTable<'d>)>> {
+        let path = self.path_of(key);
+        self.document.place(&path, list.span());
+        let DeValue::Array(items) = list.get_ref() else {
+            let message = format!("`{key}` must be a list of tables, found {}", article(list));
+            self.refuse(&path, list.span(), message, format!("write [[{path}]], with double brackets"));
+            return None;
+        };
+        if let Some(clause) = miscount(items.len(), at_least, MOST_TABLES) {
+            let message = format!("the list of `{key}` {clause}");
+            self.refuse(&path, list.span(), message, format!("write one [[{path}]] table for each"));
+            return None;
+        }
+        let mut tables = Vec::with_capacity(items.len());
+        for (index, item) in items.iter().enumerate() {
+            let path = format!("{path}[{index}]");
+            self.document.place(&path, item.span());
+            if let DeValue::Table(table) = item.get_ref() {
+                tables.push((path, table));
+            } else {
+                let message = format!("each `{key}` must be a table, found {}", article(item));
+                self.refuse(
+                    &path,
+                    item.span(),
+                    message,
+                    format!("write [[{key}]] and its settings below it"),
+                );
+            }
+        }
+        (tables.len() == items.len()).then_some(tables)
+    }
+
+    /// Of these groups of keys at most one may be given, and exactly one if it is `needed`.
+    pub(super) fn alternatives(&mut self, groups: &[&[&'static str]], needed: bool) {
+        let mut choices: Vec<Json> = groups.iter().map(|keys| json!({ "required": keys })).collect();
+        if !needed {
+            choices.push(json!({ "not": { "anyOf": choices.clone() } }));
+        }
+        self.rules.push(json!({ "oneOf": choices }));
+
+        let given: Vec<&[&str]> =
+            groups.iter().copied().filter(|keys| keys.iter().any(|key| self.item(key).is_some())).collect();
+        let all: Vec<String> = groups.iter().map(|keys| quoted(keys)).collect();
+        match given.as_slice() {
+            [] if needed => {
+                let path = self.path.clone();
+                let span = self.document.at(&path);
+                self.document.fail(&path);
+                let message = format!("{} has neither {}", self.title(), all.join(" nor "));
+                self.document.missing(span, message, format!("give {}", all.join(", or ")));
+            }
+            [] => {}
+            [keys] => self.need_all(keys),
+            [first, second, ..] => self.refuse_second(first, second),
+        }
+    }
+
+    /// These two keys may not both be given.
+    pub(super) fn excludes(&mut self, second: &'static str, first: &'static str) {
+        self.rules.push(json!({ "not": { "required": [first, second] } }));
+        if self.item(first).is_some() && self.item(second).is_some() {
+            self.refuse_second(&[first], &[second]);
+        }
+    }
+
+    fn refuse_second(&mut self, first: &[&str], second: &[&str]) {
+        let key = second.iter().copied().find(|key| self.item(key).is_some()).unwrap_or_default();
+        let message = format!("{} is given together with {}", quoted(second), quoted(first));
+        let span = self.document.at(&self.path_of(key));
+        let path = self.path.clone();
+        self.refuse(
+            &path,
+            span,
+            message,
+            format!("keep only one of {} and {}", quoted(first), quoted(second)),
+        );
+    }
+
+    fn need_all(&mut self, keys: &[&str]) {
+        let (there, absent): (Vec<&str>, Vec<&str>) = keys.iter().partition(|key| self.item(key).is_some());
+        if let ([first, ..], [_, ..]) = (there.as_slice(), absent.as_slice()) {
+            let span = self.document.at(&self.path_of(first));
+            let path = self.path.clone();
+            self.document.fail(&path);
+            let message = format!("{} is given without {}", quoted(&there), quoted(&absent));
+            self.document.missing(span, message, format!("{} belong together", quoted(keys)));
+        }
+    }
+
+    /// Notes that `key` exists, and gives what the file says of it.
+    fn ask(&mut self, key: &'static str) -> Option<&'d Item<'d>> {
+        if !self.known.contains(&key) {
+            self.known.push(key);
+        }
+        self.item(key)
+    }
+
+    fn item(&self, key: &str) -> Option<&'d Item<'d>> {
+        self.table.and_then(|table| table.get(key))
+    }
+
+    fn path_of(&self, key: &str) -> String {
+        if self.path.is_empty() { key.to_owned() } else { format!("{}.{key}", self.path) }
+    }
+
+    fn title(&self) -> String {
+        match self.path.strip_suffix(']').and_then(|path| path.rsplit_once('[')) {
+            Some((list, index)) => {
+                format!("[[{list}]] number {}", index.parse().map_or(1, |index: usize| index + 1))
+            }
+            None if self.path.is_empty() => "the file".to_owned(),
+            None => format!("[{}]", self.path),
+        }
+    }
+
+    fn value<K: Kind>(&mut self, key: &'static str, kind: &K, default: Option<&Json>) -> Option<K::Out> {
+        let item = self.ask(key)?;
+        let path = self.path_of(key);
+        self.document.place(&path, item.span());
+        let mut faults = Vec::new();
+        let value = kind.read(item, &mut faults);
+        for Fault { at, clause } in faults {
+            let default =
+                default.map_or(String::new(), |value| format!("; the default is {}", as_toml(value)));
+            self.refuse(&path, at, format!("`{key}` {clause}"), format!("give {}{default}", kind.expected()));
+        }
+        value
+    }
+
+    fn record<K: Kind>(&mut self, key: &str, kind: &K, value: Option<&K::Out>) {
+        if let Some(value) = value {
+            self.document.settings.push((self.path_of(key), kind.canonical(value)));
+        }
+    }
+
+    fn property(&mut self, key: &str, sentence: &str, mut schema: Json) {
+        schema["description"] = json!(sentence);
+        self.properties.insert(key.to_owned(), schema);
+    }
+
+    fn refuse(&mut self, path: &str, span: Span, message: String, help: String) {
+        self.document.fail(path);
+        self.document.error(span, message, help);
+    }
+
+    fn missing(&mut self, key: &str, help: &str) {
+        let path = self.path_of(key);
+        let span = self.document.at(&self.path);
+        self.document.fail(&path);
+        self.document.missing(span, format!("{} has no `{key}`", self.title()), help.to_owned());
+    }
+
+    fn subtable(&mut self, key: &'static str) -> Option<&'d DeTable<'d>> {
+        let item = self.ask(key)?;
+        let path = self.path_of(key);
+        self.document.place(&path, item.span());
+        let table = item.get_ref().as_table();
+        if table.is_none() {
+            let message = format!("`{key}` must be one table, found {}", article(item));
+            self.refuse(&path, item.span(), message, format!("write [{path}], with single brackets, once"));
+        }
+        table
+    }
+
+    fn refuse_unknown(&mut self) {
+        let Some(table) = self.table else { return };
+        let known = || self.known.iter().copied();
+        let mut unknown = Vec::new();
+        for (key, _) in table.iter().filter(|(key, _)| !self.known.contains(&key.get_ref().as_ref())) {
+            let help = nearest(key.get_ref(), known()).map_or_else(
+                || format!("its keys are {}", known().collect::<Vec<_>>().join(", ")),
+                |word| format!("did you mean `{word}`?"),
+            );
+            unknown.push((key.span(), format!("unknown key `{}` in {}", key.get_ref(), self.title()), help));
+        }
+        for (span, message, help) in unknown {
+            self.document.error(span, message, help);
+        }
+    }
+}
+
+fn article(item: &Item<'_>) -> String {
+    match item.get_ref().type_str() {
+        kind @ ("integer" | "array") => format!("an {kind}"),
+        kind => format!("a {kind}"),
+    }
+}
+
+fn quoted(keys: &[&str]) -> String {
+    keys.iter().map(|key| format!("`{key}`")).collect::<Vec<_>>().join(", ")
+}
+
+/// A value as it would be written in the file.
+fn as_toml(value: &Json) -> String {
+    toml::Value::try_from(value).map_or_else(|_| value.to_string(), |value| value.to_string())
+}

@@ -1,0 +1,442 @@
+//! One vehicle's mission from power-up to landing.
+//!
+//! Owns the three state machines below it (autopilot, transmitter behind the interlock, pair) and drives them by
+//! the phase it is in. `flight` holds what each phase does and when it ends, `slot` the course of a committed slot,
+//! `operator` the commands from outside. Everything happens in `handle_*`, at the instant handed in: if nobody
+//! calls, nothing is sent (F3).
+
+use std::collections::VecDeque;
+use std::time::Duration;
+
+use mavlink::MavHeader;
+use mavlink::dialects::ardupilotmega::{MavMessage, MavSeverity, MavState};
+
+use crate::autopilot::{self, Autopilot, Setpoint};
+use crate::geo::{Attitude, Enu};
+use crate::pair::{self, Coordinator, Local, PlanTerms, wire};
+use crate::planner::problem::Airspace;
+use crate::planner::slots::Plan;
+use crate::role::{PerVehicle, Role};
+use crate::schedule::order::Order;
+use crate::schedule::table::{Entry, Table, TableError, Timing};
+use crate::schedule::trajectory::{self, Limits, Start, Trajectory};
+use crate::schedule::transit::{Router, TransitError};
+use crate::time::Instant;
+use crate::transmitter::Transmitter;
+
+use super::flight::Phase;
+use super::interlock::{Ceilings, Facts, Interlock, Permit, Silence};
+use super::slot::SlotRun;
+
+const HEARTBEAT_EVERY: Duration = Duration::from_secs(1);
+
+/// What the executive is told once.
+#[derive(Debug, Clone)]
+pub struct Settings {
+    /// Our part in the pair.
+    pub role: Role,
+    /// Our MAVLink system and component id.
+    pub own: (u8, u8),
+    /// The autopilot's driver.
+    pub autopilot: autopilot::Settings,
+    /// The pair protocol.
+    pub pair: pair::Settings,
+    /// Where vehicles may be.
+    pub airspace: Airspace,
+    /// What the slot table demands of each vehicle.
+    pub limits: PerVehicle<Limits>,
+    /// Lengths of slots and number of superframes.
+    pub timing: Timing,
+    /// The order of users.
+    pub order: Order,
+    /// Standard deviation of the attitude jitter the mission expects, radians per axis.
+    pub jitter_rad: f64,
+    /// Power ceilings beside the plan's.
+    pub ceilings: Ceilings,
+    /// The transmitter is simulated, or the mission authorises emission.
+    pub emission_authorised: bool,
+    /// Begin as soon as both vehicles are ready, without waiting for MISSION_START.
+    pub start_unasked: bool,
+}
+
+/// A message for one of the two links.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Outgoing {
+    /// To the autopilot link, from our own system and component.
+    Autopilot(Box<MavMessage>),
+    /// To the pair link.
+    Pair(Box<wire::MavMessage>),
+}
+
+/// A line for the operator: goes out as STATUSTEXT and into the log.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Notice {
+    /// MAVLink severity.
+    pub severity: MavSeverity,
+    /// Plain words with the number that matters.
+    pub text: String,
+}
+
+/// How the mission ended for this vehicle.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Outcome {
+    /// Every slot flown, landed.
+    Completed,
+    /// Something went wrong; the first cause.
+    Aborted(String),
+    /// Ended by a signal.
+    Interrupted,
+}
+
+/// Why the slots cannot be flown one after the other.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum NoTable {
+    #[error("slot table: {0}")]
+    Table(#[from] TableError),
+    #[error("way home: {0}")]
+    Home(#[from] TransitError),
+}
+
+/// What the setpoints follow.
+#[derive(Debug, Clone)]
+pub(super) struct Motion {
+    pub trajectory: Trajectory,
+    pub starts_at: Instant,
+}
+
+impl Motion {
+    pub fn sample(&self, now: Instant) -> trajectory::Sample {
+        self.trajectory.sample(now.saturating_since(self.starts_at))
+    }
+
+    pub fn ends_at(&self) -> Instant {
+        self.starts_at + self.trajectory.duration()
+    }
+}
+
+/// See the module.
+#[derive(Debug)]
+pub struct Executive {
+    pub(super) settings: Settings,
+    pub(super) autopilot: Autopilot,
+    pub(super) pair: Coordinator,
+    pub(super) interlock: Interlock,
+    pub(super) phase: Phase,
+    pub(super) phase_since: Instant,
+    pub(super) plan: Option<Plan>,
+    pub(super) table: Option<Table>,
+    /// From the last slot's poses to above the homes.
+    pub(super) home_trajectory: Option<Trajectory>,
+    pub(super) preflight_ok: bool,
+    pub(super) motion: Option<Motion>,
+    pub(super) slot: Option<SlotRun>,
+    pub(super) next_slot: u16,
+    /// I: the instant the table counts from, known from the first proposal on.
+    pub(super) table_zero: Option<Instant>,
+    pub(super) home_enu_m: Option<Enu>,
+    pub(super) started: bool,
+    pub(super) abort_cause: Option<String>,
+    pub(super) outcome: Option<Outcome>,
+    pub(super) waiting_for: String,
+    shutting_down: Option<Instant>,
+    next_tick: Instant,
+    next_heartbeat: Instant,
+    radiated: Option<Silence>,
+    notices: VecDeque<Notice>,
+    /// Messages of our own for the autopilot link.
+    pub(super) outbox: VecDeque<MavMessage>,
+}
+
+impl Executive {
+    /// An executive that has heard nothing yet.
+    #[must_use]
+    pub fn new(settings: Settings, transmitter: Transmitter, now: Instant) -> Self {
+        let interlock = Interlock::new(
+            settings.role,
+            transmitter,
+            settings.ceilings,
+            settings.pair.lease,
+            settings.emission_authorised,
+        );
+        Self {
+            autopilot: Autopilot::new(settings.autopilot.clone(), now),
+            pair: Coordinator::new(settings.pair.clone(), now),
+            interlock,
+            phase: Phase::Connecting,
+            phase_since: now,
+            plan: None,
+            table: None,
+            home_trajectory: None,
+            preflight_ok: false,
+            motion: None,
+            slot: None,
+            next_slot: 0,
+            table_zero: None,
+            home_enu_m: None,
+            started: settings.start_unasked,
+            abort_cause: None,
+            outcome: None,
+            waiting_for: String::new(),
+            shutting_down: None,
+            next_tick: now,
+            next_heartbeat: now,
+            radiated: None,
+            notices: VecDeque::new(),
+            outbox: VecDeque::new(),
+            settings,
+        }
+    }
+
+    /// The plan, made elsewhere (planning never blocks the loop).
+    pub fn handle_plan(&mut self, plan: Plan) {
+        self.notice(MavSeverity::MAV_SEVERITY_INFO, format!("planned {} slots", plan.slots.len()));
+        self.plan = Some(plan);
+    }
+
+    /// A message from the autopilot link, whoever on it sent it.
+    pub fn handle_autopilot(&mut self, header: MavHeader, message: &MavMessage, now: Instant) {
+        self.autopilot.handle_message(header, message, now);
+        self.interlock.handle_message(header, message, now);
+        self.handle_operator(header, message, now);
+        self.react(now);
+    }
+
+    /// A message from the pair link.
+    pub fn handle_pair(&mut self, message: &wire::MavMessage, now: Instant) {
+        self.pair.handle_message(message, now);
+        self.react(now);
+    }
+
+    /// Does what is due at `now`.
+    pub fn handle_timeout(&mut self, now: Instant) {
+        self.autopilot.handle_timeout(now);
+        self.pair.handle_timeout(now);
+        self.interlock.handle_timeout(now);
+        if self.next_tick <= now {
+            let period = Duration::from_secs_f64(1.0 / self.settings.autopilot.rate_hz);
+            self.next_tick = (self.next_tick + period).max(now);
+            self.react(now);
+            self.feed_setpoint(now);
+        }
+        if self.next_heartbeat <= now {
+            self.next_heartbeat = now + HEARTBEAT_EVERY;
+            let heartbeat = self.heartbeat();
+            self.outbox.push_back(heartbeat);
+        }
+    }
+
+    /// When `handle_timeout` must be called next, and why.
+    #[must_use]
+    pub fn poll_timeout(&self) -> (Instant, &'static str) {
+        let own = [(self.next_tick, "tick"), (self.next_heartbeat, "heartbeat"), self.pair.poll_timeout()];
+        let lower = [self.autopilot.poll_timeout(), self.interlock.poll_timeout()];
+        own.into_iter().chain(lower.into_iter().flatten()).min_by_key(|(at, _)| *at).unwrap_or(own[0])
+    }
+
+    /// The next message to send.
+    pub fn poll_transmit(&mut self) -> Option<Outgoing> {
+        // Power first: nothing may delay an off.
+        let radio = self.interlock.poll_transmit().map(|m| Outgoing::Autopilot(Box::new(m)));
+        radio
+            .or_else(|| self.pair.poll_transmit().map(|m| Outgoing::Pair(Box::new(m))))
+            .or_else(|| self.outbox.pop_front().map(|m| Outgoing::Autopilot(Box::new(m))))
+            .or_else(|| self.autopilot.poll_transmit().map(|m| Outgoing::Autopilot(Box::new(m))))
+    }
+
+    /// The next line for the log; it has gone out as STATUSTEXT already.
+    pub fn poll_notice(&mut self) -> Option<Notice> {
+        self.notices.pop_front()
+    }
+
+    /// The process is asked to end: silent, the peer told, the autopilot left in its own hold.
+    pub fn shutdown(&mut self, now: Instant) {
+        if self.shutting_down.is_some() {
+            return;
+        }
+        self.shutting_down = Some(now);
+        self.interlock.silence(now);
+        self.pair.silent(wire::VeilwingSilence::VEILWING_SILENCE_SHUTDOWN, now);
+        self.motion = None;
+        if self.autopilot.in_control() {
+            self.autopilot.hold(now);
+        }
+        self.autopilot.release(now);
+        self.notice(MavSeverity::MAV_SEVERITY_WARNING, "companion is ending: silent, autopilot holds".into());
+    }
+
+    /// Set once the process may end: landed, or asked to end and known to be silent (or a second has passed).
+    #[must_use]
+    pub fn outcome(&self, now: Instant) -> Option<Outcome> {
+        match self.shutting_down {
+            Some(since) => {
+                let silent = self.interlock.is_off(now) && now > since;
+                (silent || now.saturating_since(since) >= Duration::from_secs(1))
+                    .then(|| self.outcome.clone().unwrap_or(Outcome::Interrupted))
+            }
+            None => self.outcome.clone(),
+        }
+    }
+
+    /// A name of the present phase, for logs and progress.
+    #[must_use]
+    pub fn phase_name(&self) -> &'static str {
+        self.phase.name()
+    }
+
+    pub(super) fn notice(&mut self, severity: MavSeverity, text: String) {
+        self.autopilot.statustext(severity, &text);
+        self.notices.push_back(Notice { severity, text });
+    }
+
+    pub(super) fn enter(&mut self, phase: Phase, now: Instant) {
+        self.phase = phase;
+        self.phase_since = now;
+    }
+
+    /// The table's entry of a slot.
+    pub(super) fn entry(&self, slot: u16) -> Option<&Entry> {
+        self.table.as_ref().and_then(|table| table.entries.get(usize::from(slot)))
+    }
+
+    /// Makes the table once the plan and both homes are known, and tells the pair protocol.
+    pub(super) fn make_table(&mut self) -> Result<(), NoTable> {
+        let (Some(plan), Some(own), Some(peer)) = (&self.plan, self.home_enu_m, self.pair.peer().home_enu_m)
+        else {
+            return Ok(());
+        };
+        if self.table.is_some() {
+            return Ok(());
+        }
+        let homes = PerVehicle::from_fn(|role| if role == self.settings.role { own } else { peer });
+        let start = homes.map(|home| Start { position_enu_m: self.above(home), attitude: Attitude::level() });
+        let router = Router::new(&self.settings.airspace, &self.settings.limits)?;
+        let users: Vec<_> = plan.slots.iter().map(|slot| vec![slot.plan.vehicles.map(|v| v.pose)]).collect();
+        let table = Table::build(&router, &start, &users, &self.settings.timing, self.settings.order)?;
+        if let Some(last) = table.entries.last() {
+            let from = PerVehicle::from_fn(|role| last.transit[role].end());
+            let home = router.home(&from, &homes)?;
+            self.home_trajectory = Some(home.trajectories[self.settings.role].clone());
+        }
+        let slots =
+            table.entries.iter().filter_map(|e| plan.slots.get(e.user_index)).map(|s| s.plan.vehicles);
+        self.pair.set_plan(PlanTerms { digest: plan.digest, slots: slots.collect() });
+        self.table = Some(table);
+        Ok(())
+    }
+
+    /// Takes in what has changed, lets the phase act on it, then lets the interlock decide. Every input ends here,
+    /// so that a fault silences the transmitter at the message that shows it (S4).
+    fn react(&mut self, now: Instant) {
+        self.pair.set_utc(self.autopilot.utc(now), now);
+        while let Some(event) = self.autopilot.poll_event() {
+            self.on_autopilot(event, now);
+        }
+        while let Some(event) = self.pair.poll_event() {
+            self.on_pair(event, now);
+        }
+        if self.shutting_down.is_none() {
+            self.step(now);
+        }
+        self.watch_pose();
+        let facts = self.facts(now);
+        let decision = self.interlock.apply(&facts, now);
+        self.report_decision(decision, now);
+        self.tell_pair(now);
+    }
+
+    pub(super) fn facts(&self, now: Instant) -> Facts {
+        let estimator_ok = self.estimator_ok();
+        let base = Facts {
+            window: None,
+            state_fresh: self.autopilot.fresh(now),
+            in_control: self.autopilot.in_control() && self.shutting_down.is_none(),
+            estimator_ok,
+            pose_ok: false,
+            jam_lease: self.pair.lease(now),
+            peer_on_station: false,
+            leases_outstanding: self.pair.leases_outstanding(now),
+        };
+        self.slot.as_ref().map_or(base, |slot| self.slot_facts(slot, base, now))
+    }
+
+    /// Says when the transmitter goes on and off, and why; an off out of turn is told to the peer at once.
+    fn report_decision(&mut self, decision: Result<Permit, Silence>, now: Instant) {
+        let was_on = self.radiated.is_none();
+        match decision {
+            Ok(permit) if !was_on || self.slot.as_ref().is_some_and(|slot| !slot.announced) => {
+                self.radiated = None;
+                if let Some(slot) = self.slot.as_mut() {
+                    slot.announced = true;
+                }
+                let power = crate::units::Watts(permit.power_w);
+                self.notice(MavSeverity::MAV_SEVERITY_INFO, format!("slot {}: on, {power}", permit.slot));
+            }
+            Ok(_) => {}
+            Err(silence) => {
+                let announced = self.slot.as_ref().is_some_and(|slot| slot.announced);
+                if was_on && announced && silence != Silence::NoSlot {
+                    self.notice(MavSeverity::MAV_SEVERITY_WARNING, format!("silent: {silence}"));
+                    if let Some(reason) = super::slot::silence_reason(silence) {
+                        self.pair.silent(reason, now);
+                    }
+                }
+                self.radiated = Some(silence);
+            }
+        }
+    }
+
+    fn feed_setpoint(&mut self, now: Instant) {
+        if self.shutting_down.is_some() {
+            return;
+        }
+        if let Some(motion) = &self.motion {
+            let sample = motion.sample(now);
+            let setpoint = Setpoint {
+                position_enu_m: sample.position_enu_m,
+                velocity_enu_m_s: sample.velocity_enu_m_s,
+                attitude: sample.attitude,
+            };
+            self.autopilot.set_setpoint(setpoint, now);
+        }
+    }
+
+    fn tell_pair(&mut self, now: Instant) {
+        let on_station = self.slot.as_ref().is_some_and(|slot| slot.monitor.check().is_ok())
+            && self.autopilot.fresh(now)
+            && self.autopilot.in_control();
+        let state = self.autopilot.state();
+        let local = Local {
+            home_enu_m: self.home_enu_m,
+            position_enu_m: state.position_enu_m.map(|p| p.value),
+            preflight_ok: self.preflight_ok,
+            airborne: self.phase.is_flying() && self.autopilot.in_control(),
+            on_station,
+            radiating: !self.interlock.is_off(now),
+            ended: self.phase.is_ending(),
+            returning: self.phase.is_returning(),
+            landed: state.is_airborne() == Some(false),
+        };
+        self.pair.set_local(local, now);
+        self.tell_pair_of_slot(now);
+    }
+
+    /// No word against the estimate: an autopilot that does not report its health is judged by its state's freshness.
+    pub(super) fn estimator_ok(&self) -> bool {
+        self.autopilot.state().estimator_ok.is_none_or(|ok| ok.value)
+    }
+
+    /// The autopilot's newest position.
+    pub(super) fn position(&self) -> Option<Enu> {
+        self.autopilot.state().position_enu_m.map(|p| p.value)
+    }
+
+    fn heartbeat(&self) -> MavMessage {
+        let system_status = match (&self.phase, &self.abort_cause) {
+            (_, Some(_)) => MavState::MAV_STATE_CRITICAL,
+            (Phase::Connecting, None) => MavState::MAV_STATE_BOOT,
+            (Phase::Standby, None) => MavState::MAV_STATE_STANDBY,
+            _ => MavState::MAV_STATE_ACTIVE,
+        };
+        autopilot::heartbeat(system_status)
+    }
+}

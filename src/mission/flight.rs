@@ -1,0 +1,333 @@
+//! The phases: what is done in each and when it ends; what a fault leads to.
+
+use std::time::Duration;
+
+use mavlink::dialects::ardupilotmega::MavSeverity;
+
+use crate::geo::{Attitude, Enu};
+use crate::pair::Readiness;
+use crate::pair::wire::VeilwingFlags;
+use crate::preflight::Verdict;
+use crate::role::Role;
+use crate::schedule::trajectory::{Start, Trajectory};
+use crate::time::{Instant, Utc};
+
+use super::executive::{Executive, Motion, Outcome};
+use super::homing::HOLD;
+
+/// How close to the end of a climb or a return counts as arrived, in metres.
+const ARRIVED_M: f64 = 1.0;
+/// After a climb or a return should have ended, how long the vehicle may still take.
+const LATE: Duration = Duration::from_secs(30);
+/// Between a proposal and the start of its transit: time for the agreement.
+const AGREE: Duration = Duration::from_secs(1);
+
+/// See the module.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Phase {
+    /// No autopilot, or no position yet.
+    Connecting,
+    /// On the ground; something is missing before take-off.
+    Standby,
+    /// Asking for the companion's mode.
+    TakingControl,
+    /// Asking to arm.
+    Arming,
+    /// To the lowest altitude of the band, above home.
+    Climbing,
+    /// In the air between slots; `since` the first refusal of the present proposal, if any.
+    Ready { refused_since: Option<Instant>, propose_at: Instant },
+    /// In a committed slot, transit included.
+    Slot,
+    /// After a fault: hold until then.
+    Holding { until: Instant },
+    /// To above home.
+    Returning,
+    /// The autopilot lands.
+    Landing,
+    /// Control is the pilot's or the autopilot's own; watching.
+    Surrendered,
+    /// On the ground, over.
+    Ended,
+}
+
+impl Phase {
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Connecting => "connecting",
+            Self::Standby => "standby",
+            Self::TakingControl => "taking control",
+            Self::Arming => "arming",
+            Self::Climbing => "climbing",
+            Self::Ready { .. } => "ready",
+            Self::Slot => "slot",
+            Self::Holding { .. } => "holding",
+            Self::Returning => "returning",
+            Self::Landing => "landing",
+            Self::Surrendered => "surrendered",
+            Self::Ended => "ended",
+        }
+    }
+
+    /// In the air on the mission: able to take part in a slot.
+    pub fn is_flying(&self) -> bool {
+        matches!(self, Self::Ready { .. } | Self::Slot)
+    }
+
+    /// Going home under our control, or about to.
+    pub fn is_returning(&self) -> bool {
+        matches!(self, Self::Holding { .. } | Self::Returning | Self::Landing)
+    }
+
+    /// The mission is over for this vehicle, well or badly.
+    pub fn is_ending(&self) -> bool {
+        matches!(
+            self,
+            Self::Holding { .. } | Self::Returning | Self::Landing | Self::Surrendered | Self::Ended
+        )
+    }
+}
+
+impl Executive {
+    /// Lets the present phase act.
+    pub(super) fn step(&mut self, now: Instant) {
+        match self.phase {
+            Phase::Connecting => {
+                if self.autopilot.fresh(now) && self.estimator_ok() {
+                    self.enter(Phase::Standby, now);
+                }
+            }
+            Phase::Standby => self.stand_by(now),
+            Phase::TakingControl | Phase::Arming | Phase::Landing | Phase::Surrendered | Phase::Ended => {}
+            Phase::Climbing => {
+                if self.arrived(now) {
+                    self.enter(Phase::Ready { refused_since: None, propose_at: now }, now);
+                    self.notice(MavSeverity::MAV_SEVERITY_INFO, "airborne, ready for slots".into());
+                }
+            }
+            Phase::Ready { propose_at, .. } => self.ready(propose_at, now),
+            Phase::Slot => {
+                if self.slot_over(now) {
+                    self.end_slot(now);
+                } else {
+                    self.watch_peer_ending(now);
+                }
+            }
+            Phase::Holding { until } => {
+                if now >= until && self.may_return(now) {
+                    self.go_home(now);
+                }
+            }
+            Phase::Returning => {
+                if self.arrived(now) {
+                    self.motion = None;
+                    self.autopilot.land(now);
+                    self.enter(Phase::Landing, now);
+                }
+            }
+        }
+        let late = |motion: &Motion| now > motion.ends_at() + LATE;
+        if matches!(self.phase, Phase::Climbing | Phase::Returning) && self.motion.as_ref().is_some_and(late)
+        {
+            self.notice(
+                MavSeverity::MAV_SEVERITY_ERROR,
+                format!("still {} m from where it should be: the autopilot lands here", self.distance_left()),
+            );
+            self.note_abort(format!("{} did not end where it should", self.phase.name()));
+            self.motion = None;
+            self.autopilot.land(now);
+            self.enter(Phase::Landing, now);
+        }
+    }
+
+    /// On the ground: takes off once nothing is missing.
+    fn stand_by(&mut self, now: Instant) {
+        if self.home_enu_m.is_none() {
+            self.home_enu_m = self.position();
+        }
+        if let Err(error) = self.make_table() {
+            return self.wait_for(vec![error.to_string()], now);
+        }
+        let mut missing = self.preflight(now);
+        self.preflight_ok = missing.is_empty();
+        let peer = self.pair.peer();
+        if !peer.heard_within(self.settings.pair.peer_timeout, now) {
+            missing.push(format!("vehicle {} is not heard", self.settings.role.peer()));
+        } else if !self.pair.agrees() {
+            missing.push("missions and plans of both vehicles are not yet known to be the same".into());
+        } else if !peer.says(VeilwingFlags::VEILWING_FLAGS_PREFLIGHT_OK)
+            && !peer.says(VeilwingFlags::VEILWING_FLAGS_AIRBORNE)
+        {
+            missing.push(format!("vehicle {} is not ready", self.settings.role.peer()));
+        }
+        if missing.is_empty() && !self.started {
+            missing.push("MISSION_START".into());
+        }
+        if !missing.is_empty() {
+            return self.wait_for(missing, now);
+        }
+        self.notice(MavSeverity::MAV_SEVERITY_INFO, "preflight passed, taking off".into());
+        self.motion =
+            self.here().map(|start| Motion { trajectory: Trajectory::rest(&start), starts_at: now });
+        self.autopilot.take_control(now);
+        self.enter(Phase::TakingControl, now);
+    }
+
+    /// Our own checks that do not pass.
+    fn preflight(&mut self, now: Instant) -> Vec<String> {
+        let mut missing = Vec::new();
+        if self.plan.is_none() {
+            missing.push("the plan is being made".to_owned());
+        }
+        let checks =
+            self.autopilot.preflight(now).into_iter().chain(self.interlock.transmitter().preflight());
+        let failed = checks.filter(|check| check.result == Verdict::Fail);
+        missing.extend(failed.map(|check| format!("{}: {}", check.name, check.detail)));
+        if self.autopilot.utc(now).is_none() {
+            missing.push("clock: the autopilot has no UTC yet (SYSTEM_TIME)".into());
+        }
+        missing
+    }
+
+    /// Says what is waited for, when it changes.
+    fn wait_for(&mut self, missing: Vec<String>, _now: Instant) {
+        let text = missing.join("; ");
+        if text != self.waiting_for {
+            self.notice(MavSeverity::MAV_SEVERITY_INFO, format!("waiting: {text}"));
+            self.waiting_for = text;
+        }
+    }
+
+    fn ready(&mut self, propose_at: Instant, now: Instant) {
+        self.watch_peer_ending(now);
+        if !matches!(self.phase, Phase::Ready { .. }) {
+            return;
+        }
+        let Some(entry) = self.entry(self.next_slot) else { return self.finish(now) };
+        let lead = entry.opens.saturating_sub(entry.transit_starts);
+        let opens = entry.opens;
+        match self.settings.role {
+            Role::J => self.pair.set_readiness(Some(Readiness { next_slot: self.next_slot, needs: lead })),
+            Role::I => {
+                let peer_ready = self.pair.peer().says(VeilwingFlags::VEILWING_FLAGS_AIRBORNE);
+                if !peer_ready || self.pair.is_proposing() || now < propose_at {
+                    return;
+                }
+                let earliest = now + AGREE + lead;
+                let opens_at = self.table_zero.map_or(earliest, |zero| (zero + opens).max(earliest));
+                self.table_zero = Some(opens_at - opens);
+                if let Some(utc) = self.autopilot.utc(now) {
+                    let opens: Utc = utc + opens_at.saturating_since(now);
+                    self.pair.propose(self.next_slot, opens, now);
+                }
+            }
+        }
+    }
+
+    /// A slot's time is over, served or not.
+    fn end_slot(&mut self, now: Instant) {
+        if let Some(slot) = self.slot.take() {
+            self.next_slot = slot.commitment.slot + 1;
+            let (severity, how) = if slot.announced {
+                (MavSeverity::MAV_SEVERITY_INFO, "over")
+            } else {
+                self.note_abort(format!("slot {} was not served", slot.commitment.slot));
+                (MavSeverity::MAV_SEVERITY_WARNING, "not served")
+            };
+            self.notice(severity, format!("slot {} for {}: {how}", slot.commitment.slot, slot.user));
+        }
+        self.pair.release(now);
+        self.enter(Phase::Ready { refused_since: None, propose_at: now }, now);
+    }
+
+    /// The peer ends its mission while ours goes on.
+    fn watch_peer_ending(&mut self, now: Instant) {
+        let last = usize::from(self.next_slot) + 1 >= self.table.as_ref().map_or(0, |t| t.entries.len());
+        let winding_up = last && self.slot.as_ref().is_none_or(|slot| now >= slot.radiate_until);
+        if self.pair.peer().says(VeilwingFlags::VEILWING_FLAGS_ENDED) && !winding_up {
+            self.abort(format!("vehicle {} has ended its mission", self.settings.role.peer()), now);
+        }
+    }
+
+    /// Silent, hold, then home. On the ground: over.
+    pub(super) fn abort(&mut self, cause: String, now: Instant) {
+        self.notice(MavSeverity::MAV_SEVERITY_ERROR, format!("mission aborted: {cause}"));
+        self.note_abort(cause);
+        self.slot = None;
+        self.pair.release(now);
+        self.pair.set_readiness(None);
+        match self.phase {
+            Phase::Connecting | Phase::Standby => {}
+            Phase::TakingControl | Phase::Arming => {
+                self.motion = None;
+                self.autopilot.release(now);
+                self.autopilot.disarm(now);
+                self.end(now);
+            }
+            Phase::Climbing | Phase::Ready { .. } | Phase::Slot => {
+                self.hold_here(now);
+                self.enter(Phase::Holding { until: now + HOLD }, now);
+            }
+            Phase::Holding { .. } | Phase::Returning | Phase::Landing | Phase::Surrendered | Phase::Ended => {
+            }
+        }
+    }
+
+    pub(super) fn note_abort(&mut self, cause: String) {
+        self.abort_cause.get_or_insert(cause);
+    }
+
+    pub(super) fn end(&mut self, now: Instant) {
+        let outcome = self.abort_cause.clone().map_or(Outcome::Completed, Outcome::Aborted);
+        self.outcome.get_or_insert(outcome);
+        self.enter(Phase::Ended, now);
+    }
+
+    /// The autopilot's present pose.
+    pub(super) fn here(&self) -> Option<Start> {
+        let attitude = self.autopilot.state().attitude?.value;
+        Some(Start { position_enu_m: self.position()?, attitude })
+    }
+
+    /// The point above `home` at the bottom of the altitude band.
+    pub(super) fn above(&self, home: Enu) -> Enu {
+        Enu::new(home.x, home.y, self.settings.airspace.altitude_m[0])
+    }
+
+    /// Stops where the setpoint is.
+    pub(super) fn hold_here(&mut self, now: Instant) {
+        if let Some(motion) = self.motion.take() {
+            let sample = motion.sample(now);
+            let start = Start { position_enu_m: sample.position_enu_m, attitude: sample.attitude };
+            let mut trajectory = Trajectory::rest(&start);
+            trajectory.turn(Attitude::level(), 0.0, &self.settings.limits[self.settings.role]);
+            self.motion = Some(Motion { trajectory, starts_at: now });
+        }
+    }
+
+    pub(super) fn climb(&mut self, now: Instant) {
+        let (Some(start), Some(home)) = (self.here(), self.home_enu_m) else { return };
+        let limits = self.settings.limits[self.settings.role];
+        let mut trajectory = Trajectory::rest(&start);
+        trajectory.fly(&[self.above(home)], &limits);
+        // The turn to the mission's heading waits until the vehicle is clear of the ground.
+        trajectory.turn(Attitude::level(), 2.0, &limits);
+        self.motion = Some(Motion { trajectory, starts_at: now });
+        self.autopilot.take_off(self.above(home).z - home.z, now);
+        self.enter(Phase::Climbing, now);
+    }
+
+    fn distance_left(&self) -> String {
+        let target = self.motion.as_ref().map(|m| m.trajectory.end().position_enu_m);
+        let position = self.position();
+        target.zip(position).map_or("?".into(), |(t, p)| format!("{:.1}", (t - p).norm()))
+    }
+
+    fn arrived(&self, now: Instant) -> bool {
+        let Some(motion) = self.motion.as_ref().filter(|motion| now >= motion.ends_at()) else {
+            return false;
+        };
+        let target = motion.trajectory.end().position_enu_m;
+        self.position().is_some_and(|p| (p - target).norm() < ARRIVED_M)
+    }
+}

@@ -1,0 +1,159 @@
+//! Jam leases: J vouches for its jamming for a while, I radiates only within it (S1, S3).
+//!
+//! A lease is counted from the instant at which I *asked*, on I's own clock, and J stays on until the same length
+//! has passed since it *answered*, on J's own clock. Answering comes after asking, so I's lease ends first whatever
+//! the network does with either message and whatever the two clocks say. J's own transmitter falls silent by
+//! itself at a known instant (S5); a lease never reaches past it, so it holds even if J's companion dies the moment
+//! after granting.
+
+use std::time::Duration;
+
+use crate::time::Instant;
+
+/// Covers the way of a command from a companion to its radio, and the two clocks' rates.
+const MARGIN: Duration = Duration::from_millis(50);
+
+/// I's side: what J has granted.
+#[derive(Debug, Clone, Default)]
+pub struct Holder {
+    expires_at: Option<Instant>,
+    given_up_at: Option<Instant>,
+}
+
+impl Holder {
+    /// The end of the lease in force at `now`.
+    #[must_use]
+    pub fn held(&self, now: Instant) -> Option<Instant> {
+        self.expires_at.filter(|&expiry| expiry > now)
+    }
+
+    /// Takes a grant that answers the request sent at `asked_at`. A grant for a request from the future (another
+    /// boot, a corrupted echo) or from before the last giving up is refused; a shorter one than that in force
+    /// changes nothing.
+    pub fn take(&mut self, asked_at: Instant, duration: Duration, now: Instant) -> bool {
+        if asked_at > now || self.given_up_at.is_some_and(|given_up| asked_at <= given_up) {
+            return false;
+        }
+        self.expires_at = self.expires_at.max(Some(asked_at + duration));
+        true
+    }
+
+    /// Gives the lease up, and with it every grant that answers a request made until now.
+    pub fn give_up(&mut self, now: Instant) {
+        self.expires_at = None;
+        self.given_up_at = Some(now);
+    }
+}
+
+/// J's side: what has been granted.
+#[derive(Debug, Clone, Default)]
+pub struct Book {
+    outstanding_until: Option<Instant>,
+    last_request_us: u64,
+}
+
+impl Book {
+    /// The length of a lease that may be granted at `now` to the request of `request_us`, and records it: to the end of J's own transmitter lease
+    /// less a margin, no longer than `longest`, no later than `closes_at`. `None` if nothing is left to grant.
+    pub fn grant(
+        &mut self,
+        request_us: u64,
+        transmitter_expires_at: Instant,
+        round_trip: Duration,
+        longest: Duration,
+        closes_at: Instant,
+        now: Instant,
+    ) -> Option<Duration> {
+        let until = (transmitter_expires_at - MARGIN - round_trip).min(now + longest).min(closes_at);
+        let duration = until.saturating_since(now);
+        // The wire counts milliseconds; what is promised is what is sent.
+        let duration = Duration::from_millis(u64::try_from(duration.as_millis()).ok()?);
+        if duration.is_zero() {
+            return None;
+        }
+        self.outstanding_until = self.outstanding_until.max(Some(now + duration));
+        self.last_request_us = self.last_request_us.max(request_us);
+        Some(duration)
+    }
+
+    /// Whether I may still hold a lease at `now`: J must not stop jamming of its own will.
+    #[must_use]
+    pub fn outstanding(&self, now: Instant) -> bool {
+        self.outstanding_until.is_some_and(|until| until > now)
+    }
+
+    /// I is silent and has given up every lease it asked for up to `released_us` of its clock. A word sent before
+    /// the last grant's request says nothing of that grant.
+    pub fn returned(&mut self, released_us: u64) {
+        if released_us >= self.last_request_us {
+            self.outstanding_until = None;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(ms: u64) -> Instant {
+        Instant::from_start(Duration::from_millis(ms))
+    }
+
+    #[test]
+    fn val_lease_counts_from_the_request_whatever_the_delay() {
+        let mut holder = Holder::default();
+        assert!(holder.take(at(1000), Duration::from_millis(400), at(1300)));
+        assert_eq!(holder.held(at(1399)), Some(at(1400)));
+        assert_eq!(holder.held(at(1400)), None);
+        // Two seconds late: already over.
+        assert!(holder.take(at(1500), Duration::from_millis(400), at(3500)));
+        assert_eq!(holder.held(at(3500)), None);
+    }
+
+    #[test]
+    fn val_grant_from_the_future_is_refused() {
+        let mut holder = Holder::default();
+        assert!(!holder.take(at(2000), Duration::from_millis(400), at(1000)));
+        assert_eq!(holder.held(at(1000)), None);
+    }
+
+    #[test]
+    fn val_older_grant_does_not_shorten() {
+        let mut holder = Holder::default();
+        holder.take(at(1000), Duration::from_millis(400), at(1010));
+        holder.take(at(900), Duration::from_millis(100), at(1020));
+        assert_eq!(holder.held(at(1100)), Some(at(1400)));
+    }
+
+    #[test]
+    fn val_grant_for_a_request_given_up_is_refused() {
+        let mut holder = Holder::default();
+        holder.give_up(at(1000));
+        assert!(!holder.take(at(1000), Duration::from_millis(400), at(1010)));
+        assert!(holder.take(at(1001), Duration::from_millis(400), at(1010)));
+    }
+
+    #[test]
+    fn val_a_word_from_before_the_grant_returns_nothing() {
+        let mut book = Book::default();
+        let none = Duration::ZERO;
+        book.grant(700, at(1500), none, Duration::from_secs(1), at(9000), at(1000)).unwrap();
+        book.returned(699);
+        assert!(book.outstanding(at(1100)));
+        book.returned(700);
+        assert!(!book.outstanding(at(1100)));
+    }
+
+    #[test]
+    fn val_grant_ends_before_own_transmitter_and_slot() {
+        let mut book = Book::default();
+        let rtt = Duration::from_millis(10);
+        let long = Duration::from_secs(1);
+        let granted = book.grant(1, at(1500), rtt, long, at(9000), at(1000)).unwrap();
+        assert_eq!(granted, Duration::from_millis(440));
+        assert!(book.outstanding(at(1439)));
+        assert!(!book.outstanding(at(1440)));
+        assert_eq!(book.grant(1, at(2000), rtt, long, at(1600), at(1500)), Some(Duration::from_millis(100)));
+        assert_eq!(book.grant(1, at(1055), rtt, long, at(9000), at(1000)), None);
+    }
+}

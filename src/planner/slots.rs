@@ -1,0 +1,100 @@
+//! All slots of a mission: the plan that both companions must agree on.
+
+use sha2::{Digest, Sha256};
+
+use super::plan::SlotPlan;
+
+/// One user's slot.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlannedSlot {
+    /// The user's name in the mission file.
+    pub user: String,
+    /// Poses, powers and what they are worth.
+    pub plan: SlotPlan,
+}
+
+/// The plan of a mission: a slot for each user, in the mission file's order.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Plan {
+    /// SHA-256 over users, poses and powers, bit for bit: what the two companions compare.
+    pub digest: [u8; 32],
+    /// By user, in the mission file's order.
+    pub slots: Vec<PlannedSlot>,
+}
+
+impl Plan {
+    /// Seals the slots with their digest.
+    #[must_use]
+    pub fn new(slots: Vec<PlannedSlot>) -> Self {
+        let mut hash = Sha256::new();
+        for slot in &slots {
+            // The length keeps one name's end apart from the next number's start.
+            hash.update((slot.user.len() as u64).to_le_bytes());
+            hash.update(slot.user.as_bytes());
+            for vehicle in [&slot.plan.vehicles.i, &slot.plan.vehicles.j] {
+                let pose = &vehicle.pose;
+                let angles = [pose.roll_rad, pose.pitch_rad, pose.yaw_rad, vehicle.tx_power_w];
+                for value in pose.position_enu_m.iter().chain(&angles) {
+                    hash.update(value.to_le_bytes());
+                }
+            }
+        }
+        Self { digest: hash.finalize().into(), slots }
+    }
+}
+
+/// A digest as lowercase hexadecimal.
+#[must_use]
+pub fn hex(digest: &[u8]) -> String {
+    digest.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Vector3;
+
+    use super::*;
+    use crate::geo::Pose;
+    use crate::planner::plan::{BoundKind, Status, VehiclePlan};
+    use crate::role::PerVehicle;
+
+    fn slot(user: &str, x: f64) -> PlannedSlot {
+        let pose =
+            Pose { position_enu_m: Vector3::new(x, 0.0, 80.0), roll_rad: 0.1, pitch_rad: 0.2, yaw_rad: 0.0 };
+        let vehicle = VehiclePlan { pose, tx_power_w: 0.5 };
+        let plan = SlotPlan {
+            status: Status::Converged,
+            vehicles: PerVehicle { i: vehicle, j: vehicle },
+            secrecy_rate_bps: 1.0,
+            standard_error_bps: 0.0,
+            upper_bound_bps: 2.0,
+            upper_bound_kind: BoundKind::Cap,
+            user_sinr: 1.0,
+            eavesdropper_sinr: vec![],
+        };
+        PlannedSlot { user: user.into(), plan }
+    }
+
+    #[test]
+    fn prop_digest_tells_every_bit_of_what_is_flown_and_nothing_else() {
+        let base = Plan::new(vec![slot("a", 1.0), slot("b", 2.0)]);
+        let same = Plan::new(vec![slot("a", 1.0), slot("b", 2.0)]);
+        assert_eq!(base.digest, same.digest);
+        let mut dearer = vec![slot("a", 1.0), slot("b", 2.0)];
+        dearer[0].plan.secrecy_rate_bps = 9.0;
+        assert_eq!(base.digest, Plan::new(dearer).digest);
+        for other in [
+            vec![slot("a", 1.0_f64.next_up()), slot("b", 2.0)],
+            vec![slot("b", 2.0), slot("a", 1.0)],
+            vec![slot("a", 1.0)],
+            vec![slot("c", 1.0), slot("b", 2.0)],
+        ] {
+            assert_ne!(base.digest, Plan::new(other).digest);
+        }
+    }
+
+    #[test]
+    fn val_hex() {
+        assert_eq!(hex(&[0x00, 0xab, 0x10]), "00ab10");
+    }
+}

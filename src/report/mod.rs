@@ -1,0 +1,3 @@
+//! Documents for people and programs: plans and flights.
+
+pub mod plan_document;

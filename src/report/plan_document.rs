@@ -1,0 +1,182 @@
+//! The plan as JSON (`veilwing-plan/1`), as `plan --json` writes and `evaluate` reads it.
+
+use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
+
+use crate::geo::Pose;
+use crate::planner::plan::{BoundKind, SlotPlan, Status, VehiclePlan};
+use crate::role::PerVehicle;
+
+/// The document's `format`.
+pub const FORMAT: &str = "veilwing-plan/1";
+
+/// A whole plan.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct PlanDocument {
+    /// [`FORMAT`].
+    pub format: &'static str,
+    /// SHA-256 of the mission's meaning, hexadecimal.
+    pub mission_digest: String,
+    /// SHA-256 of poses and powers, hexadecimal.
+    pub plan_digest: String,
+    /// The mission's seed.
+    pub seed: u64,
+    /// The method's name.
+    pub method: String,
+    /// One per user.
+    pub slots: Vec<SlotDocument>,
+}
+
+/// One slot.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct SlotDocument {
+    /// The user's name.
+    pub user: String,
+    /// How the search ended.
+    pub status: &'static str,
+    /// E[R] in bit/s.
+    pub secrecy_rate_bps: f64,
+    /// Its standard error as an estimate.
+    pub standard_error_bps: f64,
+    /// Upper bound on the optimum.
+    pub upper_bound_bps: f64,
+    /// What that bounds.
+    pub upper_bound_kind: &'static str,
+    /// At the desired attitude and estimated positions.
+    pub sinr: SinrDocument,
+    /// Poses and powers.
+    pub vehicles: PerVehicle<VehicleDocument>,
+    /// The search alone.
+    pub planning_time_s: f64,
+    /// The bound alone.
+    pub bound_time_s: f64,
+}
+
+/// SINRs, linear.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct SinrDocument {
+    /// At the user.
+    pub user: f64,
+    /// At each eavesdropper.
+    pub eavesdroppers: Vec<EavesdropperDocument>,
+}
+
+/// One eavesdropper's SINR.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct EavesdropperDocument {
+    /// Name in the mission file.
+    pub name: String,
+    /// Linear.
+    pub sinr: f64,
+}
+
+/// One vehicle's pose and power.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct VehicleDocument {
+    /// East, north, up in metres.
+    pub position_enu_m: [f64; 3],
+    /// The paper's roll.
+    pub roll_rad: f64,
+    /// The paper's pitch.
+    pub pitch_rad: f64,
+    /// The paper's yaw.
+    #[serde(default)]
+    pub yaw_rad: f64,
+    /// Transmit power in W.
+    pub tx_power_w: f64,
+    /// Follows from the angles; not read.
+    #[serde(default, skip_deserializing)]
+    pub antenna_axis_enu: [f64; 3],
+}
+
+impl SlotDocument {
+    /// The document of one planned slot.
+    #[must_use]
+    pub fn new(
+        user: &str,
+        eavesdroppers: &[String],
+        slot: &SlotPlan,
+        planning_time_s: f64,
+        bound_time_s: f64,
+    ) -> Self {
+        let sinrs = eavesdroppers.iter().zip(&slot.eavesdropper_sinr);
+        Self {
+            user: user.to_owned(),
+            status: status_name(slot.status),
+            secrecy_rate_bps: slot.secrecy_rate_bps,
+            standard_error_bps: slot.standard_error_bps,
+            upper_bound_bps: slot.upper_bound_bps,
+            upper_bound_kind: bound_name(slot.upper_bound_kind),
+            sinr: SinrDocument {
+                user: slot.user_sinr,
+                eavesdroppers: sinrs
+                    .map(|(name, &sinr)| EavesdropperDocument { name: name.clone(), sinr })
+                    .collect(),
+            },
+            vehicles: slot.vehicles.map(VehicleDocument::from),
+            planning_time_s,
+            bound_time_s,
+        }
+    }
+}
+
+impl From<VehiclePlan> for VehicleDocument {
+    fn from(vehicle: VehiclePlan) -> Self {
+        let pose = vehicle.pose;
+        Self {
+            position_enu_m: pose.position_enu_m.into(),
+            roll_rad: pose.roll_rad,
+            pitch_rad: pose.pitch_rad,
+            yaw_rad: pose.yaw_rad,
+            tx_power_w: vehicle.tx_power_w,
+            antenna_axis_enu: pose.antenna_axis().into(),
+        }
+    }
+}
+
+impl From<VehicleDocument> for VehiclePlan {
+    fn from(vehicle: VehicleDocument) -> Self {
+        let pose = Pose {
+            position_enu_m: Vector3::from(vehicle.position_enu_m),
+            roll_rad: vehicle.roll_rad,
+            pitch_rad: vehicle.pitch_rad,
+            yaw_rad: vehicle.yaw_rad,
+        };
+        Self { pose, tx_power_w: vehicle.tx_power_w }
+    }
+}
+
+/// The part of a plan document that `evaluate` needs; the rest may have been edited away.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+pub struct EditedPlan {
+    /// Must be [`FORMAT`].
+    pub format: String,
+    /// One per user to score.
+    pub slots: Vec<EditedSlot>,
+}
+
+/// One slot to score.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+pub struct EditedSlot {
+    /// A user of the mission.
+    pub user: String,
+    /// Poses and powers.
+    pub vehicles: PerVehicle<VehicleDocument>,
+}
+
+fn status_name(status: Status) -> &'static str {
+    match status {
+        Status::Evaluated => "evaluated",
+        Status::Converged => "converged",
+        Status::IterationLimit => "iteration-limit",
+        Status::NoPositiveRate => "no-positive-rate",
+    }
+}
+
+fn bound_name(kind: BoundKind) -> &'static str {
+    match kind {
+        BoundKind::Cap => "cap",
+        BoundKind::BranchAndBound => "branch-and-bound",
+        BoundKind::DecoupledSigned => "decoupled-signed",
+    }
+}

@@ -1,0 +1,487 @@
+//! The slot table: who is served when, from where, and how the vehicles get there.
+//!
+//! A slot is `slot` long; the transit to its poses lies *before* it. So a superframe is not a fixed period but the sum
+//! of its transits and slots:
+//!
+//! ```text
+//! transit_starts        opens  radiate_from         radiate_until  closes = next transit_starts
+//!   | transit | settle  | guard/2 |     radiating     | guard/2    |
+//! ```
+//!
+//! All times are since the mission's start instant, which both vehicles agree on. The table is a pure function of its
+//! inputs: the same plan, limits and starting positions give the same table on both vehicles, bit for bit.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use super::order::{Order, Places, Tour};
+use super::trajectory::{Start, Trajectory};
+use super::transit::{Router, Separation, Transit, TransitError};
+use crate::geo::Pose;
+use crate::planner::plan::SlotPlan;
+use crate::role::PerVehicle;
+
+/// Slots open on multiples of this: both vehicles' logs and clocks show round figures.
+const GRID: Duration = Duration::from_millis(100);
+
+/// Durations of the TDMA scheme.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Timing {
+    /// Length of a slot, without the transit before it.
+    pub slot: Duration,
+    /// The part of a slot in which nobody radiates, half of it at each end: it covers clock errors.
+    pub guard: Duration,
+    /// After both vehicles have arrived by the table, time to come to rest and to catch up.
+    pub settle: Duration,
+    /// How often every user is served.
+    pub superframes: u16,
+}
+
+impl Timing {
+    /// Settling time where nobody says otherwise.
+    pub const DEFAULT_SETTLE: Duration = Duration::from_secs(3);
+
+    /// Timing with the default settling time.
+    #[must_use]
+    pub const fn new(slot: Duration, guard: Duration, superframes: u16) -> Self {
+        Self { slot, guard, settle: Self::DEFAULT_SETTLE, superframes }
+    }
+}
+
+/// Why there is no table.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum TableError {
+    /// Nobody to serve.
+    #[error("there is no slot: {users} users in {superframes} superframes; give at least one of each")]
+    Empty {
+        /// Users with at least one pose.
+        users: usize,
+        /// Superframes.
+        superframes: u16,
+    },
+    /// Slots are numbered in 16 bits.
+    #[error("{slots} slots are too many: lower tdma.superframes so that there are at most {limit}")]
+    TooMany {
+        /// Users times superframes.
+        slots: usize,
+        /// The limit.
+        limit: u16,
+    },
+    /// Nothing is left of a slot.
+    #[error("tdma.guard_s ({guard_s} s) leaves nothing of tdma.slot_s ({slot_s} s): lower it")]
+    NoAirtime {
+        /// Slot in seconds.
+        slot_s: f64,
+        /// Guard in seconds.
+        guard_s: f64,
+    },
+    /// A leg of the tour cannot be flown (or, in the shortest order, no tour can be flown and this leg is the first).
+    #[error("from {} to user {to}: {source}", from.map_or_else(|| "the start".to_owned(), |user| format!("user {user}")))]
+    Transit {
+        /// Index of the user before, or the start.
+        from: Option<usize>,
+        /// Index of the user to be served.
+        to: usize,
+        /// What is wrong.
+        source: TransitError,
+    },
+}
+
+/// One slot and the way to it. Times are since the mission's start.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Entry {
+    /// Running number over all superframes, from 0.
+    pub slot: u16,
+    /// The served user, by position in the mission's list.
+    pub user_index: usize,
+    /// Which of the user's candidate poses, 0 where there is but one.
+    pub candidate: usize,
+    /// Both vehicles' way to the slot's poses, starting at `transit_starts`.
+    pub transit: PerVehicle<Trajectory>,
+    /// What keeps the vehicles apart on the way.
+    pub separation: Separation,
+    /// When both vehicles leave (one of them perhaps with a hold).
+    pub transit_starts: Duration,
+    /// When the slot begins: both vehicles have arrived and settled.
+    pub opens: Duration,
+    /// When the slot ends.
+    pub closes: Duration,
+    /// When radiating may begin.
+    pub radiate_from: Duration,
+    /// When radiating must have ended.
+    pub radiate_until: Duration,
+}
+
+/// All slots of a mission in order.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Table {
+    /// One for each slot.
+    pub entries: Vec<Entry>,
+    /// When the last slot closes.
+    pub ends: Duration,
+}
+
+impl Table {
+    /// The table of a mission: from `start` through every user's poses, `timing.superframes` times over. `users` are in
+    /// the mission's order; a user with several candidates is served from the one that makes transits short.
+    ///
+    /// # Errors
+    /// [`TableError`] if there is nothing to do, a slot has no airtime, or a transit does not exist.
+    pub fn build(
+        router: &Router,
+        start: &PerVehicle<Start>,
+        users: &[Vec<PerVehicle<Pose>>],
+        timing: &Timing,
+        order: Order,
+    ) -> Result<Self, TableError> {
+        let superframes = timing.superframes;
+        let served = users.iter().filter(|candidates| !candidates.is_empty()).count();
+        if served == 0 || served < users.len() || superframes == 0 {
+            return Err(TableError::Empty { users: served, superframes });
+        }
+        let slots = users.len().saturating_mul(usize::from(superframes));
+        if slots > usize::from(u16::MAX) {
+            return Err(TableError::TooMany { slots, limit: u16::MAX });
+        }
+        if timing.guard >= timing.slot {
+            let (slot_s, guard_s) = (timing.slot.as_secs_f64(), timing.guard.as_secs_f64());
+            return Err(TableError::NoAirtime { slot_s, guard_s });
+        }
+        let mut legs = Legs::new(router, start, users);
+        let tour = legs.tour(superframes, order)?;
+        legs.table(&tour, timing)
+    }
+
+    /// The entry of the slot or transit in progress at `t` since the mission's start; `None` after the end.
+    #[must_use]
+    pub fn at(&self, t: Duration) -> Option<&Entry> {
+        self.entries.get(self.entries.partition_point(|entry| entry.closes <= t))
+    }
+}
+
+/// The plans of one user that are nearly as good as its best: rate at least `1 - tolerance` of the best one's, by
+/// position in `plans`, the best first and equal ones in their order. Given to [`Table::build`] as the user's
+/// candidates, they let transits be short at a bounded price in rate.
+#[must_use]
+pub fn near_best(plans: &[SlotPlan], tolerance: f64) -> Vec<usize> {
+    let best_bps = plans.iter().map(|plan| plan.secrecy_rate_bps).fold(f64::NEG_INFINITY, f64::max);
+    let mut near: Vec<usize> =
+        (0..plans.len()).filter(|&k| plans[k].secrecy_rate_bps >= best_bps * (1.0 - tolerance)).collect();
+    near.sort_by(|&a, &b| plans[b].secrecy_rate_bps.total_cmp(&plans[a].secrecy_rate_bps));
+    near
+}
+
+/// The transits between places, planned when first asked for.
+struct Legs<'a> {
+    router: &'a Router,
+    start: &'a PerVehicle<Start>,
+    /// The user and poses of each place, user by user.
+    places: Vec<(usize, PerVehicle<Pose>)>,
+    /// Each user's places.
+    of_user: Vec<Vec<usize>>,
+    /// From a place (or the start) to a place.
+    planned: BTreeMap<(Option<usize>, usize), Result<Transit, TransitError>>,
+}
+
+impl<'a> Legs<'a> {
+    fn new(router: &'a Router, start: &'a PerVehicle<Start>, users: &[Vec<PerVehicle<Pose>>]) -> Self {
+        let mut places = Vec::new();
+        let mut of_user = Vec::new();
+        for (user, candidates) in users.iter().enumerate() {
+            of_user.push((places.len()..places.len() + candidates.len()).collect());
+            places.extend(candidates.iter().map(|&poses| (user, poses)));
+        }
+        Self { router, start, places, of_user, planned: BTreeMap::new() }
+    }
+
+    fn leg(&mut self, from: Option<usize>, to: usize) -> &Result<Transit, TransitError> {
+        self.planned.entry((from, to)).or_insert_with(|| {
+            let start = match from {
+                Some(place) => self.places[place]
+                    .1
+                    .map(|pose| Start { position_enu_m: pose.position_enu_m, attitude: pose.attitude() }),
+                None => *self.start,
+            };
+            self.router.plan(&start, &self.places[to].1)
+        })
+    }
+
+    fn time(&mut self, from: Option<usize>, to: usize) -> Duration {
+        self.leg(from, to).as_ref().map_or(Duration::MAX, Transit::duration)
+    }
+
+    /// A leg that must exist.
+    fn transit(&mut self, from: Option<usize>, to: usize) -> Result<Transit, TableError> {
+        let (from_user, to_user) = (from.map(|place| self.places[place].0), self.places[to].0);
+        let leg = self.leg(from, to).clone();
+        leg.map_err(|source| TableError::Transit { from: from_user, to: to_user, source })
+    }
+
+    fn tour(&mut self, superframes: u16, order: Order) -> Result<Tour, TableError> {
+        let n = self.places.len();
+        let last = self.of_user.len() - 1;
+        // Only legs that may be flown are planned: a leg that is not flown may well be impossible.
+        let flown = |from: Option<usize>, to: usize| match (order, from) {
+            (Order::Shortest, None) => true,
+            (Order::Shortest, Some(from)) => from != to || (last == 0 && superframes > 1),
+            (Order::Listed, None) => to == 0,
+            (Order::Listed, Some(from)) => to == from + 1 || (superframes > 1 && from == last && to == 0),
+        };
+        let mut from_start = vec![Duration::MAX; n];
+        let mut between = vec![Duration::MAX; n * n];
+        for (to, (to_user, _)) in self.places.clone().into_iter().enumerate() {
+            if flown(None, to_user) {
+                from_start[to] = self.time(None, to);
+            }
+            for from in (0..n).filter(|&from| flown(Some(self.places[from].0), to_user)).collect::<Vec<_>>() {
+                between[from * n + to] = self.time(Some(from), to);
+            }
+        }
+        let places = Places { of_user: self.of_user.clone(), from_start, between, superframes };
+        places.tour(order).ok_or_else(|| self.first_failure(superframes))
+    }
+
+    /// Why there is no tour.
+    fn first_failure(&self, superframes: u16) -> TableError {
+        let failed =
+            self.planned.iter().find_map(|((from, to), leg)| Some((*from, *to, leg.as_ref().err()?)));
+        match failed {
+            Some((from, to, source)) => TableError::Transit {
+                from: from.map(|place| self.places[place].0),
+                to: self.places[to].0,
+                source: source.clone(),
+            },
+            None => TableError::Empty { users: self.of_user.len(), superframes },
+        }
+    }
+
+    fn table(&mut self, tour: &Tour, timing: &Timing) -> Result<Table, TableError> {
+        let mut entries = Vec::new();
+        let mut transit_starts = Duration::ZERO;
+        let mut before = None;
+        let visits = (0..timing.superframes).flat_map(|_| &tour.visits);
+        for (slot, &(user_index, place)) in (0..=u16::MAX).zip(visits) {
+            let transit = self.transit(before, place)?;
+            let arrived = transit_starts.saturating_add(transit.duration());
+            let opens = rounded_up(arrived.saturating_add(timing.settle));
+            let closes = opens.saturating_add(timing.slot);
+            entries.push(Entry {
+                slot,
+                user_index,
+                candidate: place - self.of_user[user_index][0],
+                transit: transit.trajectories,
+                separation: transit.separation,
+                transit_starts,
+                opens,
+                closes,
+                radiate_from: opens.saturating_add(timing.guard / 2),
+                radiate_until: closes.saturating_sub(timing.guard / 2),
+            });
+            transit_starts = closes;
+            before = Some(place);
+        }
+        Ok(Table { entries, ends: transit_starts })
+    }
+}
+
+/// `t` rounded up to the grid.
+fn rounded_up(t: Duration) -> Duration {
+    let grid_ns = GRID.as_nanos();
+    let cells = t.as_nanos().div_ceil(grid_ns);
+    u64::try_from(cells * grid_ns).map_or(Duration::MAX, Duration::from_nanos)
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::RngExt;
+
+    use super::*;
+    use crate::geo::{Attitude, Enu};
+    use crate::planner::plan::{BoundKind, Status, VehiclePlan};
+    use crate::planner::problem::Airspace;
+    use crate::role::Role;
+    use crate::schedule::testing;
+    use crate::schedule::trajectory::Limits;
+    use crate::schedule::transit::End;
+
+    const S: fn(f64) -> Duration = Duration::from_secs_f64;
+    const TIMING: Timing = Timing::new(Duration::from_secs(20), Duration::from_secs(1), 2);
+
+    fn router() -> Router {
+        let airspace = Airspace {
+            altitude_m: [20.0, 120.0],
+            area_enu_m: testing::polygon(&[[-500., -500.], [500., -500.], [500., 500.], [-500., 500.]]),
+            min_separation_m: 5.0,
+        };
+        let limits = Limits::new(10.0, 5.0, 0.5);
+        Router::new(&airspace, &PerVehicle { i: limits, j: limits }).unwrap()
+    }
+
+    fn start() -> PerVehicle<Start> {
+        let at = |x| Start { position_enu_m: Enu::new(x, 0.0, 40.0), attitude: Attitude::level() };
+        PerVehicle { i: at(0.0), j: at(20.0) }
+    }
+
+    /// Both vehicles level, I at `x`, J 20 m further east.
+    fn poses(x: f64) -> PerVehicle<Pose> {
+        let at =
+            |x| Pose { position_enu_m: Enu::new(x, 0.0, 40.0), roll_rad: 0.0, pitch_rad: 0.0, yaw_rad: 0.0 };
+        PerVehicle { i: at(x), j: at(x + 20.0) }
+    }
+
+    fn built(users: &[Vec<PerVehicle<Pose>>], timing: &Timing, order: Order) -> Result<Table, TableError> {
+        Table::build(&router(), &start(), users, timing, order)
+    }
+
+    #[test]
+    fn val_times_of_two_users_in_two_superframes() {
+        // North, so that the vehicles fly side by side: 100 m take 4 + 10 s, 50 m take 4 + 5 s.
+        let north = |y: f64| {
+            vec![poses(0.0).map(|p| Pose { position_enu_m: p.position_enu_m + Enu::new(0.0, y, 0.0), ..p })]
+        };
+        let table = built(&[north(100.0), north(150.0)], &TIMING, Order::Listed).unwrap();
+        let times: Vec<_> =
+            table.entries.iter().map(|e| (e.slot, e.user_index, e.transit_starts, e.opens)).collect();
+        let expected = [
+            (0, 0, S(0.0), S(17.0)),
+            (1, 1, S(37.0), S(49.0)),
+            (2, 0, S(69.0), S(81.0)),
+            (3, 1, S(101.0), S(113.0)),
+        ];
+        assert_eq!(times, expected);
+        for entry in &table.entries {
+            assert_eq!(entry.closes, entry.opens + S(20.0));
+            assert_eq!(
+                (entry.radiate_from, entry.radiate_until),
+                (entry.opens + S(0.5), entry.closes - S(0.5))
+            );
+        }
+        assert_eq!(table.ends, S(133.0));
+        let slot_at = |t| table.at(S(t)).map(|e| e.slot);
+        assert_eq!(
+            [slot_at(0.0), slot_at(36.9), slot_at(37.0), slot_at(132.9), slot_at(133.0)],
+            [Some(0), Some(0), Some(1), Some(3), None]
+        );
+    }
+
+    #[test]
+    fn val_openings_are_rounded_up_to_a_tenth() {
+        for (t_s, expected_s) in [(0.0, 0.0), (0.1, 0.1), (0.100_000_001, 0.2), (17.03, 17.1)] {
+            assert_eq!(rounded_up(S(t_s)), S(expected_s));
+        }
+        assert_eq!(rounded_up(Duration::MAX), Duration::MAX);
+    }
+
+    #[test]
+    fn val_the_shortest_order_and_the_nearest_candidate() {
+        let users = [vec![poses(300.0)], vec![poses(100.0)], vec![poses(-400.0), poses(200.0)]];
+        let users_of =
+            |table: &Table| table.entries.iter().map(|e| (e.user_index, e.candidate)).collect::<Vec<_>>();
+        let once = Timing { superframes: 1, ..TIMING };
+        let shortest = built(&users, &once, Order::Shortest).unwrap();
+        assert_eq!(users_of(&shortest), [(1, 0), (2, 1), (0, 0)]);
+        let listed = built(&users, &once, Order::Listed).unwrap();
+        assert_eq!(users_of(&listed), [(0, 0), (1, 0), (2, 1)]);
+        assert!(shortest.ends < listed.ends);
+    }
+
+    #[test]
+    fn val_plans_near_the_best_come_best_first() {
+        let plan = |secrecy_rate_bps| SlotPlan {
+            status: Status::Converged,
+            vehicles: poses(0.0).map(|pose| VehiclePlan { pose, tx_power_w: 0.1 }),
+            secrecy_rate_bps,
+            standard_error_bps: 0.0,
+            upper_bound_bps: 20e6,
+            upper_bound_kind: BoundKind::Cap,
+            user_sinr: 1.0,
+            eavesdropper_sinr: vec![],
+        };
+        let plans = [9.89e6, 9.95e6, 10e6, 9.95e6, 9.9e6].map(plan);
+        assert_eq!(near_best(&plans, 0.01), [2, 1, 3, 4]);
+        assert_eq!(near_best(&plans, 0.0), [2]);
+        assert_eq!(near_best(&[], 0.1), [0; 0]);
+    }
+
+    #[test]
+    fn val_what_cannot_be_scheduled_is_refused_with_numbers() {
+        let users = [vec![poses(0.0)], vec![poses(495.0)]];
+        assert_eq!(built(&[], &TIMING, Order::Listed), Err(TableError::Empty { users: 0, superframes: 2 }));
+        assert_eq!(
+            built(&[vec![]], &TIMING, Order::Shortest),
+            Err(TableError::Empty { users: 0, superframes: 2 })
+        );
+        let timing = Timing { superframes: 40_000, ..TIMING };
+        assert_eq!(
+            built(&users, &timing, Order::Listed),
+            Err(TableError::TooMany { slots: 80_000, limit: 65_535 })
+        );
+        let timing = Timing { guard: S(20.0), ..TIMING };
+        assert_eq!(
+            built(&users, &timing, Order::Listed),
+            Err(TableError::NoAirtime { slot_s: 20.0, guard_s: 20.0 })
+        );
+        for order in [Order::Listed, Order::Shortest] {
+            let Err(TableError::Transit { to: 1, source, .. }) = built(&users, &TIMING, order) else {
+                panic!("user 1's J lies 15 m outside");
+            };
+            assert!(
+                matches!(source, TransitError::Outside { role: Role::J, end: End::Goal, .. }),
+                "{source}"
+            );
+        }
+        let error = built(&users, &TIMING, Order::Listed).unwrap_err().to_string();
+        assert!(
+            error.starts_with("from user 0 to user 1: vehicle J: the goal (515.00, 0.00, 40.00) is 15.00 m"),
+            "{error}"
+        );
+    }
+
+    #[test]
+    fn prop_tables_hang_together_and_are_the_same_twice() {
+        let mut rng = testing::rng(9);
+        for _ in 0..40 {
+            let users: Vec<_> = (0..rng.random_range(1..6))
+                .map(|_| {
+                    let mut place = || Pose {
+                        position_enu_m: Enu::from_fn(|k, _| {
+                            rng.random_range(if k == 2 { 30.0..100.0 } else { -300.0..300.0 })
+                        }),
+                        roll_rad: rng.random_range(-1.5..1.5),
+                        pitch_rad: rng.random_range(-1.5..1.5),
+                        yaw_rad: 0.0,
+                    };
+                    vec![PerVehicle { i: place(), j: place() }]
+                })
+                .collect();
+            let timing = Timing { superframes: rng.random_range(1..4), ..TIMING };
+            for order in [Order::Listed, Order::Shortest] {
+                let table = built(&users, &timing, order).unwrap();
+                assert_eq!(built(&users, &timing, order), Ok(table.clone()));
+                assert_eq!(table.entries.len(), users.len() * usize::from(timing.superframes));
+                let mut at = start();
+                let mut now = Duration::ZERO;
+                for (k, entry) in table.entries.iter().enumerate() {
+                    assert_eq!((usize::from(entry.slot), entry.transit_starts), (k, now));
+                    for role in Role::BOTH {
+                        let trajectory = &entry.transit[role];
+                        let first = trajectory.sample(Duration::ZERO);
+                        assert_eq!(
+                            (first.position_enu_m, first.attitude),
+                            (at[role].position_enu_m, at[role].attitude)
+                        );
+                        assert!(entry.transit_starts + trajectory.duration() + timing.settle <= entry.opens);
+                        let pose = users[entry.user_index][0][role];
+                        at[role] = trajectory.end();
+                        assert_eq!(
+                            (at[role].position_enu_m, at[role].attitude),
+                            (pose.position_enu_m, pose.attitude())
+                        );
+                    }
+                    now = entry.closes;
+                }
+                assert_eq!(table.ends, now);
+            }
+        }
+    }
+}

@@ -1,0 +1,384 @@
+//! One vehicle's path in time.
+//!
+//! Position: straight legs, each with a trapezoidal speed profile (constant acceleration, cruise, constant
+//! deceleration) from rest to rest, so that speed is continuous through every corner. Attitude: one rotation along
+//! the shortest way (slerp) at constant rate, in parallel with the motion. Times are seconds since the trajectory's
+//! start.
+
+use std::time::Duration;
+
+use nalgebra::Vector3;
+
+use crate::geo::{Attitude, Enu};
+
+/// Limits beyond this, in SI units, are taken for mistakes.
+pub const LIMIT_RANGE: std::ops::RangeInclusive<f64> = 1e-6..=1e6;
+
+/// What a trajectory demands of a vehicle at most.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Limits {
+    /// Horizontal speed in m/s.
+    pub speed_m_s: f64,
+    /// Vertical speed in m/s, up and down.
+    pub climb_m_s: f64,
+    /// Acceleration in any direction in m/s^2.
+    pub acceleration_m_s2: f64,
+    /// Rate of rotation about any axis in rad/s.
+    pub tilt_rate_rad_s: f64,
+}
+
+impl Limits {
+    /// Acceleration where nobody says otherwise, in m/s^2: a quarter of g, within reach of a multirotor in any
+    /// attitude it can hold.
+    pub const DEFAULT_ACCELERATION_M_S2: f64 = 2.5;
+
+    /// Limits with the default acceleration.
+    #[must_use]
+    pub const fn new(speed_m_s: f64, climb_m_s: f64, tilt_rate_rad_s: f64) -> Self {
+        Self { speed_m_s, climb_m_s, acceleration_m_s2: Self::DEFAULT_ACCELERATION_M_S2, tilt_rate_rad_s }
+    }
+
+    /// The first limit outside [`LIMIT_RANGE`], as (key, value).
+    #[must_use]
+    pub fn fault(&self) -> Option<(&'static str, f64)> {
+        let all = [
+            ("speed_m_s", self.speed_m_s),
+            ("climb_m_s", self.climb_m_s),
+            ("acceleration_m_s2", self.acceleration_m_s2),
+            ("tilt_rate_rad_s", self.tilt_rate_rad_s),
+        ];
+        all.into_iter().find(|(_, value)| !LIMIT_RANGE.contains(value))
+    }
+
+    /// How long a polyline takes from rest to rest at every corner, in seconds.
+    pub(super) fn path_s(&self, path: &[Enu]) -> f64 {
+        path.windows(2).filter_map(|w| Some(self.profile(&w[0], &w[1])?.lasts_s)).sum()
+    }
+
+    /// The profile of the leg between two points; `None` if they are the same.
+    fn profile(&self, from: &Enu, to: &Enu) -> Option<Profile> {
+        let direction = (to - from).try_normalize(0.0)?;
+        Some(Profile::new((to - from).norm(), self.speed_along(&direction), self.acceleration_m_s2))
+    }
+
+    /// The highest speed along `direction` (unit length) in m/s.
+    fn speed_along(&self, direction: &Vector3<f64>) -> f64 {
+        // A division by zero is infinite and loses to the other axis.
+        (self.speed_m_s / direction.xy().norm()).min(self.climb_m_s / direction.z.abs())
+    }
+}
+
+/// Where a trajectory begins.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Start {
+    /// Position in metres, ENU.
+    pub position_enu_m: Enu,
+    /// Attitude.
+    pub attitude: Attitude,
+}
+
+/// A trajectory at one time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sample {
+    /// Position in metres, ENU.
+    pub position_enu_m: Enu,
+    /// Velocity in m/s, ENU.
+    pub velocity_enu_m_s: Vector3<f64>,
+    /// Attitude.
+    pub attitude: Attitude,
+}
+
+/// A vehicle's path in time; before its start and after its end the vehicle rests there.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Trajectory {
+    start: Enu,
+    legs: Vec<Leg>,
+    /// When the last leg or hold ends.
+    motion_s: f64,
+    turn: Turn,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Leg {
+    from: Enu,
+    to: Enu,
+    starts_s: f64,
+    profile: Profile,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Turn {
+    from: Attitude,
+    to: Attitude,
+    starts_s: f64,
+    lasts_s: f64,
+}
+
+impl Leg {
+    fn ends_s(&self) -> f64 {
+        self.starts_s + self.profile.lasts_s
+    }
+}
+
+impl Turn {
+    fn ends_s(&self) -> f64 {
+        self.starts_s + self.lasts_s
+    }
+}
+
+/// A trapezoidal (or triangular) speed profile over a distance, from rest to rest.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Profile {
+    distance_m: f64,
+    peak_m_s: f64,
+    acceleration_m_s2: f64,
+    ramp_s: f64,
+    lasts_s: f64,
+}
+
+impl Profile {
+    fn new(distance_m: f64, speed_m_s: f64, acceleration_m_s2: f64) -> Self {
+        let peak_m_s = speed_m_s.min((distance_m * acceleration_m_s2).sqrt());
+        let ramp_s = peak_m_s / acceleration_m_s2;
+        // Both ramps together cover peak * ramp; the maximum absorbs rounding in the triangular case.
+        let cruise_s = (distance_m / peak_m_s - ramp_s).max(0.0);
+        Self { distance_m, peak_m_s, acceleration_m_s2, ramp_s, lasts_s: 2.0 * ramp_s + cruise_s }
+    }
+
+    /// Distance and speed at `t_s`, from 0 to `lasts_s`.
+    fn at(&self, t_s: f64) -> (f64, f64) {
+        let left_s = self.lasts_s - t_s;
+        let a = self.acceleration_m_s2;
+        if t_s < self.ramp_s.min(left_s) {
+            (0.5 * a * t_s * t_s, a * t_s)
+        } else if left_s < self.ramp_s {
+            (self.distance_m - 0.5 * a * left_s * left_s, a * left_s)
+        } else {
+            (self.peak_m_s * (t_s - 0.5 * self.ramp_s), self.peak_m_s)
+        }
+    }
+}
+
+impl Trajectory {
+    /// Resting at `start`; legs, holds and a turn are appended.
+    #[must_use]
+    pub fn rest(start: &Start) -> Self {
+        let turn = Turn { from: start.attitude, to: start.attitude, starts_s: 0.0, lasts_s: 0.0 };
+        Self { start: start.position_enu_m, legs: Vec::new(), motion_s: 0.0, turn }
+    }
+
+    /// Appends straight legs from the present end to each of `points` in turn. `limits` must have no
+    /// [`fault`](Limits::fault).
+    pub fn fly(&mut self, points: &[Enu], limits: &Limits) {
+        for &to in points {
+            let from = self.end_position_enu_m();
+            let Some(profile) = limits.profile(&from, &to) else { continue };
+            self.legs.push(Leg { from, to, starts_s: self.motion_s, profile });
+            self.motion_s += profile.lasts_s;
+        }
+    }
+
+    /// Rests at the present end until `t_s`, if that is later.
+    pub fn hold_until(&mut self, t_s: f64) {
+        self.motion_s = self.motion_s.max(t_s);
+    }
+
+    /// Turns to `attitude` from `starts_s` on at the limited rate, in place of any turn before.
+    pub fn turn(&mut self, attitude: Attitude, starts_s: f64, limits: &Limits) {
+        let from = self.turn.from;
+        self.turn =
+            Turn { from, to: attitude, starts_s, lasts_s: from.angle_to(&attitude) / limits.tilt_rate_rad_s };
+    }
+
+    /// When position and attitude have both arrived, rounded up to a nanosecond.
+    #[must_use]
+    pub fn duration(&self) -> Duration {
+        let end_s = self.motion_s.max(self.turn.ends_s());
+        let nearest = Duration::try_from_secs_f64(end_s).unwrap_or(Duration::MAX);
+        let short = nearest.as_secs_f64() < end_s;
+        nearest.saturating_add(Duration::from_nanos(u64::from(short)))
+    }
+
+    /// Position, velocity and attitude at `t` after the start.
+    #[must_use]
+    pub fn sample(&self, t: Duration) -> Sample {
+        let t_s = t.as_secs_f64();
+        let (position_enu_m, velocity_enu_m_s) = self.motion_at(t_s);
+        Sample { position_enu_m, velocity_enu_m_s, attitude: self.attitude_at(t_s) }
+    }
+
+    /// The corners of the path, both ends included: one point for a trajectory that rests.
+    #[must_use]
+    pub fn path(&self) -> Vec<Enu> {
+        std::iter::once(self.start).chain(self.legs.iter().map(|leg| leg.to)).collect()
+    }
+
+    /// Where it ends.
+    #[must_use]
+    pub fn end(&self) -> Start {
+        Start { position_enu_m: self.end_position_enu_m(), attitude: self.turn.to }
+    }
+
+    /// When the motion appended so far ends, in seconds.
+    pub(super) fn motion_s(&self) -> f64 {
+        self.motion_s
+    }
+
+    /// When the first leg ends, in seconds; 0 without one.
+    pub(super) fn first_leg_ends_s(&self) -> f64 {
+        self.legs.first().map_or(0.0, Leg::ends_s)
+    }
+
+    fn end_position_enu_m(&self) -> Enu {
+        self.legs.last().map_or(self.start, |leg| leg.to)
+    }
+
+    fn motion_at(&self, t_s: f64) -> (Enu, Vector3<f64>) {
+        let started = self.legs.partition_point(|leg| leg.starts_s <= t_s);
+        let Some(leg) = started.checked_sub(1).and_then(|k| self.legs.get(k)) else {
+            return (self.start, Vector3::zeros());
+        };
+        let since_s = t_s - leg.starts_s;
+        if t_s >= leg.ends_s() {
+            return (leg.to, Vector3::zeros());
+        }
+        let (distance_m, speed_m_s) = leg.profile.at(since_s);
+        let direction = (leg.to - leg.from) / leg.profile.distance_m;
+        (leg.from + direction * distance_m, direction * speed_m_s)
+    }
+
+    fn attitude_at(&self, t_s: f64) -> Attitude {
+        let turn = &self.turn;
+        if t_s >= turn.ends_s() {
+            turn.to
+        } else if t_s <= turn.starts_s {
+            turn.from
+        } else {
+            turn.from.slerp(&turn.to, (t_s - turn.starts_s) / turn.lasts_s)
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::RngExt;
+
+    use super::*;
+    use crate::schedule::testing;
+
+    const LIMITS: Limits = Limits::new(10.0, 3.0, 0.5);
+
+    fn at_rest(position: [f64; 3]) -> Trajectory {
+        Trajectory::rest(&Start { position_enu_m: Enu::from(position), attitude: Attitude::level() })
+    }
+
+    fn flown(points: &[[f64; 3]]) -> Trajectory {
+        let mut trajectory = at_rest([0.0; 3]);
+        trajectory.fly(&points.iter().map(|&p| Enu::from(p)).collect::<Vec<_>>(), &LIMITS);
+        trajectory
+    }
+
+    #[test]
+    fn val_durations_of_a_trapezoid_a_triangle_and_a_climb() {
+        // v/a + L/v; 2 sqrt(L/a); the climb's own limit.
+        for (to, expected_s) in [
+            ([100.0, 0.0, 0.0], 4.0 + 10.0),
+            ([0.0, 10.0, 0.0], 4.0),
+            ([0.0, 0.0, 30.0], 1.2 + 10.0),
+            ([0.0, 0.0, -30.0], 1.2 + 10.0),
+            // At 45 deg the climb binds: 3 sqrt 2 along the path.
+            ([30.0, 0.0, 30.0], 3.0 * 2f64.sqrt() / 2.5 + 10.0),
+            ([0.0, 0.0, 0.0], 0.0),
+        ] {
+            let duration_s = flown(&[to]).duration().as_secs_f64();
+            assert!((duration_s - expected_s).abs() < 2e-9, "{to:?}: {duration_s} {expected_s}");
+        }
+    }
+
+    #[test]
+    fn val_samples_of_a_trapezoid() {
+        let trajectory = flown(&[[100.0, 0.0, 0.0]]);
+        for (t_s, x, v) in
+            [(0.0, 0.0, 0.0), (2.0, 5.0, 5.0), (4.0, 20.0, 10.0), (7.0, 50.0, 10.0), (12.0, 95.0, 5.0)]
+        {
+            let sample = trajectory.sample(Duration::from_secs_f64(t_s));
+            assert!(
+                (sample.position_enu_m.x - x).abs() < 1e-12 && (sample.velocity_enu_m_s.x - v).abs() < 1e-12
+            );
+        }
+    }
+
+    #[test]
+    fn val_a_turn_takes_its_angle_over_the_rate_and_a_hold_delays() {
+        let mut trajectory = at_rest([1.0, 2.0, 3.0]);
+        let tilted = Attitude::from_euler(1.0, 0.0, 0.0);
+        trajectory.turn(tilted, 1.0, &LIMITS);
+        assert!((trajectory.duration().as_secs_f64() - 3.0).abs() < 2e-9);
+        let half = trajectory.sample(Duration::from_secs(2)).attitude;
+        assert!(half.angle_to(&Attitude::from_euler(0.5, 0.0, 0.0)) < 1e-9);
+        trajectory.hold_until(20.0);
+        trajectory.fly(&[Enu::new(1.0, 12.0, 3.0)], &LIMITS);
+        assert!((trajectory.duration().as_secs_f64() - 24.0).abs() < 2e-9);
+        let held = trajectory.sample(Duration::from_secs(19));
+        assert_eq!((held.position_enu_m, held.velocity_enu_m_s), (Enu::new(1.0, 2.0, 3.0), Vector3::zeros()));
+        assert_eq!(held.attitude, tilted);
+    }
+
+    #[test]
+    fn val_limits_that_are_none_are_named() {
+        assert_eq!(LIMITS.fault(), None);
+        assert_eq!(Limits::new(10.0, 0.0, 0.5).fault(), Some(("climb_m_s", 0.0)));
+        assert_eq!(Limits::new(-1.0, 0.0, 0.5).fault(), Some(("speed_m_s", -1.0)));
+        assert_eq!(Limits::new(1.0, 1.0, f64::INFINITY).fault(), Some(("tilt_rate_rad_s", f64::INFINITY)));
+    }
+
+    #[test]
+    fn prop_within_limits_continuous_and_exact_at_both_ends() {
+        let mut rng = testing::rng(2);
+        for _ in 0..300 {
+            let mut u = |range: std::ops::Range<f64>| rng.random_range(range);
+            let limits = Limits {
+                acceleration_m_s2: u(0.5..5.0),
+                ..Limits::new(u(0.5..20.0), u(0.5..8.0), u(0.1..2.0))
+            };
+            let mut attitude = || Attitude::from_euler(u(-3.1..3.1), u(-1.5..1.5), u(-3.1..3.1));
+            let (from, to) = (attitude(), attitude());
+            let start = Start {
+                position_enu_m: Enu::new(u(-50.0..50.0), u(-50.0..50.0), u(0.0..50.0)),
+                attitude: from,
+            };
+            let scale = 10f64.powf(u(-3.0..2.0));
+            let points: Vec<_> =
+                (0..3).map(|_| Enu::new(u(-scale..scale), u(-scale..scale), u(-scale..scale))).collect();
+            let mut trajectory = Trajectory::rest(&start);
+            trajectory.fly(&points, &limits);
+            trajectory.turn(to, u(0.0..3.0), &limits);
+            let first = trajectory.sample(Duration::ZERO);
+            let last = trajectory.sample(trajectory.duration());
+            assert_eq!((first.position_enu_m, first.attitude), (start.position_enu_m, from));
+            assert_eq!((last.position_enu_m, last.attitude), (points[2], to));
+            assert_eq!(last.velocity_enu_m_s, Vector3::zeros());
+
+            let n = 2000;
+            let step = trajectory.duration() / n;
+            let dt = step.as_secs_f64();
+            let mut before = first;
+            for k in 1..=n {
+                let now = trajectory.sample(step * k);
+                let v = now.velocity_enu_m_s;
+                assert!(
+                    v.xy().norm() <= limits.speed_m_s * (1.0 + 1e-9)
+                        && v.z.abs() <= limits.climb_m_s * (1.0 + 1e-9)
+                );
+                let a = (v - before.velocity_enu_m_s).norm() / dt;
+                assert!(a <= limits.acceleration_m_s2 * (1.0 + 1e-6), "{a}");
+                let mean = (now.velocity_enu_m_s + before.velocity_enu_m_s) * 0.5;
+                let moved = now.position_enu_m - before.position_enu_m;
+                // The trapezoidal rule is off by at most a dt^2 / 4 where the acceleration jumps.
+                assert!((moved - mean * dt).norm() <= 0.51 * limits.acceleration_m_s2 * dt * dt + 1e-9);
+                assert!(before.attitude.angle_to(&now.attitude) <= limits.tilt_rate_rad_s * dt + 1e-7);
+                before = now;
+            }
+        }
+    }
+}

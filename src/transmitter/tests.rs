@@ -1,0 +1,473 @@
+//! The transmitter's driver against radios and wires of every manner.
+
+use std::collections::VecDeque;
+use std::time::Duration;
+
+use mavlink::MavHeader;
+use mavlink::dialects::ardupilotmega::*;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use super::*;
+
+const OWN: (u8, u8) = (1, 191);
+const RADIO: (u8, u8) = (1, 68);
+const STEP: Duration = Duration::from_millis(1);
+
+fn ms(ms: u64) -> Duration {
+    Duration::from_millis(ms)
+}
+
+/// A radio as the documents have it: leased power, an acknowledgement with the achieved thousandths of a dBm.
+#[derive(Default)]
+struct Radio {
+    on: Option<(f64, i32, Instant)>,
+    refuses: Option<MavResult>,
+    received: Vec<COMMAND_INT_DATA>,
+}
+
+impl Radio {
+    fn advance(&mut self, now: Instant) {
+        self.on = self.on.filter(|(_, _, until)| now < *until);
+    }
+
+    fn handle(&mut self, c: &COMMAND_INT_DATA, now: Instant) -> MavMessage {
+        self.received.push(c.clone());
+        assert_eq!((c.target_system, c.target_component), RADIO);
+        if self.refuses.is_none() {
+            let off = c.y <= 0 || c.param1 == f32::NEG_INFINITY;
+            self.on = (!off).then(|| (f64::from(c.param1), c.x, now + ms(c.y.unsigned_abs().into())));
+        }
+        MavMessage::COMMAND_ACK(COMMAND_ACK_DATA {
+            command: c.command,
+            result: self.refuses.unwrap_or(MavResult::MAV_RESULT_ACCEPTED),
+            progress: 0,
+            result_param2: self.on.map_or(i32::MIN, |(dbm, ..)| (dbm * 1e3).round() as i32),
+            target_system: OWN.0,
+            target_component: OWN.1,
+        })
+    }
+}
+
+/// What a wire does to a message: when it arrives, once for each copy.
+type Wire = Box<dyn FnMut() -> Vec<Duration>>;
+
+struct World {
+    now: Instant,
+    radio: Radio,
+    transmitter: Transmitter,
+    wire: Wire,
+    there: Vec<(Instant, COMMAND_INT_DATA)>,
+    back: Vec<(Instant, MavMessage)>,
+    asked: VecDeque<PARAM_REQUEST_READ_DATA>,
+}
+
+impl World {
+    fn new(wire: impl FnMut() -> Vec<Duration> + 'static) -> Self {
+        let now = Instant::from_start(Duration::from_secs(5));
+        let transmitter = Transmitter::new(
+            Settings { own: OWN, target: (OWN.0, 68), kind: Kind::Leased { command: 31010 } },
+            now,
+        );
+        Self {
+            now,
+            radio: Radio::default(),
+            transmitter,
+            wire: Box::new(wire),
+            there: Vec::new(),
+            back: Vec::new(),
+            asked: VecDeque::new(),
+        }
+    }
+
+    fn give(&mut self, message: &MavMessage) {
+        let header = MavHeader { system_id: RADIO.0.into(), component_id: RADIO.1, sequence: 0 };
+        self.transmitter.handle_message(header, message, self.now);
+    }
+
+    fn step(&mut self) {
+        self.now = self.now + STEP;
+        let now = self.now;
+        while self.transmitter.poll_timeout().is_some_and(|(at, _)| at <= now) {
+            self.transmitter.handle_timeout(now);
+        }
+        while let Some(message) = self.transmitter.poll_transmit() {
+            match message {
+                MavMessage::COMMAND_INT(c) => {
+                    self.there.extend((self.wire)().into_iter().map(|delay| (now + delay, c.clone())));
+                }
+                MavMessage::PARAM_REQUEST_READ(p) => self.asked.push_back(p),
+                other => panic!("{other:?}"),
+            }
+        }
+        self.radio.advance(now);
+        let (due, later): (Vec<_>, Vec<_>) =
+            std::mem::take(&mut self.there).into_iter().partition(|(at, _)| *at <= now);
+        self.there = later;
+        for (_, command) in due {
+            let answer = self.radio.handle(&command, now);
+            self.back.extend((self.wire)().into_iter().map(|delay| (now + delay, answer.clone())));
+        }
+        let (due, later): (Vec<_>, Vec<_>) =
+            std::mem::take(&mut self.back).into_iter().partition(|(at, _)| *at <= now);
+        self.back = later;
+        due.iter().for_each(|(_, message)| self.give(message));
+    }
+
+    fn run(&mut self, span: Duration) {
+        let end = self.now + span;
+        while self.now < end {
+            self.step();
+        }
+    }
+}
+
+fn steady(delay_ms: u64) -> impl FnMut() -> Vec<Duration> {
+    move || vec![ms(delay_ms)]
+}
+
+#[test]
+fn val_a_companion_that_starts_tells_the_radio_off_and_learns_that_it_expires() {
+    let mut world = World::new(steady(7));
+    world.radio.on = Some((20.0, 1, Instant::from_start(Duration::from_secs(100))));
+    assert_eq!(world.transmitter.supports_expiry(), None);
+    assert!(!world.transmitter.is_off(world.now));
+    world.run(ms(20));
+    assert_eq!(world.radio.on, None);
+    assert_eq!(world.transmitter.supports_expiry(), Some(true));
+    assert!(world.transmitter.is_off(world.now));
+    world.run(ms(500));
+    assert_eq!(world.radio.received.len(), 1, "confirmed: not repeated");
+    assert_eq!(world.asked[0].param_id.to_str(), Ok("TX_MAX_DBM"));
+    let limit = PARAM_VALUE_DATA {
+        param_value: 27.0,
+        param_count: 1,
+        param_index: 0,
+        param_id: "TX_MAX_DBM".into(),
+        param_type: MavParamType::MAV_PARAM_TYPE_REAL32,
+    };
+    world.give(&MavMessage::PARAM_VALUE(limit));
+    assert!((world.transmitter.limit_w().unwrap() - 0.501_187).abs() < 1e-6);
+    assert!(world.transmitter.preflight().iter().all(|check| check.result == Verdict::Pass));
+}
+
+#[test]
+fn val_power_and_expiry_on_the_wire_are_rounded_down_and_the_lease_counts_from_the_sending() {
+    let mut world = World::new(steady(10));
+    world.run(ms(100));
+    let sent_at = world.now;
+    let expires_at = world.now + Duration::from_micros(400_999);
+    world.transmitter.radiate(0.123_456, 9, expires_at, world.now);
+    world.run(ms(25));
+    let command = world.radio.received.last().unwrap();
+    assert_eq!((command.x, command.y), (9, 400));
+    let power_w = 1e-3 * 10f64.powf(f64::from(command.param1) / 10.0);
+    assert!(power_w <= 0.123_456 && power_w > 0.1234, "{power_w}");
+    let lease = world.transmitter.acknowledged().unwrap();
+    assert_eq!(lease.expires_at, sent_at + ms(400));
+    assert_eq!(lease.slot, 9);
+    assert!((lease.power_w - power_w).abs() < 1e-7);
+    assert_eq!(world.transmitter.round_trip(), Some(ms(20) + STEP));
+    // Not renewed: off by itself and by us.
+    world.run(ms(450));
+    assert_eq!(world.radio.on, None);
+    assert_eq!(world.transmitter.acknowledged(), None);
+    assert!(world.transmitter.is_off(world.now));
+}
+
+#[test]
+fn val_what_expires_at_once_or_is_no_power_is_off() {
+    for (power_w, ahead) in [(0.1, 0), (0.1, 999), (0.0, 500_000), (-1.0, 500_000), (f64::NAN, 500_000)] {
+        let mut world = World::new(steady(1));
+        world.run(ms(50));
+        let at = world.now + Duration::from_micros(ahead);
+        world.transmitter.radiate(power_w, 1, at, world.now);
+        world.run(ms(50));
+        assert_eq!(world.radio.received.len(), 2);
+        assert!(world.radio.received.iter().all(|c| c.y == 0 && c.param1 == f32::NEG_INFINITY));
+    }
+}
+
+#[test]
+fn val_off_is_sent_in_the_same_call_and_repeated_until_confirmed() {
+    let mut world = World::new(steady(3));
+    world.run(ms(50));
+    world.transmitter.radiate(0.1, 1, world.now + ms(500), world.now);
+    world.run(ms(50));
+    world.transmitter.silence(world.now);
+    let first = world.transmitter.poll_transmit();
+    assert!(matches!(&first, Some(MavMessage::COMMAND_INT(c)) if c.y == 0), "{first:?}");
+    // That one was lost. The radio goes on, and so does the driver.
+    assert!(!world.transmitter.is_off(world.now));
+    assert_eq!(world.transmitter.acknowledged(), None);
+    world.run(ms(50) + STEP * 5);
+    assert_eq!(world.radio.on, None);
+    world.run(ms(10));
+    assert!(world.transmitter.is_off(world.now));
+}
+
+#[test]
+fn val_a_late_acknowledgement_never_lengthens_a_lease() {
+    let mut world = World::new(steady(1));
+    world.run(ms(50));
+    let ack = |result_param2| {
+        MavMessage::COMMAND_ACK(COMMAND_ACK_DATA {
+            command: MavCmd::MAV_CMD_USER_1,
+            result: MavResult::MAV_RESULT_ACCEPTED,
+            progress: 0,
+            result_param2,
+            target_system: OWN.0,
+            target_component: OWN.1,
+        })
+    };
+    let first = world.now;
+    world.transmitter.radiate(0.1, 1, first + ms(300), first);
+    world.now = first + ms(150);
+    let second = world.now;
+    world.transmitter.radiate(0.1, 1, second + ms(300), second);
+    // One answer, late: it may be the first's.
+    world.give(&ack(20_000));
+    assert_eq!(world.transmitter.acknowledged().map(|lease| lease.expires_at), Some(first + ms(300)));
+    world.give(&ack(20_000));
+    assert_eq!(world.transmitter.acknowledged().map(|lease| lease.expires_at), Some(second + ms(300)));
+    // An answer to nothing, and one to an older off.
+    world.give(&ack(20_000));
+    world.give(&ack(i32::MIN));
+    assert_eq!(world.transmitter.acknowledged().map(|lease| lease.expires_at), Some(second + ms(300)));
+    // Told off, an old answer does not bring the lease back.
+    world.transmitter.silence(world.now);
+    world.give(&ack(20_000));
+    assert_eq!(world.transmitter.acknowledged(), None);
+}
+
+/// Loses and delays; in order, or with duplicates and overtaking.
+fn bad_wire(seed: u64, loss: f64, slowest: u64, in_order: bool) -> impl FnMut() -> Vec<Duration> {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    // One delay a run keeps the order.
+    let fixed = rng.random_range(1..=slowest);
+    move || {
+        if rng.random_bool(loss) {
+            return Vec::new();
+        }
+        let copies = if !in_order && rng.random_bool(0.1) { 2 } else { 1 };
+        (0..copies).map(|_| ms(if in_order { fixed } else { rng.random_range(1..=slowest) })).collect()
+    }
+}
+
+#[test]
+fn prop_over_a_bad_wire_the_lease_is_never_longer_than_the_radios_and_off_is_off() {
+    let mut leased = 0u32;
+    for seed in 0..300 {
+        let in_order = seed % 3 != 0;
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let loss = rng.random_range(0.0..0.5);
+        let slowest = rng.random_range(2..120);
+        let mut world = World::new(bad_wire(seed ^ 0xabcd, loss, slowest, in_order));
+        let mut allowed_until = world.now;
+        for _ in 0..60 {
+            if rng.random_range(0..4) == 0 {
+                world.transmitter.silence(world.now);
+            } else {
+                let expires_at = world.now + ms(rng.random_range(1..500));
+                allowed_until = allowed_until.max(expires_at);
+                world.transmitter.radiate(0.1, 3, expires_at, world.now);
+            }
+            for _ in 0..rng.random_range(1..100) {
+                world.step();
+                let on_until = world.radio.on.map(|(.., until)| until);
+                // Late delivery included, the radio never outlives what it was allowed.
+                assert!(
+                    on_until.is_none_or(|until| until <= allowed_until + ms(slowest) + STEP),
+                    "seed {seed}"
+                );
+                if !in_order {
+                    continue;
+                }
+                if world.transmitter.is_off(world.now) {
+                    assert_eq!(on_until, None, "seed {seed}: believed off");
+                }
+                if let Some(lease) =
+                    world.transmitter.acknowledged().filter(|lease| lease.expires_at > world.now)
+                {
+                    leased += 1;
+                    assert!(
+                        on_until.is_some_and(|until| until >= lease.expires_at),
+                        "seed {seed}: {on_until:?}"
+                    );
+                }
+            }
+        }
+        world.transmitter.silence(world.now);
+        world.run(Duration::from_secs(4));
+        assert!(world.radio.on.is_none() && world.transmitter.is_off(world.now), "seed {seed}");
+    }
+    assert!(leased > 10_000, "{leases}", leases = leased);
+}
+
+#[test]
+fn val_a_radio_that_does_not_know_the_command_is_named_in_the_preflight() {
+    let mut world = World::new(steady(2));
+    world.radio.refuses = Some(MavResult::MAV_RESULT_UNSUPPORTED);
+    world.run(ms(100));
+    assert_eq!(world.transmitter.supports_expiry(), Some(false));
+    assert_eq!(world.transmitter.refusal(), Some(MavResult::MAV_RESULT_UNSUPPORTED));
+    assert!(!world.transmitter.is_off(world.now), "never believed off on no evidence");
+    let expiry =
+        world.transmitter.preflight().into_iter().find(|check| check.name == "transmitter expiry").unwrap();
+    assert!(expiry.result == Verdict::Fail && expiry.detail.contains("parameter"), "{expiry:?}");
+}
+
+#[test]
+fn val_a_silent_radio_is_told_off_again_when_it_is_back() {
+    let mut world = World::new(steady(2));
+    world.run(ms(100));
+    let told = world.radio.received.len();
+    let heartbeat = MavMessage::HEARTBEAT(HEARTBEAT_DATA {
+        custom_mode: 0,
+        mavtype: MavType::MAV_TYPE_RADIO,
+        autopilot: MavAutopilot::MAV_AUTOPILOT_INVALID,
+        base_mode: MavModeFlag::empty(),
+        system_status: MavState::MAV_STATE_ACTIVE,
+        mavlink_version: 3,
+    });
+    for _ in 0..3 {
+        world.run(Duration::from_secs(1));
+        world.give(&heartbeat);
+    }
+    assert_eq!(world.radio.received.len(), told);
+    world.run(Duration::from_secs(4));
+    world.give(&heartbeat);
+    world.run(ms(20));
+    assert_eq!(world.radio.received.len(), told + 1);
+    assert!(world.transmitter.is_off(world.now));
+}
+
+#[test]
+fn val_strangers_and_answers_to_others_change_nothing() {
+    let mut world = World::new(|| Vec::new());
+    let ack = |target| COMMAND_ACK_DATA {
+        command: MavCmd::MAV_CMD_USER_1,
+        result: MavResult::MAV_RESULT_ACCEPTED,
+        progress: 0,
+        result_param2: i32::MIN,
+        target_system: target,
+        target_component: 191,
+    };
+    world.give(&MavMessage::COMMAND_ACK(ack(2)));
+    let stranger = MavHeader { system_id: 2, component_id: 68, sequence: 0 };
+    world.transmitter.handle_message(stranger, &MavMessage::COMMAND_ACK(ack(1)), world.now);
+    assert_eq!(world.transmitter.supports_expiry(), None);
+}
+
+/// Settings of a radio that is driven by a parameter, and what it last was set to.
+fn by_parameter(unit: Unit, protocol: Protocol) -> Transmitter {
+    let kind = Kind::Parameter(PowerParameter { name: "TX_POWER".into(), protocol, unit, off_value: 0.0 });
+    Transmitter::new(Settings { own: OWN, target: RADIO, kind }, Instant::ZERO)
+}
+
+fn give(transmitter: &mut Transmitter, message: &MavMessage, now: Instant) {
+    let header = MavHeader { system_id: RADIO.0.into(), component_id: RADIO.1, sequence: 0 };
+    transmitter.handle_message(header, message, now);
+}
+
+fn classic(value: f32) -> MavMessage {
+    MavMessage::PARAM_VALUE(PARAM_VALUE_DATA {
+        param_value: value,
+        param_count: 1,
+        param_index: 0,
+        param_id: "TX_POWER".into(),
+        param_type: MavParamType::MAV_PARAM_TYPE_UINT8,
+    })
+}
+
+fn drain(transmitter: &mut Transmitter) -> Vec<MavMessage> {
+    std::iter::from_fn(|| transmitter.poll_transmit()).collect()
+}
+
+#[test]
+fn val_a_level_table_gives_the_strongest_level_within_the_power_and_is_turned_off_by_us() {
+    let levels = [(1.0, 0.01), (2.0, 0.025), (5.0, 0.1)].map(|(value, power_w)| Level { value, power_w });
+    let mut transmitter = by_parameter(Unit::Levels(levels.to_vec()), Protocol::Classic);
+    assert_eq!(transmitter.supports_expiry(), Some(false));
+    assert_eq!(transmitter.limit_w(), Some(0.1));
+    let expiry =
+        transmitter.preflight().into_iter().find(|check| check.name == "transmitter expiry").unwrap();
+    assert!(expiry.result == Verdict::Warn && expiry.detail.contains("S5"), "{expiry:?}");
+    // The type first.
+    assert!(matches!(drain(&mut transmitter).as_slice(), [MavMessage::PARAM_REQUEST_READ(_)]));
+    let mut now = Instant::from_start(ms(10));
+    give(&mut transmitter, &classic(5.0), now);
+    let set = |messages: &[MavMessage]| match messages.last() {
+        Some(MavMessage::PARAM_SET(p)) => p.param_value,
+        other => panic!("{other:?}"),
+    };
+    assert_eq!(set(&drain(&mut transmitter)), 0.0, "found on: told off");
+    assert!(!transmitter.is_off(now));
+    for _ in 0..2 {
+        give(&mut transmitter, &classic(0.0), now);
+        now = now + ms(60);
+        transmitter.handle_timeout(now);
+    }
+    assert!(transmitter.is_off(now));
+    drain(&mut transmitter);
+
+    transmitter.radiate(0.05, 4, now + ms(300), now);
+    assert_eq!(set(&drain(&mut transmitter)), 2.0);
+    assert_eq!(transmitter.acknowledged(), None);
+    let expires_at = now + ms(300);
+    give(&mut transmitter, &classic(2.0), now + ms(8));
+    assert_eq!(transmitter.acknowledged(), Some(Lease { power_w: 0.025, slot: 4, expires_at }));
+    assert_eq!(transmitter.round_trip(), Some(ms(8)));
+    assert_eq!(transmitter.poll_timeout().map(|(at, _)| at), Some(expires_at), "nothing to repeat");
+    // Nobody renews: we turn it off ourselves.
+    transmitter.handle_timeout(expires_at);
+    assert_eq!(set(&drain(&mut transmitter)), 0.0);
+    assert!(transmitter.acknowledged().is_none() && !transmitter.is_off(expires_at));
+    // Too weak for every level: off, not more than was asked for.
+    transmitter.radiate(0.001, 4, expires_at + ms(300), expires_at);
+    transmitter.handle_timeout(expires_at + ms(60));
+    assert_eq!(set(&drain(&mut transmitter)), 0.0);
+}
+
+#[test]
+fn val_extended_parameters_carry_their_own_type_and_unit() {
+    for (unit, kind, expected) in [
+        (
+            Unit::Watt,
+            MavParamExtType::MAV_PARAM_EXT_TYPE_REAL32,
+            0.0504f32.next_down().to_le_bytes().to_vec(),
+        ),
+        (Unit::Milliwatt, MavParamExtType::MAV_PARAM_EXT_TYPE_UINT16, vec![50, 0]),
+        (Unit::Dbm, MavParamExtType::MAV_PARAM_EXT_TYPE_INT8, vec![17]),
+    ] {
+        let mut transmitter = by_parameter(unit, Protocol::Extended);
+        drain(&mut transmitter);
+        let value = PARAM_EXT_VALUE_DATA {
+            param_count: 1,
+            param_index: 0,
+            param_id: "TX_POWER".into(),
+            param_value: [0u8; 128].into(),
+            param_type: kind,
+        };
+        give(&mut transmitter, &MavMessage::PARAM_EXT_VALUE(value), Instant::ZERO);
+        transmitter.radiate(0.0504, 1, Instant::from_start(ms(500)), Instant::ZERO);
+        let Some(MavMessage::PARAM_EXT_SET(set)) = drain(&mut transmitter).pop() else { panic!() };
+        assert_eq!(set.param_type, kind);
+        let sent = &set.param_value[..expected.len()];
+        if kind == MavParamExtType::MAV_PARAM_EXT_TYPE_REAL32 {
+            let value = f32::from_le_bytes([sent[0], sent[1], sent[2], sent[3]]);
+            assert!(f64::from(value) <= 0.0504 && value > 0.050_399, "{value}");
+        } else {
+            assert_eq!(sent, expected);
+        }
+        let ack = PARAM_EXT_ACK_DATA {
+            param_id: set.param_id,
+            param_value: set.param_value,
+            param_type: kind,
+            param_result: ParamAck::PARAM_ACK_ACCEPTED,
+        };
+        give(&mut transmitter, &MavMessage::PARAM_EXT_ACK(ack), Instant::from_start(ms(5)));
+        let lease = transmitter.acknowledged().unwrap();
+        assert!(lease.power_w <= 0.0504 && lease.power_w > 0.0498, "{lease:?}");
+    }
+}

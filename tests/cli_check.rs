@@ -1,0 +1,156 @@
+//! `veilwing check` on files that cannot be used: exit code 2, every error with its place and remedy, no panic.
+
+// Helpers of tests may fail the test.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use veilwing::config::Mission;
+
+fn broken(file: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/broken_missions").join(file)
+}
+
+fn check(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_veilwing"))
+        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .arg("check")
+        .args(arguments)
+        .output()
+        .unwrap()
+}
+
+/// One expected finding: place, part of the message, part of the remedy.
+type Expected = (String, String, String);
+
+fn expected() -> BTreeMap<String, Vec<Expected>> {
+    let table = std::fs::read_to_string(broken("expected.txt")).unwrap();
+    let mut all: BTreeMap<String, Vec<Expected>> = BTreeMap::new();
+    for row in table.lines().filter(|row| !row.starts_with('#')) {
+        let columns: Vec<&str> = row.split(" | ").collect();
+        let [file, place, message, help] = columns[..] else { panic!("{row}") };
+        let finding = (place.to_owned(), message.to_owned(), help.to_owned());
+        all.entry(file.to_owned()).or_default().push(finding);
+    }
+    all
+}
+
+#[test]
+fn val_every_broken_file_has_an_expectation_and_there_are_twenty() {
+    let files: BTreeSet<String> = std::fs::read_dir(broken(""))
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .filter(|name| name.ends_with(".toml"))
+        .collect();
+    assert_eq!(files, expected().into_keys().collect());
+    assert!(files.len() >= 20);
+}
+
+#[test]
+fn val_the_library_finds_every_error_and_no_other() {
+    for (file, expected) in expected() {
+        let findings = Mission::load(&broken(&file)).expect_err(&file);
+        let found: Vec<String> =
+            findings.list().iter().map(|finding| format!("{}:{}", finding.line, finding.column)).collect();
+        let places: Vec<&String> = expected.iter().map(|(place, ..)| place).collect();
+        assert_eq!(found.iter().collect::<Vec<_>>(), places, "{findings}");
+        for (finding, (_, message, help)) in findings.list().iter().zip(&expected) {
+            assert!(finding.message.contains(message), "{file}: {message:?} is not in {:?}", finding.message);
+            assert!(finding.help.contains(help), "{file}: {help:?} is not in {:?}", finding.help);
+        }
+    }
+}
+
+#[test]
+fn val_the_command_prints_them_and_exits_with_2() {
+    for (file, expected) in expected() {
+        let path = broken(&file).display().to_string();
+        let output = check(&[&path]);
+        let stderr = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{stderr}");
+        assert!(output.stdout.is_empty() && !stderr.contains("panicked") && !stderr.contains("backtrace"));
+        for (place, message, help) in expected {
+            assert!(stderr.contains(&format!("{path}:{place}: ")), "{place} is not in {stderr}");
+            assert!(
+                stderr.contains(&message) && stderr.contains(&help),
+                "{message:?} or {help:?} is not in {stderr}"
+            );
+        }
+    }
+}
+
+#[test]
+fn val_what_is_no_file_is_refused_in_the_same_form() {
+    let huge = Path::new(env!("CARGO_TARGET_TMPDIR")).join("huge.toml");
+    std::fs::write(&huge, vec![b'#'; (1 << 20) + 1]).unwrap();
+    let huge = huge.display().to_string();
+    for (path, message, help) in [
+        ("tests/broken_missions/missing.toml", "there is no such file", "check the path"),
+        ("tests/broken_missions", "this is a directory", "a file inside it"),
+        (huge.as_str(), "is larger than 1048576 bytes", "a few kilobytes"),
+    ] {
+        let output = check(&[path]);
+        let stderr = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{stderr}");
+        assert!(stderr.contains(&format!("{path}:1:1: ")) && stderr.contains(message), "{stderr}");
+        assert!(stderr.contains("help: ") && stderr.contains(help), "{stderr}");
+        assert!(output.stdout.is_empty() && !stderr.contains("panicked"));
+    }
+}
+
+#[test]
+fn val_shipped_files_pass_with_a_summary() {
+    let output = check(&[
+        "config/mission.toml",
+        "--vehicle",
+        "config/vehicle-i.toml",
+        "--vehicle",
+        "config/vehicle-j.toml",
+    ]);
+    let stdout = String::from_utf8(output.stdout).unwrap();
+    assert_eq!((output.status.code(), String::from_utf8(output.stderr).unwrap().as_str()), (Some(0), ""));
+    for part in
+        ["2 (alpha, bravo)", "3 (hill, gate, van)", "by radio.max_power_w", "simulated transmitters only"]
+    {
+        assert!(stdout.contains(part), "{part} is not in {stdout}");
+    }
+    let paper = check(&["config/paper.toml"]);
+    let stderr = String::from_utf8(paper.stderr).unwrap();
+    assert_eq!(paper.status.code(), Some(0), "{stderr}");
+    assert!(
+        stderr.starts_with("config/paper.toml:") && stderr.contains("warning: `std_deg` is 0"),
+        "{stderr}"
+    );
+}
+
+#[test]
+fn val_errors_of_mission_and_vehicles_are_all_printed() {
+    let vehicle = Path::new(env!("CARGO_TARGET_TMPDIR")).join("slow.toml");
+    let text = std::fs::read_to_string("config/vehicle-i.toml").unwrap();
+    std::fs::write(&vehicle, text.replace("\nspeed_m_s = 10.0", "\nspeed_m_s = 1.0")).unwrap();
+    let vehicle = vehicle.display().to_string();
+    let slow = check(&["config/mission.toml", "--vehicle", &vehicle]);
+    let stderr = String::from_utf8(slow.stderr).unwrap();
+    assert_eq!(slow.status.code(), Some(2));
+    assert!(
+        stderr.contains("`speed_m_s` is 1 m/s, but the mission plans this vehicle with 8 m/s"),
+        "{stderr}"
+    );
+
+    let both = check(&["tests/broken_missions/zero_noise.toml", "--vehicle", "config/mission.toml"]);
+    let stderr = String::from_utf8(both.stderr).unwrap();
+    assert_eq!(both.status.code(), Some(2));
+    assert!(stderr.contains("zero_noise.toml:3:17: ") && stderr.contains("config/mission.toml:"), "{stderr}");
+}
+
+#[test]
+fn val_the_schema_is_one_json_document_with_both_files() {
+    let output = Command::new(env!("CARGO_BIN_EXE_veilwing")).arg("schema").output().unwrap();
+    assert_eq!(output.status.code(), Some(0));
+    let schema: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    for file in ["mission", "vehicle"] {
+        assert!(schema["$defs"][file]["properties"].is_object(), "{file}");
+    }
+}
