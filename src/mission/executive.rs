@@ -136,6 +136,10 @@ pub struct Executive {
     pub(super) home_enu_m: Option<Enu>,
     pub(super) started: bool,
     pub(super) abort_cause: Option<String>,
+    /// J: an abort that waits until I is off (S3).
+    pub(super) pending_abort: Option<String>,
+    /// J: asked to end, which waits likewise.
+    pub(super) stop_wanted: bool,
     pub(super) outcome: Option<Outcome>,
     pub(super) waiting_for: String,
     shutting_down: Option<Instant>,
@@ -175,6 +179,8 @@ impl Executive {
             home_enu_m: None,
             started: settings.start_unasked,
             abort_cause: None,
+            pending_abort: None,
+            stop_wanted: false,
             outcome: None,
             waiting_for: String::new(),
             shutting_down: None,
@@ -248,9 +254,17 @@ impl Executive {
         self.notices.pop_front()
     }
 
-    /// The process is asked to end: silent, the peer told, the autopilot left in its own hold.
+    /// The process is asked to end: silent, the peer told, the autopilot left in its own hold. J first lets I go
+    /// off, for a lease's length at most.
     pub fn shutdown(&mut self, now: Instant) {
         if self.shutting_down.is_some() {
+            return;
+        }
+        if self.must_jam_on(now) {
+            if !self.stop_wanted {
+                self.stop_wanted = true;
+                self.pair.silent(wire::VeilwingSilence::VEILWING_SILENCE_SHUTDOWN, now);
+            }
             return;
         }
         self.shutting_down = Some(now);
@@ -333,6 +347,9 @@ impl Executive {
         }
         while let Some(event) = self.pair.poll_event() {
             self.on_pair(event, now);
+        }
+        if self.stop_wanted {
+            self.shutdown(now);
         }
         if self.shutting_down.is_none() {
             self.step(now);

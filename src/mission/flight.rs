@@ -91,6 +91,11 @@ impl Phase {
 impl Executive {
     /// Lets the present phase act.
     pub(super) fn step(&mut self, now: Instant) {
+        if !self.must_jam_on(now)
+            && let Some(cause) = self.pending_abort.take()
+        {
+            self.abort(cause, now);
+        }
         match self.phase {
             Phase::Connecting => {
                 if self.autopilot.fresh(now) && self.estimator_ok() {
@@ -142,13 +147,18 @@ impl Executive {
 
     /// On the ground: takes off once nothing is missing.
     fn stand_by(&mut self, now: Instant) {
-        if self.home_enu_m.is_none() {
+        // A companion that comes back in flight knows neither its home nor who flies: it takes nothing over (F2).
+        let armed = self.autopilot.state().is_armed();
+        if self.home_enu_m.is_none() && !armed {
             self.home_enu_m = self.position();
         }
         if let Err(error) = self.make_table() {
             return self.wait_for(vec![error.to_string()], now);
         }
         let mut missing = self.preflight(now);
+        if armed {
+            missing.push("the vehicle is armed already: land and disarm it first".into());
+        }
         self.preflight_ok = missing.is_empty();
         let peer = self.pair.peer();
         if !peer.heard_within(self.settings.pair.peer_timeout, now) {
@@ -249,8 +259,20 @@ impl Executive {
         }
     }
 
-    /// Silent, hold, then home. On the ground: over.
+    /// J jams while I may radiate, whatever ends the mission, unless a fault of its own silences it (S3).
+    pub(super) fn must_jam_on(&self, now: Instant) -> bool {
+        self.settings.role == Role::J
+            && self.phase == Phase::Slot
+            && self.interlock.is_on()
+            && self.pair.leases_outstanding(now)
+    }
+
+    /// Silent, hold, then home. On the ground: over. J first lets I go off, for a lease's length at most.
     pub(super) fn abort(&mut self, cause: String, now: Instant) {
+        if self.must_jam_on(now) {
+            self.pending_abort.get_or_insert(cause);
+            return;
+        }
         self.notice(MavSeverity::MAV_SEVERITY_ERROR, format!("mission aborted: {cause}"));
         self.note_abort(cause);
         self.slot = None;

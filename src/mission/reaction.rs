@@ -148,7 +148,10 @@ impl Executive {
         if self.phase.is_flying() || self.phase == Phase::Climbing {
             self.abort(text, now);
         } else if !self.pair.peer().says(VeilwingFlags::VEILWING_FLAGS_ENDED) {
-            self.notice(MavSeverity::MAV_SEVERITY_WARNING, text);
+            self.notice(MavSeverity::MAV_SEVERITY_WARNING, text.clone());
+            if self.phase.is_ending() {
+                self.note_abort(text);
+            }
         }
     }
 

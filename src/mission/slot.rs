@@ -134,7 +134,8 @@ impl Executive {
                 let lease = self.interlock.transmitter().acknowledged().filter(|lease| {
                     lease.slot == slot.commitment.slot && lease.power_w >= 0.99 * slot.power_w
                 });
-                let on = self.interlock.is_on() && now < slot.radiate_until;
+                let ending = self.pending_abort.is_some() || self.stop_wanted;
+                let on = self.interlock.is_on() && now < slot.radiate_until && !ending;
                 self.pair.set_vouch(lease.filter(|_| on).map(|lease| Vouch {
                     transmitter_expires_at: lease.expires_at,
                     round_trip: self.interlock.transmitter().round_trip().unwrap_or_default(),

@@ -3,5 +3,7 @@
 // Helpers of tests may fail the test.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
 
+mod agreement;
+mod faults;
 mod harness;
 mod nominal;

@@ -24,5 +24,18 @@ fn val_a_flight_serves_every_slot_as_planned() {
         assert!(flight.landed(role));
     }
     assert!(report.min_separation_m.unwrap() > 5.0);
-    println!("{}", flight.story());
+}
+
+#[test]
+fn val_a_flight_is_its_seed_bit_for_bit() {
+    let fly = |seed| {
+        let pair = Path { loss: 0.1, duplication: 0.1, ..Path::GOOD };
+        let mut flight = Flight::new(Setup { seed, pair, ..Setup::default() });
+        flight.to_the_end();
+        // `{:?}` prints each number so that it reads back the same, to the last bit.
+        (format!("{:?}", flight.report()), format!("{:?}", flight.log))
+    };
+    let (first, again, other) = (fly(5), fly(5), fly(6));
+    assert_eq!(first, again);
+    assert_ne!(first.0, other.0);
 }

@@ -1,0 +1,215 @@
+//! Every fault leaves both vehicles silent in time, and the flight safe (S4, S5, F2).
+
+use std::time::Duration;
+
+use mavlink::dialects::ardupilotmega::{EstimatorStatusFlags, MavMessage, MavSysStatusSensor};
+use veilwing::mission::Outcome;
+use veilwing::role::Role;
+use veilwing_sitl::Fault;
+
+use crate::harness::*;
+
+/// Autopilot state older than this is stale: `autopilot::Settings::freshness`, and a tick to notice.
+const STALE: Duration = Duration::from_millis(250 + 20);
+/// Without a word for so long the peer is lost.
+const PEER_TIMEOUT: Duration = Duration::from_secs(3);
+
+/// In mid-slot: both have radiated for half a second.
+fn in_mid_slot(setup: Setup) -> Flight {
+    let mut flight = Flight::new(setup);
+    assert!(flight.until(|flight| flight.radiating() == [true, true]), "{}", flight.story());
+    flight.pass(Duration::from_millis(500));
+    flight
+}
+
+fn cause(flight: &Flight, role: Role) -> &str {
+    match &flight.outcomes[role] {
+        Some(Outcome::Aborted(cause)) => cause,
+        other => panic!("{role}: {other:?}\n{}", flight.story()),
+    }
+}
+
+/// Begin of slot 1's transit and end of the slot, in the flight without faults.
+fn slot_times() -> (Duration, Duration) {
+    let mut flight = Flight::new(Setup::default());
+    flight.to_the_end();
+    let begin = flight.said(Role::I, "slot 1 for bravo: agreed").unwrap();
+    let end = flight.said(Role::J, "slot 1 for bravo: over").unwrap();
+    (begin, end)
+}
+
+/// The death of a companion at ten points from the agreement on a slot to its end.
+fn dies_at_ten_points(dead: Role) {
+    let (begin, end) = slot_times();
+    let survivor = dead.peer();
+    let mut while_on_air = 0;
+    for point in 0..10 {
+        let at = begin + (end - begin).mul_f64((f64::from(point) + 0.5) / 10.0);
+        let mut flight = Flight::new(Setup::default());
+        flight.until(|flight| flight.now >= at);
+        while_on_air += u32::from(flight.radiating() == [true, true]);
+        flight.kill(dead);
+        flight.to_the_end();
+        flight.assert_safe();
+        for role in Role::BOTH {
+            let after = flight.silent_after(role, at);
+            assert!(after <= LEASE_AND_MARGIN, "{role} silent after {after:?}\n{}", flight.story());
+        }
+        let cause = cause(&flight, survivor);
+        assert!(cause.contains(&format!("vehicle {dead}")), "{cause}");
+        assert!(flight.landed(survivor), "{}", flight.story());
+    }
+    assert!(while_on_air >= 2, "{while_on_air} of ten deaths while both radiated");
+}
+
+#[test]
+fn val_death_of_companion_i_in_a_slot_is_safe() {
+    dies_at_ten_points(Role::I);
+}
+
+#[test]
+fn val_death_of_companion_j_in_a_slot_is_safe() {
+    dies_at_ten_points(Role::J);
+}
+
+#[test]
+fn val_loss_of_an_autopilot_link_silences_both() {
+    for role in Role::BOTH {
+        let mut flight = in_mid_slot(Setup::default());
+        let at = flight.now;
+        flight.world.inject(Fault::LinkLoss { vehicle: index(role), on: true });
+        assert!(flight.until(|flight| flight.outcomes[role.peer()].is_some()), "{}", flight.story());
+        let last = flight.log.last_state[role];
+        let off = *flight.log.offs[role].iter().find(|off| **off > at).unwrap();
+        assert!(off <= last + STALE, "{:?}\n{}", off - last, flight.story());
+        // The command cannot arrive: the lease ends what is on the air.
+        assert!(flight.silent_after(role, at) <= LEASE_AND_MARGIN, "{}", flight.story());
+        let peer_after = flight.silent_after(role.peer(), off);
+        assert!(peer_after <= LEASE_AND_MARGIN, "{peer_after:?}\n{}", flight.story());
+        flight.assert_safe();
+        assert!(cause(&flight, role.peer()).contains(&format!("vehicle {role}")), "{}", flight.story());
+        assert!(flight.landed(role.peer()));
+        // Nothing is heard: the companion has let go, and ends when it is told to.
+        let target = *flight.log.setpoints[role].last().unwrap();
+        assert!(target <= last + STALE, "setpoints until {target:?}\n{}", flight.story());
+        flight.stop(role);
+        flight.to_the_end();
+        assert!(matches!(flight.outcomes[role], Some(Outcome::Interrupted)), "{:?}", flight.outcomes[role]);
+    }
+}
+
+#[test]
+fn val_loss_of_the_pair_link_silences_both() {
+    for cut in [vec![Role::I], vec![Role::J], vec![Role::I, Role::J]] {
+        let mut flight = in_mid_slot(Setup::default());
+        let at = flight.now;
+        for from in &cut {
+            flight.pair_path(*from, Path::CUT);
+        }
+        flight.to_the_end();
+        flight.assert_safe();
+        for role in Role::BOTH {
+            let after = flight.silent_after(role, at);
+            // J that still hears I on station jams on, until I gives the mission up and says so.
+            let allowed = if cut == [Role::J] { PEER_TIMEOUT } else { Duration::ZERO } + LEASE_AND_MARGIN;
+            assert!(after <= allowed, "{cut:?}: {role} after {after:?}\n{}", flight.story());
+            let cause = cause(&flight, role);
+            assert!(cause.contains(&format!("vehicle {}", role.peer())), "{cut:?}: {cause}");
+            assert!(flight.landed(role), "{}", flight.story());
+        }
+        let after = flight.silent_after(Role::I, at);
+        assert!(after <= LEASE_AND_MARGIN, "{cut:?}: I after {after:?}\n{}", flight.story());
+    }
+}
+
+/// Time from the first frame that shows the fault to the off command.
+fn reaction(flight: &Flight, role: Role, since: Duration, shows: impl Fn(&MavMessage) -> bool) -> Duration {
+    let evidence = flight.log.health.iter().find(|(at, who, m)| *who == role && *at >= since && shows(m));
+    let evidence = evidence.map(|(at, ..)| *at).unwrap();
+    let off = *flight.log.offs[role].iter().find(|off| **off > since).unwrap();
+    off.saturating_sub(evidence)
+}
+
+#[test]
+fn val_the_pilot_wins() {
+    for role in Role::BOTH {
+        let mut flight = in_mid_slot(Setup::default());
+        let at = flight.now;
+        let mode = |m: &MavMessage| match m {
+            MavMessage::HEARTBEAT(heartbeat) => Some(heartbeat.custom_mode),
+            _ => None,
+        };
+        let offboard =
+            flight.log.health.iter().rev().find_map(|(_, who, m)| mode(m).filter(|_| *who == role));
+        flight.world.inject(Fault::PilotMode { vehicle: index(role) });
+        assert!(flight.until(|flight| flight.outcomes[role.peer()].is_some()), "{}", flight.story());
+        flight.pass(Duration::from_secs(5));
+        let changed = |m: &MavMessage| mode(m).is_some_and(|mode| Some(mode) != offboard);
+        assert!(reaction(&flight, role, at, changed) <= REACTION, "{}", flight.story());
+        assert!(flight.silent_after(role.peer(), at) <= Duration::from_millis(1600), "{}", flight.story());
+        flight.assert_safe_but(Duration::from_millis(150));
+        let shown =
+            flight.log.health.iter().find(|(t, who, m)| *who == role && *t >= at && changed(m)).unwrap().0;
+        let later = flight.log.setpoints[role].iter().filter(|t| **t > shown).count();
+        assert_eq!(later, 0, "setpoints after the pilot's takeover showed\n{}", flight.story());
+        assert!(cause(&flight, role.peer()).contains(&format!("vehicle {role}")));
+        assert!(flight.landed(role.peer()));
+        assert_eq!(flight.world.snapshot().vehicles[index(role)].mode, "POSCTL", "the pilot keeps it");
+        flight.stop(role);
+        flight.to_the_end();
+        assert!(flight.said(role, "by another hand").is_some(), "{}", flight.story());
+    }
+}
+
+#[test]
+fn val_a_failing_estimate_silences_both() {
+    for role in Role::BOTH {
+        let mut flight = in_mid_slot(Setup::default());
+        let at = flight.now;
+        flight.world.inject(Fault::EstimatorFailure { vehicle: index(role) });
+        assert!(flight.until(|flight| flight.outcomes[role.peer()].is_some()), "{}", flight.story());
+        let bad = |m: &MavMessage| match m {
+            MavMessage::ESTIMATOR_STATUS(status) => {
+                !status.flags.contains(EstimatorStatusFlags::ESTIMATOR_POS_HORIZ_ABS)
+            }
+            MavMessage::SYS_STATUS(status) => {
+                !status.onboard_control_sensors_health.contains(MavSysStatusSensor::MAV_SYS_STATUS_AHRS)
+            }
+            _ => false,
+        };
+        assert!(reaction(&flight, role, at, bad) <= REACTION, "{}", flight.story());
+        let own = flight.silent_after(role, at);
+        let peer = flight.silent_after(role.peer(), at);
+        assert!(own <= Duration::from_millis(1100) && peer <= own + LEASE_AND_MARGIN, "{own:?} {peer:?}");
+        flight.assert_safe();
+        assert!(cause(&flight, role.peer()).contains(&format!("vehicle {role}")));
+        assert!(flight.landed(role.peer()), "{}", flight.story());
+        if flight.outcomes[role].is_none() {
+            flight.stop(role);
+        }
+        flight.to_the_end();
+        assert!(flight.said(role, "estimat").is_some(), "{}", flight.story());
+    }
+}
+
+#[test]
+fn val_a_companion_that_restarts_in_flight_does_not_fly_on() {
+    for role in Role::BOTH {
+        let mut flight = in_mid_slot(Setup::default());
+        let at = flight.now;
+        flight.kill(role);
+        flight.pass(Duration::from_millis(200));
+        flight.start(role, 999);
+        assert!(flight.until(|flight| flight.outcomes[role.peer()].is_some()), "{}", flight.story());
+        flight.pass(Duration::from_secs(5));
+        for r in Role::BOTH {
+            assert!(flight.silent_after(r, at) <= LEASE_AND_MARGIN, "{}", flight.story());
+        }
+        assert!(cause(&flight, role.peer()).contains("restarted"), "{}", flight.story());
+        assert!(flight.landed(role.peer()));
+        assert!(flight.log.setpoints[role].iter().all(|t| *t <= at), "{}", flight.story());
+        flight.stop(role);
+        flight.to_the_end();
+        flight.assert_safe();
+    }
+}
