@@ -4,10 +4,11 @@
 //! cargo run --release --no-default-features --example reference -- TABLE [--every K] [--threads N] [--starts N]
 //! ```
 //!
-//! TABLE is `no-jitter`, `methods`, `jitter`, `variants`, `robust` or `times`; `--every K` takes every K-th scenario.
+//! TABLE is `no-jitter`, `methods`, `jitter`, `variants`, `robust`, `times` or `misses`; `--every K` takes every K-th scenario.
 //! Rates are in bit/s/Hz (the scenarios' bandwidth is 1 MHz).
 
 mod data;
+mod misses;
 mod tables;
 
 use std::process::ExitCode;
@@ -31,9 +32,10 @@ fn main() -> ExitCode {
         Some("variants") => tables::variants,
         Some("robust") => tables::robust,
         Some("times") => tables::times,
+        Some("misses") => misses::table,
         _ => {
             eprintln!(
-                "usage: reference no-jitter|methods|jitter|variants|robust|times [--every K] [--threads N] [--starts N] [--seed N]"
+                "usage: reference no-jitter|methods|jitter|variants|robust|times|misses [--every K] [--threads N] [--starts N] [--seed N]"
             );
             return ExitCode::from(2);
         }

@@ -17,9 +17,11 @@ pub mod world;
 
 pub use frames::{Euler, antenna_axis};
 pub use geodesy::Origin;
+pub use vehicle::autopilot::SetpointCounters;
 pub use vehicle::config::{Airframe, BatteryConfig, Body, Firmware, Role, VehicleConfig, WindConfig};
 pub use vehicle::jitter::{JitterAxes, JitterConfig, JitterModel};
-pub use vehicle::{Vehicle, VehicleSnapshot};
+pub use vehicle::{Vehicle, VehicleCounters, VehicleSnapshot};
+pub use wire::WireCounters;
 pub use world::config::{
     AirspaceConfig, Eavesdropper, Error, Node, PlannedPose, PlannedSlot, RadioConfig, Tolerance, Uncertainty,
     WorldConfig,

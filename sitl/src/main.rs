@@ -1,2 +1,184 @@
-//! `veilwing-sitl`: one software vehicle alone.
-fn main() {}
+//! `veilwing-sitl`: one software vehicle alone on a UDP address, for any MAVLink client.
+
+mod udp;
+
+use std::io::IsTerminal;
+use std::process::ExitCode;
+use std::time::Duration;
+
+use clap::{Parser, Subcommand, ValueEnum};
+use tokio::signal::unix::{Signal, SignalKind, signal};
+use veilwing_sitl::{Airframe, Firmware, JitterConfig, Origin, Role, Vehicle, VehicleConfig};
+
+const EXAMPLES: &str = "Examples:
+  veilwing-sitl vehicle --link udpout:127.0.0.1:14550
+      a PX4-like vehicle that a ground station on this machine finds by itself
+  veilwing-sitl vehicle --link udpin:0.0.0.0:14540 --firmware ardupilot --speed 5 --home 47.397,8.545,488
+      an ArduCopter-like one that waits for its client, five times as fast as real time";
+
+#[derive(Parser)]
+#[command(version, about = "Software vehicle behind a MAVLink autopilot face", after_help = EXAMPLES)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// One software vehicle alone on a UDP address
+    #[command(after_help = EXAMPLES)]
+    Vehicle(VehicleArguments),
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum FirmwareArgument {
+    Px4,
+    Ardupilot,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum AirframeArgument {
+    Omnidirectional,
+    Conventional,
+}
+
+#[derive(clap::Args)]
+struct VehicleArguments {
+    /// Where the client is: udpout:HOST:PORT sends there, udpin:HOST:PORT waits for it
+    #[arg(long)]
+    link: udp::Link,
+    /// Whose manners the autopilot has
+    #[arg(long, value_enum, default_value = "px4")]
+    firmware: FirmwareArgument,
+    /// What the rotors can do
+    #[arg(long, value_enum, default_value = "omnidirectional")]
+    airframe: AirframeArgument,
+    /// MAVLink system id, 1 to 254; the payload radio shares it
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=254))]
+    system_id: u8,
+    /// Where it stands: latitude and longitude in degrees, height above the sea in metres
+    #[arg(long, default_value = "50.0755,14.4378,200", value_parser = parse_home)]
+    home: Origin,
+    /// Random seed of gusts and jitter
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Simulated seconds per second, 0.01 to 100
+    #[arg(long, default_value_t = 1.0, value_parser = parse_speed)]
+    speed: f64,
+    /// Stop after this many simulated seconds
+    #[arg(long, value_parser = parse_duration)]
+    duration: Option<Duration>,
+    /// Standard deviation of an injected attitude jitter, degrees
+    #[arg(long, default_value_t = 0.0, value_parser = parse_jitter)]
+    jitter: f64,
+}
+
+fn parse_home(text: &str) -> Result<Origin, String> {
+    let values: Vec<f64> = text.split(',').filter_map(|v| v.trim().parse().ok()).collect();
+    match values[..] {
+        [lat_deg, lon_deg, alt_amsl_m]
+            if lat_deg.abs() <= 90.0
+                && lon_deg.abs() <= 180.0
+                && (-1000.0..=10_000.0).contains(&alt_amsl_m) =>
+        {
+            Ok(Origin { lat_deg, lon_deg, alt_amsl_m })
+        }
+        _ => Err("write LATITUDE,LONGITUDE,HEIGHT, for example 50.0755,14.4378,200".to_owned()),
+    }
+}
+
+fn number(text: &str, range: std::ops::RangeInclusive<f64>) -> Result<f64, String> {
+    let value = text.parse().map_err(|_| format!("\"{text}\" is no number"))?;
+    if range.contains(&value) {
+        Ok(value)
+    } else {
+        Err(format!("{value} is outside {} to {}", range.start(), range.end()))
+    }
+}
+
+fn parse_speed(text: &str) -> Result<f64, String> {
+    number(text, 0.01..=100.0)
+}
+
+fn parse_jitter(text: &str) -> Result<f64, String> {
+    number(text, 0.0..=45.0)
+}
+
+fn parse_duration(text: &str) -> Result<Duration, String> {
+    number(text, 0.0..=1e7).map(Duration::from_secs_f64)
+}
+
+fn vehicle(arguments: &VehicleArguments) -> Vehicle {
+    let mut config = VehicleConfig::new(Role::I);
+    config.system_id = arguments.system_id;
+    config.firmware = match arguments.firmware {
+        FirmwareArgument::Px4 => Firmware::Px4,
+        FirmwareArgument::Ardupilot => Firmware::ArduCopter,
+    };
+    config.airframe = match arguments.airframe {
+        AirframeArgument::Omnidirectional => Airframe::Omnidirectional,
+        AirframeArgument::Conventional => Airframe::Conventional,
+    };
+    let jitter = JitterConfig { std_deg: arguments.jitter, ..JitterConfig::default() };
+    Vehicle::new(config, jitter, arguments.home, utc_now_us(), arguments.seed)
+}
+
+/// The vehicle's clock starts at the machine's.
+#[allow(clippy::disallowed_methods)]
+fn utc_now_us() -> u64 {
+    let since = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).unwrap_or_default();
+    u64::try_from(since.as_micros()).unwrap_or(u64::MAX)
+}
+
+/// Ctrl-C and SIGTERM.
+struct Interrupts {
+    interrupt: Signal,
+    terminate: Signal,
+}
+
+impl Interrupts {
+    fn listen() -> std::io::Result<Self> {
+        Ok(Self { interrupt: signal(SignalKind::interrupt())?, terminate: signal(SignalKind::terminate())? })
+    }
+
+    async fn arrive(&mut self) {
+        tokio::select! {
+            _ = self.interrupt.recv() => {}
+            _ = self.terminate.recv() => {}
+        }
+    }
+}
+
+#[tokio::main(flavor = "current_thread")]
+async fn main() -> ExitCode {
+    let Arguments { command: Command::Vehicle(arguments) } = Arguments::parse();
+    tracing_subscriber::fmt()
+        .with_writer(std::io::stderr)
+        .with_ansi(std::io::stderr().is_terminal())
+        .with_env_filter(
+            tracing_subscriber::EnvFilter::try_from_default_env().unwrap_or_else(|_| "info".into()),
+        )
+        .init();
+    let (mut interrupts, socket) = match (Interrupts::listen(), udp::bind(arguments.link).await) {
+        (Ok(interrupts), Ok(socket)) => (interrupts, socket),
+        (Err(error), _) | (_, Err(error)) => {
+            eprintln!("veilwing-sitl: {:?}: {error}", arguments.link);
+            return ExitCode::from(2);
+        }
+    };
+    let mut vehicle = vehicle(&arguments);
+    let pace = udp::Pace { speed: arguments.speed, duration: arguments.duration };
+    tracing::info!("system {} on {:?} at {}x", arguments.system_id, arguments.link, arguments.speed);
+    let code = tokio::select! {
+        () = udp::run(&mut vehicle, &socket, arguments.link, pace) => ExitCode::SUCCESS,
+        () = interrupts.arrive() => ExitCode::from(130),
+    };
+    let counters = vehicle.counters();
+    tracing::info!(
+        "{} frames received, {} bad checksums, {} setpoints taken",
+        counters.wire.frames,
+        counters.wire.bad_checksums,
+        counters.setpoints.accepted
+    );
+    code
+}

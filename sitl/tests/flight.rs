@@ -10,7 +10,7 @@ use veilwing_sitl::*;
 fn val_a_slot_flown_well_scores_its_plan_without_violation() {
     let mut flight = Flight::new(config());
     flight.take_off();
-    flight.to_slot(0);
+    flight.go_to_slot(0);
     flight.hold(0, 500, [false, true]);
     flight.hold(0, 10_000, [true, true]);
     flight.off(0);
@@ -63,7 +63,7 @@ fn val_injected_jitter_shows_in_the_attitude_and_not_in_the_control() {
     config.jitter.std_deg = 2.0;
     let mut flight = Flight::new(config);
     flight.take_off();
-    flight.to_slot(0);
+    flight.go_to_slot(0);
     flight.hold(0, 500, [false, true]);
     flight.hold(0, 10_000, [true, true]);
     let slot = &flight.world.report().slots[0];
@@ -84,7 +84,7 @@ fn prop_the_same_seed_gives_the_same_flight() {
             WindConfig { mean_enu_m_s: [4.0, 1.0, 0.0], gust_std_m_s: 1.0, gust_correlation_s: 2.0 };
         let mut flight = Flight::new(config);
         flight.take_off();
-        flight.to_slot(0);
+        flight.go_to_slot(0);
         flight.hold(0, 1000, [true, true]);
         (flight.world.report(), flight.world.snapshot())
     };
@@ -100,7 +100,7 @@ fn prop_wind_is_held_against_and_measured() {
     config.vehicles.iter_mut().for_each(|v| v.wind = wind);
     let mut flight = Flight::new(config);
     flight.take_off();
-    flight.to_slot(0);
+    flight.go_to_slot(0);
     flight.hold(0, 500, [false, true]);
     flight.hold(0, 10_000, [true, true]);
     let slot = &flight.world.report().slots[0];
@@ -117,7 +117,7 @@ fn prop_a_conventional_vehicle_leans_to_move_and_ignores_attitude_targets() {
     config.slots[0].poses[0].pitch_rad = 0.0;
     let mut flight = Flight::new(config.clone());
     flight.take_off();
-    flight.to_slot(0);
+    flight.go_to_slot(0);
     flight.hold(0, 500, [false, true]);
     flight.hold(0, 2000, [true, true]);
     assert_eq!(flight.invariants(), vec![]);
@@ -131,4 +131,28 @@ fn prop_a_conventional_vehicle_leans_to_move_and_ignores_attitude_targets() {
     }
     let [w, x, y, _] = flight.world.snapshot().vehicles[0].attitude_wxyz;
     assert!(x.hypot(y) < 0.02 && w.abs() > 0.0);
+}
+
+#[test]
+fn prop_small_and_large_steps_simulate_the_same() {
+    let run = |step_us: u64| {
+        let mut config = config();
+        config.jitter.std_deg = 2.0;
+        config.vehicles[0].wind.gust_std_m_s = 2.0;
+        let mut flight = Flight::new(config);
+        flight.take_off();
+        flight.clients[1].power(&mut flight.world, 10.0, 0, 777);
+        let (start, mut frames) = (flight.world.now(), Vec::new());
+        for k in 1..=3_000_000 / step_us {
+            flight.world.advance(start + std::time::Duration::from_micros(k * step_us));
+            frames.extend(std::iter::from_fn(|| flight.world.poll_transmit()));
+        }
+        // Frames of different vehicles may interleave otherwise.
+        frames.sort_by_key(|(vehicle, link, _)| (*vehicle, *link));
+        (flight.world.snapshot(), flight.world.report(), frames)
+    };
+    let large = run(1_000_000);
+    assert!(large.1.outside_slots_s.j == 0.0 && large.1.slots[0].radiated_s.j > 0.7, "{:?}", large.1);
+    assert_eq!(run(1000), large);
+    assert_eq!(run(300_000), large);
 }

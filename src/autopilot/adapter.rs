@@ -8,17 +8,17 @@ use mavlink::dialects::ardupilotmega::{
 };
 
 use super::command::{CommandQueue, Purpose};
-use super::control::{Aim, Control, Phase};
+use super::control::{Control, Phase};
 use super::discovery::Discovery;
 use super::firmware::{Firmware, Mode};
-use super::guard::{self, LandDetectorGuard};
+use super::goal::Aim;
+use super::guard::LandDetectorGuard;
 use super::link::LinkWatch;
 use super::parameter::Parameters;
-use super::position_control::Measured;
 use super::preflight;
-use super::setpoint::{Stream, Surroundings};
-use super::settings::{Actuation, Event, Setpoint, Settings};
-use super::state::{Landed, Timed, VehicleState};
+use super::setpoint::Stream;
+use super::settings::{Event, Setpoint, Settings};
+use super::state::{Timed, VehicleState};
 use super::statustext::{self, Assembly};
 use super::streams::Streams;
 use super::telemetry::Telemetry;
@@ -44,10 +44,12 @@ pub struct Autopilot {
     pub(super) streams: Streams,
     pub(super) stream: Stream,
     pub(super) control: Control,
-    guard: LandDetectorGuard,
+    pub(super) guard: LandDetectorGuard,
     /// Whether this flight has left the ground.
     pub(super) flown: bool,
     pub(super) previous_mode: Option<Mode>,
+    /// Thrust per unit along each body axis, from the autopilot's rotors.
+    pub(super) rotor_scales: Option<[f64; 3]>,
     pub(super) last_text: Option<Timed<String>>,
     assembly: Assembly,
     text_id: u16,
@@ -71,6 +73,7 @@ impl Autopilot {
             guard: LandDetectorGuard::default(),
             flown: false,
             previous_mode: None,
+            rotor_scales: None,
             last_text: None,
             assembly: Assembly::default(),
             text_id: 0,
@@ -105,7 +108,10 @@ impl Autopilot {
                     self.command_ended(purpose, outcome, now);
                 }
             }
-            MavMessage::PARAM_VALUE(m) => self.parameters.handle_value(m, firmware),
+            MavMessage::PARAM_VALUE(m) => {
+                self.parameters.handle_value(m, firmware);
+                self.learn_rotors();
+            }
             MavMessage::STATUSTEXT(m) => {
                 if let Some(text) = self.assembly.handle(m) {
                     self.last_text = Some(Timed::new(text.clone(), now));
@@ -125,7 +131,7 @@ impl Autopilot {
         if let Some(found) = self.discovery.advance(now) {
             self.adopt(found, now);
         }
-        let Some((firmware, address)) = self.peer else { return };
+        let Some((firmware, address)) = self.peer else { return self.stream.stop() };
         if self.link.advance(now, &mut self.out) {
             self.drop_control();
             self.commands.clear();
@@ -181,8 +187,8 @@ impl Autopilot {
     }
 
     /// Climbs to this altitude above home in metres; ends in [`Event::Airborne`] or [`Event::Refused`]. ArduCopter does
-    /// it by itself; for PX4 climb setpoints replace the executive's, which must still be set to keep the stream
-    /// alive (F3).
+    /// it by itself, and setpoints are kept from it meanwhile. PX4 is flown up by the executive's setpoints; with
+    /// [`Actuation::ThrustVector`](super::Actuation::ThrustVector) thrust rises first until the vehicle leaves the ground.
     pub fn take_off(&mut self, altitude_above_home_m: f64, now: Instant) {
         self.start_climb(altitude_above_home_m, now);
         self.flush(now);
@@ -288,7 +294,7 @@ impl Autopilot {
         self.telemetry.state.system = Some(address.0);
         self.telemetry.state.firmware = Some(firmware);
         self.out.tell(Event::Discovered { system: address.0, firmware });
-        self.parameters.read(firmware.parameters());
+        self.read_parameters(firmware);
         self.streams.start(firmware, self.settings.rate_hz, &mut self.commands, now);
         self.pump(firmware, address, now);
     }
@@ -300,8 +306,14 @@ impl Autopilot {
         self.flown = false;
         self.previous_mode = None;
         self.out.tell(Event::Restarted);
-        self.parameters.read(firmware.parameters());
+        self.read_parameters(firmware);
         self.streams.start(firmware, self.settings.rate_hz, &mut self.commands, now);
+    }
+
+    fn read_parameters(&mut self, firmware: Firmware) {
+        self.parameters.read(firmware.parameters());
+        self.rotor_scales = None;
+        self.learn_rotors();
     }
 
     fn handle_heartbeat(&mut self, firmware: Firmware, heartbeat: &HEARTBEAT_DATA, now: Instant) {
@@ -337,58 +349,6 @@ impl Autopilot {
         if let Some((firmware, address)) = self.peer {
             self.pump(firmware, address, now);
         }
-    }
-
-    fn guard_land_detector(&mut self, now: Instant) {
-        if !self.guarded() {
-            return;
-        }
-        let state = &self.telemetry.state;
-        let level = state.attitude.is_some_and(|attitude| attitude.value.tilt_rad() < guard::LEVEL_BELOW_RAD);
-        let safe = !state.is_armed() || (level && self.fresh(now));
-        let in_flight = self.in_control() && self.control.climb.is_none() && self.is_flying();
-        self.guard.advance(in_flight, safe, &mut self.parameters);
-    }
-
-    /// Whether the land detector must be kept from disarming a tilted vehicle.
-    pub(super) fn guarded(&self) -> bool {
-        self.peer.is_some_and(|(firmware, _)| firmware == Firmware::Px4)
-            && self.settings.actuation != Actuation::Position
-            && self.settings.planned_tilt_rad > guard::NEEDED_ABOVE_RAD
-    }
-
-    fn is_flying(&self) -> bool {
-        self.telemetry.state.landed.map_or(self.flown, |landed| landed.value != Landed::OnGround)
-    }
-
-    /// Streams the setpoint if one is due and the phase allows it.
-    fn tick(&mut self, firmware: Firmware, target: Address, now: Instant) {
-        let Some(setpoint) = self.stream.due(now) else { return };
-        let allowed = match self.control.phase {
-            Phase::Taking { .. } => firmware.wants_stream_first(),
-            Phase::Held => firmware == Firmware::Px4 || (self.control.climb.is_none() && self.is_flying()),
-            Phase::HandingOver { acknowledged, .. } => !acknowledged && self.is_flying(),
-            Phase::Released | Phase::HandedOver { .. } => false,
-        };
-        let around = allowed.then(|| self.surroundings(firmware, target, now)).flatten();
-        let Some(around) = around else { return self.stream.skip() };
-        let setpoint = self.climb_setpoint(now).unwrap_or(setpoint);
-        self.stream.send(&setpoint, &around, now, &mut self.out);
-    }
-
-    /// `None` while position or attitude are not fresh: a setpoint would be a guess.
-    fn surroundings(&self, firmware: Firmware, target: Address, now: Instant) -> Option<Surroundings> {
-        let (position_enu_m, velocity_enu_m_s) = self.telemetry.motion().filter(|_| self.fresh(now))?;
-        let attitude = self.telemetry.state.attitude?.value;
-        Some(Surroundings {
-            firmware,
-            target,
-            frame: self.telemetry.frame()?,
-            measured: Measured { position_enu_m, velocity_enu_m_s, attitude },
-            idle: self.control.climb.is_none() && !self.is_flying(),
-            flying: self.is_flying(),
-            may_tilt: !self.guarded() || LandDetectorGuard::allows_tilt(&self.parameters),
-        })
     }
 }
 

@@ -18,6 +18,8 @@ mod command;
 mod control;
 mod discovery;
 pub mod firmware;
+mod flight;
+mod goal;
 mod guard;
 mod link;
 mod parameter;

@@ -68,14 +68,21 @@ const FRESH: Exchange = Exchange { sent: 0, waits_until: None };
 /// The parameters read and written so far.
 #[derive(Debug, Default)]
 pub(super) struct Parameters {
-    entries: BTreeMap<&'static str, Entry>,
+    entries: BTreeMap<String, Entry>,
 }
 
 impl Parameters {
     /// Starts to read these parameters, forgetting what was known.
-    pub(super) fn read(&mut self, names: &[&'static str]) {
-        self.entries =
-            names.iter().map(|name| (*name, Entry { known: None, read: Some(FRESH), write: None })).collect();
+    pub(super) fn read(&mut self, names: &[&str]) {
+        self.entries.clear();
+        self.read_also(names.iter().map(ToString::to_string));
+    }
+
+    /// Starts to read these parameters as well, unless they have been asked for before.
+    pub(super) fn read_also(&mut self, names: impl IntoIterator<Item = String>) {
+        for name in names {
+            self.entries.entry(name).or_insert(Entry { known: None, read: Some(FRESH), write: None });
+        }
     }
 
     /// What is known of a parameter.
@@ -134,7 +141,7 @@ impl Parameters {
                         param_index: -1,
                         target_system: target.0,
                         target_component: target.1,
-                        param_id: (*name).into(),
+                        param_id: name.as_str().into(),
                     }));
                 }
             }
@@ -146,7 +153,7 @@ impl Parameters {
                     param_value: encode(*value, kind, firmware),
                     target_system: target.0,
                     target_component: target.1,
-                    param_id: (*name).into(),
+                    param_id: name.as_str().into(),
                     param_type: kind,
                 }));
             }

@@ -1,16 +1,17 @@
 //! Position control of a fully actuated vehicle by body thrust, for autopilots that take a three-dimensional thrust
 //! but close no position loop around it.
 //!
-//! Force per mass, in the world: `f = g + K_p e + K_d (v_ref - v) + i`, with `di/dt = K_i e` frozen on an axis whose
-//! thrust is at its limit (anti-windup). In the body: `u = D R^T f h / g`, where `R` is the measured attitude (the
-//! force must point the right way while the vehicle turns), `h` the thrust command that hovers, learned in flight,
-//! and `D` the ratio of the thrust units of the axes: one unit of x thrust is not one unit of z.
+//! Force per mass, in the world: `f = g + K_p e + K_d (v_ref - v) + i`, with `di/dt = K_i e`, frozen while thrust or
+//! acceleration is at its limit or the setpoint is far (anti-windup). In the body: `u = D R^T f h / g`, where `R` is
+//! the measured attitude (the force must point the right way while the vehicle turns), `h` the thrust command that
+//! hovers, learned in flight, and `D` the ratio of the thrust units of the axes: one unit of x is not one unit of z.
 
 use nalgebra::Vector3;
 
 use crate::geo::{Attitude, Enu};
 
 const GRAVITY_M_S2: f64 = 9.806_65;
+const LEAST_HOVER_THRUST: f64 = 0.02;
 
 /// Gains, limits and scales.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -27,12 +28,13 @@ pub struct Settings {
     pub acceleration_limit_m_s2: f64,
     /// Position errors beyond this are taken as this, in metres: a far setpoint is flown to, not jumped at.
     pub error_limit_m: f64,
-    /// Thrust command that hovers level, before anything is learned.
+    /// Thrust command that hovers level, for control taken in flight; a take-off finds it by itself.
     pub hover_thrust: f64,
     /// Time constant of learning the hover thrust, in seconds.
     pub hover_time_s: f64,
-    /// Newtons per unit of thrust along body x, y, z (from the rotors' geometry, CA_ROTOR*); only ratios matter.
-    pub thrust_n: [f64; 3],
+    /// Newtons per unit of thrust along body x, y, z; only ratios matter. `None`: from the autopilot's rotors
+    /// (CA_ROTOR*), or the same on every axis if it does not say.
+    pub thrust_n: Option<[f64; 3]>,
     /// Largest thrust command on any axis.
     pub thrust_limit: f64,
 }
@@ -48,8 +50,7 @@ impl Default for Settings {
             error_limit_m: 1.0,
             hover_thrust: 0.5,
             hover_time_s: 4.0,
-            // The stock omnicopter.
-            thrust_n: [133.9, 133.9, 115.9],
+            thrust_n: None,
             thrust_limit: 1.0,
         }
     }
@@ -70,6 +71,7 @@ pub struct Measured {
 #[derive(Debug, Clone, PartialEq)]
 pub struct PositionControl {
     settings: Settings,
+    thrust_n: [f64; 3],
     integral_m_s2: Vector3<f64>,
     hover_thrust: f64,
 }
@@ -78,12 +80,28 @@ impl PositionControl {
     /// A controller that has learned nothing yet.
     #[must_use]
     pub fn new(settings: Settings) -> Self {
-        Self { settings, integral_m_s2: Vector3::zeros(), hover_thrust: settings.hover_thrust }
+        Self {
+            settings,
+            thrust_n: settings.thrust_n.unwrap_or([1.0; 3]),
+            integral_m_s2: Vector3::zeros(),
+            hover_thrust: settings.hover_thrust,
+        }
+    }
+
+    /// Takes the scales of the axes from the rotors, unless they were given.
+    pub fn learn_scales(&mut self, thrust_n: [f64; 3]) {
+        self.thrust_n = self.settings.thrust_n.unwrap_or(thrust_n);
     }
 
     /// Forgets the integral and keeps the hover thrust: for a new flight, or control taken again.
     pub fn reset(&mut self) {
         self.integral_m_s2 = Vector3::zeros();
+    }
+
+    /// Learns from the thrust command at which the level vehicle has just left the ground.
+    pub fn lifted_off(&mut self, thrust: f64) {
+        self.hover_thrust = thrust.clamp(LEAST_HOVER_THRUST, self.settings.thrust_limit);
+        self.reset();
     }
 
     /// The thrust command that hovers, as learned so far.
@@ -104,6 +122,7 @@ impl PositionControl {
     ) -> Vector3<f64> {
         let s = self.settings;
         let axes = |[horizontal, vertical]: [f64; 2]| Vector3::new(horizontal, horizontal, vertical);
+        let far = (position_enu_m - measured.position_enu_m).norm() > s.error_limit_m;
         let error = limited(position_enu_m - measured.position_enu_m, s.error_limit_m);
         let velocity_error = velocity_enu_m_s - measured.velocity_enu_m_s;
         let feedback =
@@ -112,13 +131,13 @@ impl PositionControl {
         let force = wanted + Vector3::z() * GRAVITY_M_S2;
 
         let body = measured.attitude.rotation().inverse() * force * (self.hover_thrust / GRAVITY_M_S2);
-        let scaled = Vector3::from_fn(|axis, _| body[axis] * s.thrust_n[2] / s.thrust_n[axis]);
+        let scaled = Vector3::from_fn(|axis, _| body[axis] * self.thrust_n[2] / self.thrust_n[axis]);
         let largest = scaled.amax();
         let saturated = largest > s.thrust_limit;
         let command = if saturated { scaled * (s.thrust_limit / largest) } else { scaled };
 
         let limited_force = wanted.norm() + 1e-9 >= s.acceleration_limit_m_s2;
-        if learn && dt_s > 0.0 && !saturated && !limited_force {
+        if learn && dt_s > 0.0 && !far && !saturated && !limited_force {
             let step = axes(s.integral_s3).component_mul(&error) * dt_s;
             self.integral_m_s2 = limited(self.integral_m_s2 + step, s.integral_limit_m_s2);
             self.learn_hover(dt_s);
@@ -131,7 +150,8 @@ impl PositionControl {
     /// Moves the vertical part of the integral into the hover thrust, slowly, leaving their sum as it is.
     fn learn_hover(&mut self, dt_s: f64) {
         let part = (dt_s / self.settings.hover_time_s).min(1.0) * self.integral_m_s2.z / GRAVITY_M_S2;
-        let hover_thrust = (self.hover_thrust * (1.0 + part)).clamp(0.05, self.settings.thrust_limit);
+        let hover_thrust =
+            (self.hover_thrust * (1.0 + part)).clamp(LEAST_HOVER_THRUST, self.settings.thrust_limit);
         let kept = hover_thrust / self.hover_thrust;
         self.hover_thrust = hover_thrust;
         self.integral_m_s2.z = (self.integral_m_s2.z + GRAVITY_M_S2) / kept - GRAVITY_M_S2;
@@ -173,6 +193,10 @@ mod tests {
         }
     }
 
+    fn omnicopter() -> Settings {
+        Settings { thrust_n: Some([133.9, 133.9, 115.9]), ..Settings::default() }
+    }
+
     fn plant(roll_deg: f64, pitch_deg: f64) -> Plant {
         let attitude = Attitude::from_euler(roll_deg.to_radians(), pitch_deg.to_radians(), 0.4);
         let measured =
@@ -182,7 +206,7 @@ mod tests {
 
     #[test]
     fn val_hover_thrust_of_known_attitudes() {
-        let settings = Settings { hover_thrust: 0.4, ..Settings::default() };
+        let settings = Settings { hover_thrust: 0.4, ..omnicopter() };
         for (roll, pitch, expected) in [
             (0.0, 0.0, Vector3::new(0.0, 0.0, -0.4)),
             // Roll 90: body y (left) points up, so the thrust is to the left: negative in FRD.
@@ -203,7 +227,7 @@ mod tests {
         for (roll, pitch) in [(0.0, 0.0), (30.0, 0.0), (60.0, 0.0), (90.0, 0.0), (0.0, -45.0), (180.0, 0.0)] {
             let mut plant = plant(roll, pitch);
             plant.wind_n = Vector3::new(3.0, -2.0, 1.0);
-            let mut control = PositionControl::new(Settings { hover_thrust: 0.3, ..Settings::default() });
+            let mut control = PositionControl::new(Settings { hover_thrust: 0.3, ..omnicopter() });
             for _ in 0..3000 {
                 let thrust = control.step(Enu::zeros(), Vector3::zeros(), &plant.measured, 0.02, true);
                 assert!(thrust.amax() <= 1.0);
@@ -223,7 +247,7 @@ mod tests {
             let mut plant = plant(90.0, 0.0);
             let mut control = PositionControl::new(Settings {
                 hover_thrust: 4.0 * GRAVITY_M_S2 / 115.9,
-                thrust_n,
+                thrust_n: Some(thrust_n),
                 ..Settings::default()
             });
             let mut sum = 0.0;
@@ -240,7 +264,7 @@ mod tests {
 
     #[test]
     fn val_the_integral_stops_at_the_thrust_limit() {
-        let settings = Settings { thrust_limit: 0.35, hover_thrust: 0.34, ..Settings::default() };
+        let settings = Settings { thrust_limit: 0.35, hover_thrust: 0.34, ..omnicopter() };
         let mut control = PositionControl::new(settings);
         let below = plant(0.0, 0.0).measured;
         for _ in 0..1000 {

@@ -215,6 +215,13 @@ fn px4(autopilot: &Autopilot, all: &mut Vec<Check>) {
     }
     if autopilot.settings().actuation == Actuation::ThrustVector {
         all.push(parameter(autopilot, "THR_MDL_FAC", |_| (Pass, "")));
+        all.push(match (autopilot.settings().position_control.thrust_n, autopilot.rotor_scales) {
+            (Some(given), _) => check("thrust scales", Pass, format!("{given:?} as configured")),
+            (None, Some([x, y, z])) => {
+                check("thrust scales", Pass, format!("{x:.2}, {y:.2}, {z:.2} from CA_ROTOR*"))
+            }
+            (None, None) => check("thrust scales", Warn, "CA_ROTOR* not known: taken as equal on every axis"),
+        });
     }
 }
 

@@ -18,8 +18,10 @@ use crate::time::Instant;
 
 /// Body offsets of ArduPilot's 6DoF frame are commands, which a script answers one by one: no faster than this.
 const OFFSET_INTERVAL: Duration = Duration::from_millis(50);
-/// Part of the hover thrust while armed on the ground.
-const IDLE: f64 = 0.1;
+/// Thrust while armed on the ground.
+const IDLE_THRUST: f64 = 0.05;
+/// How fast thrust rises to find the one that lifts the vehicle, 1/s.
+const SPOOL_RATE_S: f64 = 0.2;
 
 /// What the stream needs to know of the vehicle at a tick.
 #[derive(Debug, Clone, Copy)]
@@ -31,6 +33,8 @@ pub(super) struct Surroundings {
     pub(super) measured: Measured,
     /// On the ground and not taking off: no more than idle thrust.
     pub(super) idle: bool,
+    /// Taking off and still on the ground: thrust rises until the vehicle leaves it.
+    pub(super) lifting: bool,
     /// Off the ground: what the controller learns means something.
     pub(super) flying: bool,
     /// Whether the attitude may leave the level.
@@ -51,6 +55,8 @@ pub(super) struct Stream {
     commanded: Option<Attitude>,
     offset_at: Option<Instant>,
     control: PositionControl,
+    /// The thrust that rises until the vehicle leaves the ground.
+    spool: Option<f64>,
 }
 
 impl Stream {
@@ -66,6 +72,7 @@ impl Stream {
             commanded: None,
             offset_at: None,
             control: PositionControl::new(settings.position_control),
+            spool: None,
         }
     }
 
@@ -83,6 +90,7 @@ impl Stream {
         self.setpoint = None;
         self.tick_at = None;
         self.interrupt();
+        self.spool = None;
         self.control.reset();
     }
 
@@ -111,6 +119,11 @@ impl Stream {
         let next = at + self.period;
         self.tick_at = Some(if next > now { next } else { now + self.period });
         Some(setpoint)
+    }
+
+    /// Takes the scales of the thrust axes from the rotors.
+    pub(super) fn learn_scales(&mut self, thrust_n: [f64; 3]) {
+        self.control.learn_scales(thrust_n);
     }
 
     /// The thrust command that hovers, as learned so far.
@@ -171,9 +184,15 @@ impl Stream {
         now: Instant,
     ) -> MavMessage {
         let dt_s = self.period.as_secs_f64();
-        let thrust = if around.idle {
-            Vector3::new(0.0, 0.0, -IDLE * self.control.hover_thrust())
+        let thrust = if around.lifting {
+            let spool = self.spool.unwrap_or(IDLE_THRUST) + SPOOL_RATE_S * dt_s;
+            Vector3::new(0.0, 0.0, -*self.spool.insert(spool.min(1.0)))
+        } else if around.idle {
+            Vector3::new(0.0, 0.0, -IDLE_THRUST)
         } else {
+            if let Some(lifts) = self.spool.take() {
+                self.control.lifted_off(lifts);
+            }
             self.control.step(
                 wanted.position_enu_m,
                 wanted.velocity_enu_m_s,

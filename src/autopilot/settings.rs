@@ -63,8 +63,6 @@ pub struct Settings {
     pub planned_tilt_rad: f64,
     /// Largest rate at which a commanded attitude turns, in rad/s.
     pub tilt_rate_rad_s: f64,
-    /// Climb rate of a take-off flown by setpoints, in m/s.
-    pub takeoff_speed_m_s: f64,
     /// How long a setpoint is streamed unless it is renewed (F3).
     pub setpoint_lifetime: Duration,
     /// Age at which position and attitude are no longer fresh.
@@ -94,7 +92,6 @@ impl Settings {
             mission_origin,
             planned_tilt_rad: std::f64::consts::FRAC_PI_2,
             tilt_rate_rad_s: 30f64.to_radians(),
-            takeoff_speed_m_s: 1.5,
             setpoint_lifetime: Duration::from_millis(200),
             freshness: Duration::from_millis(250),
             link_timeout: Duration::from_secs(1),

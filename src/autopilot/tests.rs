@@ -1,12 +1,15 @@
 //! The adapter against scripted autopilots that do what real programs were seen to do.
 
 mod fake;
+mod omnicopter;
 
 use std::time::Duration;
 
 use fake::*;
 use mavlink::dialects::ardupilotmega::*;
 use nalgebra::Vector3;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 
 use super::*;
 use crate::geo::{Attitude, Enu};
@@ -447,8 +450,8 @@ fn val_preflight_names_parameter_value_and_remedy_and_silence_is_not_known() {
     assert!(checks.iter().all(|check| check.result == Verdict::Pass), "{checks:#?}");
 
     let mut fake = Fake::new(Firmware::Px4);
-    fake.parameters.insert("FD_FAIL_R", int(60, Firmware::Px4));
-    fake.parameters.insert("COM_OBL_RC_ACT", int(6, Firmware::Px4));
+    fake.parameters.insert("FD_FAIL_R".into(), int(60, Firmware::Px4));
+    fake.parameters.insert("COM_OBL_RC_ACT".into(), int(6, Firmware::Px4));
     fake.parameters.remove("COM_OF_LOSS_T");
     let mut world = World::new(fake, |_| {});
     world.connect();
@@ -460,8 +463,8 @@ fn val_preflight_names_parameter_value_and_remedy_and_silence_is_not_known() {
     assert!(unknown.result == Verdict::Warn && unknown.detail.contains("not known"), "{unknown:?}");
 
     let mut fake = Fake::new(Firmware::ArduPilot);
-    fake.parameters.insert("FRAME_CLASS", int(1, Firmware::ArduPilot));
-    fake.parameters.insert("FS_GCS_ENABLE", int(1, Firmware::ArduPilot));
+    fake.parameters.insert("FRAME_CLASS".into(), int(1, Firmware::ArduPilot));
+    fake.parameters.insert("FS_GCS_ENABLE".into(), int(1, Firmware::ArduPilot));
     let mut world = World::new(fake, |_| {});
     world.connect();
     assert_eq!(find(&world, "FRAME_CLASS").result, Verdict::Fail);
@@ -561,4 +564,90 @@ fn val_acknowledgements_to_others_end_nothing_of_ours() {
     );
     world.run(0.4);
     assert_eq!(world.count(|event| matches!(event, Event::NotReady { .. })), 0);
+}
+
+#[test]
+fn val_arducopter_without_brake_is_asked_to_loiter() {
+    let mut world = World::new(Fake::new(Firmware::ArduPilot), |_| {});
+    world.fake.missing_mode = Some(17);
+    world.launch();
+    world.autopilot.hold(world.now);
+    let event = world.until(3.0, |event| matches!(event, Event::HandedOver { .. }));
+    assert_eq!(event, Event::HandedOver { mode: "LOITER" });
+    assert_eq!(world.count(|event| matches!(event, Event::NotReady { what: "BRAKE", .. })), 1);
+    assert_eq!(world.count(|event| matches!(event, Event::ControlLost { .. })), 0);
+}
+
+/// A message of one of the kinds the adapter reads, from random bytes.
+fn random_message(rng: &mut ChaCha8Rng) -> Option<MavMessage> {
+    const IDS: [u32; 20] =
+        [0, 1, 2, 22, 30, 31, 32, 33, 49, 62, 77, 86, 147, 148, 193, 230, 242, 245, 253, 76];
+    let id = IDS[rng.random_range(0..IDS.len())];
+    let length = rng.random_range(0..200);
+    let payload: Vec<u8> = (0..length).map(|_| rng.random()).collect();
+    <MavMessage as mavlink::Message>::parse(mavlink::MavlinkVersion::V2, id, &payload).ok()
+}
+
+#[test]
+fn prop_no_message_and_no_order_of_requests_panics_or_makes_it_send_what_is_not_finite() {
+    for seed in 0..40 {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let firmware = BOTH[(seed % 2) as usize];
+        let mut world = World::new(Fake::new(firmware), |settings| {
+            settings.actuation =
+                [Actuation::Pose, Actuation::Position, Actuation::ThrustVector][seed as usize % 3];
+        });
+        if seed % 4 != 0 {
+            world.connect();
+        }
+        let seen = world.fake.received.len();
+        for _ in 0..3000 {
+            if let Some(message) = random_message(&mut rng) {
+                world.inject((1, 1), &message);
+            }
+            let now = world.now;
+            let autopilot = &mut world.autopilot;
+            match rng.random_range(0..60) {
+                0 => autopilot.take_control(now),
+                1 => autopilot.arm(now),
+                2 => autopilot.take_off(rng.random_range(-5.0..50.0), now),
+                3 => autopilot.take_off(f64::NAN, now),
+                4 => autopilot.land(now),
+                5 => autopilot.return_to_launch(now),
+                6 => autopilot.hold(now),
+                7 => autopilot.release(now),
+                8 => autopilot.disarm(now),
+                9 => drop(autopilot.preflight(now)),
+                10 => autopilot
+                    .statustext(MavSeverity::MAV_SEVERITY_INFO, &"é".repeat(rng.random_range(0..120))),
+                11..40 => autopilot.set_setpoint(random_setpoint(&mut rng), now),
+                _ => {}
+            }
+            assert!(autopilot.utc_uncertainty().is_none_or(|within| within < Duration::from_secs(1)));
+            world.run(0.005);
+        }
+        for (_, message) in &world.fake.received[seen..] {
+            let finite = match message {
+                MavMessage::SET_POSITION_TARGET_LOCAL_NED(m) => {
+                    [m.x, m.y, m.z, m.vx, m.vy, m.vz, m.yaw].iter().all(|c| c.is_finite())
+                }
+                MavMessage::SET_ATTITUDE_TARGET(m) => m.q.iter().chain(&m.thrust_body).all(|c| c.is_finite()),
+                MavMessage::COMMAND_LONG(m) => {
+                    [m.param1, m.param2, m.param3, m.param7].iter().all(|c| c.is_finite())
+                }
+                _ => true,
+            };
+            assert!(finite, "seed {seed}: {message:?}");
+        }
+    }
+}
+
+fn random_setpoint(rng: &mut ChaCha8Rng) -> Setpoint {
+    let mut number =
+        |scale: f64| if rng.random_bool(0.01) { f64::NAN } else { scale * (rng.random::<f64>() - 0.5) };
+    Setpoint {
+        position_enu_m: Enu::new(number(1e3), number(1e3), number(1e3)),
+        velocity_enu_m_s: Vector3::new(number(10.0), number(10.0), number(10.0)),
+        attitude: Attitude::from_euler(number(6.0), number(6.0), number(6.0)),
+    }
 }

@@ -29,7 +29,6 @@ pub fn settings(mission: &Mission, vehicle: &Vehicle, boot_id: u32, start_unaske
     autopilot.rate_hz = vehicle.autopilot.rate_hz;
     autopilot.planned_tilt_rad = mission.vehicles[role].max_tilt_rad.min(mission.airspace_max_tilt_rad);
     autopilot.tilt_rate_rad_s = limits[role].tilt_rate_rad_s;
-    autopilot.takeoff_speed_m_s = limits[role].climb_m_s;
     autopilot.firmware = vehicle.autopilot.firmware;
     autopilot.actuation = vehicle.autopilot.actuation;
     Settings {

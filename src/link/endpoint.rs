@@ -135,7 +135,8 @@ impl<M: Message> Link<M> {
     }
 
     /// The next frame of the peer's. Never ends: a link that is down is reopened in here. Safe to cancel, and
-    /// to be polled among others: after a bounded amount of work without a frame it lets them go first.
+    /// to be polled among others: after a bounded amount of work without a frame it lets them go first. Silence
+    /// is noticed when this is called, so call it every second or more often.
     pub async fn recv(&mut self) -> Frame<M> {
         std::future::poll_fn(|cx| self.poll_recv(cx)).await
     }
@@ -224,7 +225,8 @@ impl<M: Message> Link<M> {
         if transport.has_peer() {
             self.counters.connections += 1;
         }
-        tracing::info!(link = self.name, address = ?self.address, "link is open");
+        let address = self.address.as_ref().map(tracing::field::display);
+        tracing::info!(link = self.name, address, "link is open");
         self.way = Way::Up(transport);
     }
 
@@ -264,6 +266,7 @@ impl<M: Message> Link<M> {
                 }
                 self.draining = Some((origin, ends));
             }
+            Arrival::Headway => {}
             Arrival::Stranger { length } => {
                 self.counters.received_bytes += length as u64;
                 self.reject(Rejection::Stranger);

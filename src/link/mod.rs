@@ -32,7 +32,7 @@ pub use transport::MemoryEnd;
 pub enum LinkError {
     /// The local address cannot be bound.
     #[error(
-        "link {name}: cannot listen on {address:?}: {source}; another program may use the port, or the address may not be this machine's"
+        "link {name}: cannot listen on {address}: {source}; another program may use the port, or the address may not be this machine's"
     )]
     Bind {
         /// The link's name.

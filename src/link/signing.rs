@@ -142,9 +142,9 @@ impl Signing {
         let by_clock = timestamp(utc).max(self.latest + 1);
         self.record.extend_beyond(by_clock);
         // While a slow disk lags behind the clock, counting up goes a long way on what is on record.
-        let candidates = [by_clock, self.latest + 1];
-        let next = candidates.into_iter().find(|&next| next <= TIMESTAMP_MAX && self.record.covers(next));
-        self.latest = next.ok_or(NoTimestamp)?;
+        let recorded = [by_clock, self.latest + 1].into_iter().find(|&next| self.record.covers(next));
+        let next = recorded.or(self.record.is_unable().then_some(by_clock));
+        self.latest = next.filter(|&next| next <= TIMESTAMP_MAX).ok_or(NoTimestamp)?;
         let bytes = self.latest.to_le_bytes();
         raw.signature_timestamp_bytes_mut().copy_from_slice(&bytes[..consts::v2::SIGNATURE_TIMESTAMP_SIZE]);
         *raw.signature_link_id_mut() = self.link_id;
@@ -178,7 +178,7 @@ impl Signing {
             _ => {}
         }
         self.record.extend_beyond(received.max(now));
-        if !self.record.covers(received) {
+        if !self.record.covers(received) && !self.record.is_unable() {
             return Err(Rejection::TooNew);
         }
         self.streams.insert(stream, received);

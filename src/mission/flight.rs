@@ -4,31 +4,21 @@ use std::time::Duration;
 
 use mavlink::dialects::ardupilotmega::MavSeverity;
 
-use crate::autopilot::Event as AutopilotEvent;
 use crate::geo::{Attitude, Enu};
-use crate::pair::wire::{VeilwingAnswer, VeilwingFlags, VeilwingSilence};
-use crate::pair::{Event as PairEvent, Readiness};
+use crate::pair::Readiness;
+use crate::pair::wire::VeilwingFlags;
 use crate::preflight::Verdict;
 use crate::role::Role;
 use crate::schedule::trajectory::{Start, Trajectory};
-use crate::schedule::transit::{Router, TransitError};
 use crate::time::{Instant, Utc};
 
 use super::executive::{Executive, Motion, Outcome};
+use super::homing::HOLD;
 
 /// How close to the end of a climb or a return counts as arrived, in metres.
 const ARRIVED_M: f64 = 1.0;
 /// After a climb or a return should have ended, how long the vehicle may still take.
 const LATE: Duration = Duration::from_secs(30);
-/// An abort begins with a hold, long enough for the peer's word to come through.
-const HOLD: Duration = Duration::from_secs(3);
-/// J lets I land first after an abort, for at most this long while I says that it is on its way.
-const LAND_FIRST: Duration = Duration::from_secs(120);
-/// Where I is not heard, J gives it the time of its way home and this much more.
-const LAND_UNHEARD: Duration = Duration::from_secs(5);
-/// A refused proposal is made again after this; refused for this long altogether, the mission is given up.
-const PROPOSE_AGAIN: Duration = Duration::from_millis(500);
-const REFUSED_TOO_LONG: Duration = Duration::from_secs(30);
 /// Between a proposal and the start of its transit: time for the agreement.
 const AGREE: Duration = Duration::from_secs(1);
 
@@ -260,13 +250,6 @@ impl Executive {
         self.enter(Phase::Ready { refused_since: None, propose_at: now }, now);
     }
 
-    /// All slots are over: both go home along the table's last transit.
-    fn finish(&mut self, now: Instant) {
-        self.motion = self.home_trajectory.clone().map(|trajectory| Motion { trajectory, starts_at: now });
-        self.notice(MavSeverity::MAV_SEVERITY_INFO, "all slots are over, returning".into());
-        self.enter(Phase::Returning, now);
-    }
-
     /// The peer ends its mission while ours goes on.
     fn watch_peer_ending(&mut self, now: Instant) {
         let last = usize::from(self.next_slot) + 1 >= self.table.as_ref().map_or(0, |t| t.entries.len());
@@ -316,89 +299,14 @@ impl Executive {
         self.abort_cause.get_or_insert(cause);
     }
 
-    /// Control is gone: no more setpoints, silent, until the operator asks (F2).
-    fn surrender(&mut self, cause: String, reason: VeilwingSilence, now: Instant) {
-        self.notice(MavSeverity::MAV_SEVERITY_CRITICAL, format!("silent, hands off: {cause}"));
-        self.note_abort(cause);
-        self.pair.silent(reason, now);
-        self.slot = None;
-        self.motion = None;
-        self.pair.release(now);
-        self.pair.set_readiness(None);
-        self.autopilot.release(now);
-        self.enter(Phase::Surrendered, now);
-    }
-
-    /// After an abort the two must not cross. I goes home first; J when I is down, or is not coming, or took too
-    /// long. If nothing is heard of I, its companion may still be flying it home by the same rule: J gives it time.
-    fn may_return(&self, now: Instant) -> bool {
-        let peer = self.pair.peer();
-        let waited = now.saturating_since(self.phase_since);
-        if self.settings.role == Role::I || waited > LAND_FIRST {
-            return true;
-        }
-        if peer.heard_within(self.settings.pair.peer_timeout, now) {
-            return peer.says(VeilwingFlags::VEILWING_FLAGS_LANDED)
-                || !peer.says(VeilwingFlags::VEILWING_FLAGS_RETURNING);
-        }
-        let way = self.router().ok().zip(peer.position_enu_m).zip(peer.home_enu_m).and_then(
-            |((router, at), home)| {
-                let start = Start { position_enu_m: at, attitude: Attitude::level() };
-                router.alone(Role::I, &start, &home, &[]).ok()
-            },
-        );
-        waited > HOLD + LAND_UNHEARD + way.map_or(LAND_FIRST, |way| way.duration())
-    }
-
-    fn router(&self) -> Result<Router, TransitError> {
-        Router::new(&self.settings.airspace, &self.settings.limits)
-    }
-
-    /// Where the other vehicle may be while we fly home: where it was last seen, and above and at its home.
-    fn keep_out(&self) -> Vec<Enu> {
-        let peer = self.pair.peer();
-        match (self.settings.role, peer.position_enu_m, peer.home_enu_m) {
-            (Role::J, Some(at), Some(home)) => vec![at, self.above(home), home],
-            (_, at, _) => at.into_iter().collect(),
-        }
-    }
-
-    fn go_home(&mut self, now: Instant) {
-        let (Some(home), Some(start)) = (self.home_enu_m, self.motion.as_ref().map(|m| m.sample(now))) else {
-            return;
-        };
-        let start = Start { position_enu_m: start.position_enu_m, attitude: start.attitude };
-        let way = self.router().and_then(|router| {
-            // A way that keeps clear of wherever the peer may be; failing that, of where it was last seen.
-            let role = self.settings.role;
-            let near = self.pair.peer().position_enu_m;
-            router
-                .alone(role, &start, &home, &self.keep_out())
-                .or_else(|_| router.alone(role, &start, &home, near.as_slice()))
-        });
-        match way {
-            Ok(trajectory) => {
-                self.motion = Some(Motion { trajectory, starts_at: now });
-                self.notice(MavSeverity::MAV_SEVERITY_INFO, "returning home".into());
-                self.enter(Phase::Returning, now);
-            }
-            Err(error) => {
-                self.notice(MavSeverity::MAV_SEVERITY_ERROR, format!("no way home, landing here: {error}"));
-                self.motion = None;
-                self.autopilot.land(now);
-                self.enter(Phase::Landing, now);
-            }
-        }
-    }
-
-    fn end(&mut self, now: Instant) {
+    pub(super) fn end(&mut self, now: Instant) {
         let outcome = self.abort_cause.clone().map_or(Outcome::Completed, Outcome::Aborted);
         self.outcome.get_or_insert(outcome);
         self.enter(Phase::Ended, now);
     }
 
     /// The autopilot's present pose.
-    fn here(&self) -> Option<Start> {
+    pub(super) fn here(&self) -> Option<Start> {
         let attitude = self.autopilot.state().attitude?.value;
         Some(Start { position_enu_m: self.position()?, attitude })
     }
@@ -409,7 +317,7 @@ impl Executive {
     }
 
     /// Stops where the setpoint is.
-    fn hold_here(&mut self, now: Instant) {
+    pub(super) fn hold_here(&mut self, now: Instant) {
         if let Some(motion) = self.motion.take() {
             let sample = motion.sample(now);
             let start = Start { position_enu_m: sample.position_enu_m, attitude: sample.attitude };
@@ -419,7 +327,7 @@ impl Executive {
         }
     }
 
-    fn climb(&mut self, now: Instant) {
+    pub(super) fn climb(&mut self, now: Instant) {
         let (Some(start), Some(home)) = (self.here(), self.home_enu_m) else { return };
         let limits = self.settings.limits[self.settings.role];
         let mut trajectory = Trajectory::rest(&start);
@@ -443,181 +351,5 @@ impl Executive {
         };
         let target = motion.trajectory.end().position_enu_m;
         self.position().is_some_and(|p| (p - target).norm() < ARRIVED_M)
-    }
-
-    pub(super) fn on_autopilot(&mut self, event: AutopilotEvent, now: Instant) {
-        match event {
-            AutopilotEvent::Discovered { system, firmware } => {
-                let text = format!("autopilot found: system {system}, {firmware:?}");
-                self.notice(MavSeverity::MAV_SEVERITY_INFO, text);
-            }
-            AutopilotEvent::ControlTaken if self.phase == Phase::TakingControl => {
-                self.autopilot.arm(now);
-                self.enter(Phase::Arming, now);
-            }
-            AutopilotEvent::Armed if self.phase == Phase::Arming => self.climb(now),
-            AutopilotEvent::ControlLost { mode } => match self.phase {
-                Phase::Landing | Phase::Surrendered | Phase::Ended | Phase::Connecting | Phase::Standby => {}
-                _ => self.surrender(
-                    format!("the autopilot went to {mode} by another hand"),
-                    VeilwingSilence::VEILWING_SILENCE_CONTROL,
-                    now,
-                ),
-            },
-            AutopilotEvent::LinkLost { silent_for } => match self.phase {
-                Phase::Connecting | Phase::Standby | Phase::Surrendered | Phase::Ended => {}
-                _ => self.surrender(
-                    format!("nothing from the autopilot for {:.1} s", silent_for.as_secs_f64()),
-                    VeilwingSilence::VEILWING_SILENCE_LINK,
-                    now,
-                ),
-            },
-            AutopilotEvent::EstimatorFailure(fault) => match self.phase {
-                Phase::Ready { .. } | Phase::Slot | Phase::Climbing => {
-                    self.pair.silent(VeilwingSilence::VEILWING_SILENCE_ESTIMATOR, now);
-                    self.abort(format!("estimator: {fault}"), now);
-                }
-                _ => {}
-            },
-            AutopilotEvent::Refused { what, result, statustext } => {
-                let answer = result.map_or("no answer".to_owned(), |result| format!("{result:?}"));
-                let text = format!("autopilot refused {what}: {answer} {}", statustext.unwrap_or_default());
-                match self.phase {
-                    Phase::TakingControl | Phase::Arming => self.abort(text, now),
-                    _ => self.notice(MavSeverity::MAV_SEVERITY_WARNING, text),
-                }
-            }
-            AutopilotEvent::NotReady { what, result, statustext, waited } => {
-                let why = statustext.unwrap_or_else(|| format!("{result:?}"));
-                let text =
-                    format!("waiting for the autopilot to {what}: {why} ({:.0} s)", waited.as_secs_f64());
-                self.notice(MavSeverity::MAV_SEVERITY_INFO, text);
-            }
-            AutopilotEvent::Restarted => match self.phase {
-                Phase::Connecting | Phase::Standby | Phase::Ended => {}
-                _ => self.surrender(
-                    "the autopilot restarted".into(),
-                    VeilwingSilence::VEILWING_SILENCE_CONTROL,
-                    now,
-                ),
-            },
-            AutopilotEvent::Landed if matches!(self.phase, Phase::Landing) => self.autopilot.disarm(now),
-            AutopilotEvent::Disarmed => match self.phase {
-                Phase::Landing | Phase::Surrendered => {
-                    self.notice(MavSeverity::MAV_SEVERITY_INFO, "landed and disarmed".into());
-                    self.end(now);
-                }
-                Phase::Connecting | Phase::Standby | Phase::Ended => {}
-                _ => self.surrender(
-                    "the autopilot disarmed".into(),
-                    VeilwingSilence::VEILWING_SILENCE_CONTROL,
-                    now,
-                ),
-            },
-            _ => {}
-        }
-    }
-
-    pub(super) fn on_pair(&mut self, event: PairEvent, now: Instant) {
-        let peer = self.settings.role.peer();
-        match event {
-            PairEvent::PeerFound => {
-                self.notice(MavSeverity::MAV_SEVERITY_INFO, format!("vehicle {peer} is heard"));
-            }
-            PairEvent::PeerLost(silent_for) => {
-                let text = format!("nothing heard from vehicle {peer} for {:.1} s", silent_for.as_secs_f64());
-                self.lose_peer(text, now);
-            }
-            PairEvent::PeerRestarted => self.lose_peer(format!("vehicle {peer}'s companion restarted"), now),
-            PairEvent::MissionDiffers => {
-                let text = format!(
-                    "vehicle {peer} flies another mission: copy the same mission file to both vehicles"
-                );
-                self.notice(MavSeverity::MAV_SEVERITY_ERROR, text);
-            }
-            PairEvent::PlanDiffers => {
-                let text =
-                    format!("vehicle {peer} made another plan of the same mission: same version on both?");
-                self.notice(MavSeverity::MAV_SEVERITY_ERROR, text);
-            }
-            PairEvent::SameRole => {
-                let text = format!(
-                    "the other companion is vehicle {} too: change role in one vehicle file",
-                    peer.peer()
-                );
-                self.notice(MavSeverity::MAV_SEVERITY_ERROR, text);
-            }
-            PairEvent::Refused(slot, answer) => self.on_refused(slot, answer_in_words(answer), now),
-            PairEvent::Committed(commitment) => {
-                if matches!(self.phase, Phase::Ready { .. }) {
-                    self.pair.set_readiness(None);
-                    self.begin_slot(commitment, now);
-                } else {
-                    self.pair.release(now);
-                }
-            }
-            PairEvent::PeerSilent(reason) => {
-                let text = format!("vehicle {peer} fell silent: {}", reason_in_words(reason));
-                self.notice(MavSeverity::MAV_SEVERITY_WARNING, text);
-                let may_recover = matches!(
-                    reason,
-                    VeilwingSilence::VEILWING_SILENCE_POSE | VeilwingSilence::VEILWING_SILENCE_TRANSMITTER
-                );
-                if !may_recover {
-                    let text = format!("vehicle {peer} fell silent for good, {}", reason_in_words(reason));
-                    self.lose_peer(text, now);
-                }
-            }
-            PairEvent::Ordered(order) => self.obey(order, now),
-        }
-    }
-
-    fn lose_peer(&mut self, text: String, now: Instant) {
-        if self.phase.is_flying() || self.phase == Phase::Climbing {
-            self.abort(text, now);
-        } else if !self.pair.peer().says(VeilwingFlags::VEILWING_FLAGS_ENDED) {
-            self.notice(MavSeverity::MAV_SEVERITY_WARNING, text.clone());
-            if self.phase.is_ending() {
-                self.note_abort(text);
-            }
-        }
-    }
-
-    fn on_refused(&mut self, slot: u16, answer: &str, now: Instant) {
-        let Phase::Ready { refused_since, .. } = self.phase else { return };
-        let since = refused_since.unwrap_or(now);
-        let peer = self.settings.role.peer();
-        if refused_since.is_none() {
-            let text = format!("vehicle {peer} refused slot {slot}: {answer}");
-            self.notice(MavSeverity::MAV_SEVERITY_WARNING, text);
-        }
-        self.phase = Phase::Ready { refused_since: Some(since), propose_at: now + PROPOSE_AGAIN };
-        if now.saturating_since(since) > REFUSED_TOO_LONG {
-            self.abort(format!("vehicle {peer} keeps refusing slot {slot}: {answer}"), now);
-        }
-    }
-}
-
-fn reason_in_words(reason: VeilwingSilence) -> &'static str {
-    match reason {
-        VeilwingSilence::VEILWING_SILENCE_POSE => "its pose left tolerance",
-        VeilwingSilence::VEILWING_SILENCE_CONTROL => "its autopilot left the companion's mode",
-        VeilwingSilence::VEILWING_SILENCE_LINK => "its autopilot link is stale",
-        VeilwingSilence::VEILWING_SILENCE_ESTIMATOR => "its position estimate failed",
-        VeilwingSilence::VEILWING_SILENCE_TRANSMITTER => "its transmitter does not answer",
-        VeilwingSilence::VEILWING_SILENCE_OPERATOR => "by the operator's order",
-        VeilwingSilence::VEILWING_SILENCE_SHUTDOWN => "its companion is ending",
-    }
-}
-
-fn answer_in_words(answer: VeilwingAnswer) -> &'static str {
-    match answer {
-        VeilwingAnswer::VEILWING_ANSWER_ACCEPTED => "accepted",
-        VeilwingAnswer::VEILWING_ANSWER_NOT_READY => "it is not ready",
-        VeilwingAnswer::VEILWING_ANSWER_WRONG_PLAN => "its plan differs",
-        VeilwingAnswer::VEILWING_ANSWER_WRONG_SLOT => "it expects another slot",
-        VeilwingAnswer::VEILWING_ANSWER_TOO_LATE => "it cannot be on station in time",
-        VeilwingAnswer::VEILWING_ANSWER_CLOCK => "the two clocks differ too much, or are not compared yet",
-        VeilwingAnswer::VEILWING_ANSWER_LIMITS => "a pose or power is beyond its limits",
     }
 }

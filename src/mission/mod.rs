@@ -2,9 +2,11 @@
 
 pub mod executive;
 mod flight;
+mod homing;
 pub mod interlock;
 mod operator;
 pub mod pose_monitor;
+mod reaction;
 mod slot;
 
 pub use executive::{Executive, Notice, Outcome, Outgoing, Settings};

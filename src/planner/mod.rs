@@ -17,10 +17,12 @@ pub mod phase2;
 pub mod plan;
 pub mod problem;
 mod region;
+mod robust;
 mod search;
 mod setup;
 pub mod slots;
 mod solver;
+mod starts;
 mod variables;
 
 pub use cap::cap;

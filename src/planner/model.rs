@@ -3,6 +3,7 @@
 use super::expectation::exact::Exact;
 use super::expectation::kernel::{Raw, Workspace};
 use super::expectation::samples::Samples;
+use super::robust::{Combination, Draws};
 use super::setup::Setup;
 use super::solver::{self, Constraints, Outcome, Vars, active_set, interior_point};
 use super::variables::Chart;
@@ -18,6 +19,13 @@ pub enum Target<'a> {
         samples: &'a Samples,
         /// Whether [.]^+ is inside.
         clip: bool,
+    },
+    /// A combination of the means of draws of the positions.
+    OverDraws {
+        /// The samples.
+        samples: &'a Samples,
+        /// How draws are combined.
+        combination: Combination,
     },
 }
 
@@ -46,6 +54,7 @@ pub struct Local {
 pub struct Memory {
     sampled: Workspace,
     exact: Exact,
+    draws: Draws,
 }
 
 /// Crossings of a cut between cells that one search may make.
@@ -54,11 +63,19 @@ const MOST_CROSSINGS: usize = 4;
 const ON_CUT: f64 = 1e-9;
 
 impl Memory {
-    /// The objective in nats per hertz and, if asked for, its gradient.
-    pub fn value(&mut self, setup: &Setup, target: Target, raw: &Raw, gradient: Option<&mut Raw>) -> f64 {
+    /// The objective in nats per hertz, its gradient written to `gradient`.
+    pub fn value(&mut self, setup: &Setup, target: Target, raw: &Raw, gradient: &mut Raw) -> f64 {
+        let scene = &setup.scene;
         match target {
-            Target::Exact(q) => self.exact.value(&setup.scene, setup.eavesdroppers(), raw, q, gradient),
-            Target::Mean { samples, clip } => self.sampled.mean(&setup.scene, samples, raw, clip, gradient),
+            Target::Exact(q) => self.exact.value(scene, setup.eavesdroppers(), raw, q, Some(gradient)),
+            Target::Mean { samples, clip } => self.sampled.mean(scene, samples, raw, clip, Some(gradient)),
+            Target::OverDraws { samples, combination } => {
+                let draws = &mut self.draws;
+                draws.clear();
+                self.sampled
+                    .mean_of_draws(scene, samples, raw, false, |value, gradient| draws.push(value, gradient));
+                draws.combine(combination, gradient)
+            }
         }
     }
 
@@ -106,7 +123,7 @@ impl Memory {
         let mut by_raw = [0.0; 14];
         let mut objective = |x: &Vars, gradient: &mut Vars| {
             let raw = chart.raw(x);
-            let value = self.value(setup, target, &raw, Some(&mut by_raw));
+            let value = self.value(setup, target, &raw, &mut by_raw);
             chart.pull(x, &raw, &by_raw, gradient);
             for c in gradient.iter_mut() {
                 *c = -*c;

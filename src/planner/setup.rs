@@ -1,11 +1,13 @@
 //! A problem checked and prepared: what every method starts from.
 
 use nalgebra::{Vector2, Vector3};
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
 
 use super::PlanError;
 use super::expectation::kernel::{ANGLES, POWER, Raw, Scene, VEHICLE};
 use super::plan::VehiclePlan;
-use super::problem::{Airframe, Problem, Uncertainty};
+use super::problem::{Airframe, Objective, Problem, Uncertainty};
 use super::region::Region;
 use crate::geo::Pose;
 use crate::radio::pattern;
@@ -83,12 +85,39 @@ impl<'a> Setup<'a> {
         self.problem.eavesdroppers.iter().any(|e| e.uncertainty != Uncertainty::None)
     }
 
+    /// Whether a search takes uncertain positions into account.
+    #[must_use]
+    pub fn heeds_uncertainty(&self) -> bool {
+        self.is_uncertain() && self.problem.objective != Objective::Nominal
+    }
+
     /// The nearest allowed position to `p`.
     #[must_use]
     pub fn allowed(&self, p: Vector3<f64>) -> Vector3<f64> {
         let ground = self.region.nearest(p.xy());
         let [low, high] = self.problem.airspace.altitude_m;
         Vector3::new(ground.x, ground.y, p.z.clamp(low, high))
+    }
+
+    /// A point drawn uniformly from the geofence: by rejection from its bounding box, at most so often.
+    #[must_use]
+    pub fn uniform(&self, rng: &mut ChaCha8Rng) -> (f64, f64) {
+        let polygon = self.region.polygon();
+        let bounds = |axis: usize| {
+            polygon.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), p| {
+                (low.min(p[axis]), high.max(p[axis]))
+            })
+        };
+        let ((x0, x1), (y0, y1)) = (bounds(0), bounds(1));
+        let mut p = polygon[0];
+        for _ in 0..100 {
+            p = nalgebra::Vector2::new(rng.random_range(x0..=x1), rng.random_range(y0..=y1));
+            if self.region.contains(p, 0.0) {
+                break;
+            }
+        }
+        let p = self.region.nearest(p);
+        (p.x, p.y)
     }
 
     /// A configuration from poses and powers.

@@ -344,7 +344,7 @@ fn val_a_silent_radio_is_told_off_again_when_it_is_back() {
 
 #[test]
 fn val_strangers_and_answers_to_others_change_nothing() {
-    let mut world = World::new(|| Vec::new());
+    let mut world = World::new(Vec::new);
     let ack = |target| COMMAND_ACK_DATA {
         command: MavCmd::MAV_CMD_USER_1,
         result: MavResult::MAV_RESULT_ACCEPTED,

@@ -58,6 +58,8 @@ pub struct Body {
     pub actuator_lag_s: f64,
     /// Drag: force = this times the square of the air speed.
     pub drag_n_s2_per_m2: f64,
+    /// Where drag acts, from the centre of mass, body axes: wind turns the vehicle as well as pushing it.
+    pub pressure_offset_m: [f64; 3],
 }
 
 impl Default for Body {
@@ -69,6 +71,7 @@ impl Default for Body {
             max_torque_nm: 8.0,
             actuator_lag_s: 0.03,
             drag_n_s2_per_m2: 0.06,
+            pressure_offset_m: [0.0, 0.0, 0.02],
         }
     }
 }
@@ -174,6 +177,7 @@ impl VehicleConfig {
             ("wind.gust_correlation_s", self.wind.gust_correlation_s),
             ("battery.initial", self.battery.initial),
         ];
+        finite.extend(body.pressure_offset_m.map(|v| ("body.pressure_offset_m", v)));
         finite.extend(self.home_enu_m.map(|v| ("home_enu_m", v)));
         finite.extend(self.local_origin_offset_enu_m.map(|v| ("local_origin_offset_enu_m", v)));
         finite.extend(self.wind.mean_enu_m_s.map(|v| ("wind.mean_enu_m_s", v)));

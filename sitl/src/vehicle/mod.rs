@@ -25,7 +25,7 @@ use control::Controller;
 use dynamics::{Dynamics, Wrench};
 use jitter::{Jitter, JitterConfig};
 use parameters::SetOutcome;
-use router::{Received, Router, Sender, To};
+use router::{Router, Sender, To};
 use transmitter::{Transmitter, TransmitterCounters};
 use wind::Wind;
 
@@ -33,6 +33,8 @@ use wind::Wind;
 pub const TICK: Duration = Duration::from_micros(2500);
 /// Every second tick is a radio sample: 200 Hz.
 pub const TICKS_PER_SAMPLE: u64 = 2;
+/// The time between two radio samples.
+pub const SAMPLE: Duration = Duration::from_millis(5);
 /// The companion's link; all others are ground stations'.
 pub const COMPANION_LINK: usize = 0;
 
@@ -127,11 +129,11 @@ impl Vehicle {
         if self.companion_link_down && link == COMPANION_LINK {
             return;
         }
-        for (from, component, received) in self.router.receive(link, bytes) {
+        for (from, component, message) in self.router.receive(link, bytes) {
             if component == autopilot::COMPONENT {
-                self.autopilot.handle(from, received, now, &mut self.router);
+                self.autopilot.handle(from, message, now, &mut self.router);
             } else {
-                self.radio(from, received, now);
+                self.radio(from, message, now);
             }
         }
     }
@@ -147,7 +149,7 @@ impl Vehicle {
     }
 
     /// The radio component's side of a message.
-    fn radio(&mut self, from: Sender, received: Received, now: Duration) {
+    fn radio(&mut self, from: Sender, message: MavMessage, now: Duration) {
         let component = transmitter::COMPONENT;
         let link = To::Link(from.link);
         let ack = |command, result, result_param2| {
@@ -160,9 +162,8 @@ impl Vehicle {
                 target_component: from.component_id,
             })
         };
-        match received {
-            Received::UnknownCommand { command } => self.router.refuse_unknown(from, component, command),
-            Received::Message(MavMessage::COMMAND_INT(c)) if c.target_component == component => {
+        match message {
+            MavMessage::COMMAND_INT(c) if c.target_component == component => {
                 let reply = if c.command == transmitter::POWER_COMMAND {
                     let (result, achieved_mdbm) = self.transmitter.command(&c, now);
                     ack(c.command, result, achieved_mdbm)
@@ -171,7 +172,7 @@ impl Vehicle {
                 };
                 self.router.send(link, component, &reply);
             }
-            Received::Message(MavMessage::COMMAND_LONG(c)) if c.target_component == component => {
+            MavMessage::COMMAND_LONG(c) if c.target_component == component => {
                 // The slot and the expiry are integers; a float cannot carry them safely.
                 let result = if c.command == transmitter::POWER_COMMAND {
                     MavResult::MAV_RESULT_COMMAND_INT_ONLY
@@ -180,16 +181,16 @@ impl Vehicle {
                 };
                 self.router.send(link, component, &ack(c.command, result, 0));
             }
-            Received::Message(MavMessage::PARAM_REQUEST_LIST(_)) => {
+            MavMessage::PARAM_REQUEST_LIST(_) => {
                 for index in 0..self.transmitter.parameters.len() {
                     self.radio_parameter(link, Some(index));
                 }
             }
-            Received::Message(MavMessage::PARAM_REQUEST_READ(m)) if m.target_component == component => {
+            MavMessage::PARAM_REQUEST_READ(m) if m.target_component == component => {
                 let by_name = || self.transmitter.parameters.index_of(m.param_id.to_str().ok()?);
                 self.radio_parameter(link, usize::try_from(m.param_index).ok().or_else(by_name));
             }
-            Received::Message(MavMessage::PARAM_SET(m)) if m.target_component == component => {
+            MavMessage::PARAM_SET(m) if m.target_component == component => {
                 match self.transmitter.parameters.handle_set(&m) {
                     SetOutcome::Stored(index) | SetOutcome::Refused(index) => {
                         self.radio_parameter(To::All, Some(index));
@@ -197,7 +198,7 @@ impl Vehicle {
                     SetOutcome::Unknown => {}
                 }
             }
-            Received::Message(_) => {}
+            _ => {}
         }
     }
 
@@ -222,7 +223,7 @@ impl Vehicle {
 
     /// Draws the jitter of a radio sample. `meant` are the Euler angles that the body is meant to have, if known.
     pub(crate) fn sample(&mut self, meant: Option<Euler>) {
-        self.jitter.draw((TICK * TICKS_PER_SAMPLE as u32).as_secs_f64());
+        self.jitter.draw(SAMPLE.as_secs_f64());
         self.attitude = if self.airborne() {
             self.jitter.apply(&self.dynamics.attitude, meant)
         } else {

@@ -1,5 +1,7 @@
 //! Onboard parameters and their encodings in the float of PARAM_VALUE and PARAM_SET.
 
+use std::time::Duration;
+
 use mavlink::dialects::ardupilotmega::{MavParamType, PARAM_SET_DATA, PARAM_VALUE_DATA};
 
 use super::config::Firmware;
@@ -66,6 +68,11 @@ impl Parameters {
             Some(Value::Int(v)) => v as f32,
             None => 0.0,
         }
+    }
+
+    /// A parameter in seconds as a duration; what makes none is 0.
+    pub fn seconds(&self, name: &str) -> Duration {
+        Duration::try_from_secs_f32(self.real(name)).unwrap_or_default()
     }
 
     /// Sets a parameter that exists, keeping its type.

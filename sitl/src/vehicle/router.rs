@@ -30,16 +30,6 @@ pub(crate) enum To {
     Link(usize),
 }
 
-/// What a component aboard is handed.
-#[derive(Debug, Clone)]
-pub(crate) enum Received {
-    Message(MavMessage),
-    /// A command whose id has no name; the target component.
-    UnknownCommand {
-        command: u16,
-    },
-}
-
 #[derive(Debug, Clone, Default)]
 struct Link {
     decoder: Decoder,
@@ -81,7 +71,7 @@ impl Router {
     }
 
     /// Takes bytes from a link; returns what is for each component aboard.
-    pub fn receive(&mut self, link: usize, bytes: &[u8]) -> Vec<(Sender, u8, Received)> {
+    pub fn receive(&mut self, link: usize, bytes: &[u8]) -> Vec<(Sender, u8, MavMessage)> {
         if link >= MAX_LINKS {
             return Vec::new();
         }
@@ -97,33 +87,42 @@ impl Router {
         local
     }
 
-    fn dispatch(&mut self, link: usize, frame: Frame, local: &mut Vec<(Sender, u8, Received)>) {
+    fn dispatch(&mut self, link: usize, frame: Frame, local: &mut Vec<(Sender, u8, MavMessage)>) {
         let sender = Sender { link, system_id: frame.system_id, component_id: frame.component_id };
         if frame.system_id == self.system_id && self.components.contains(&frame.component_id) {
             return; // Our own words, come back over a loop between two links.
         }
         self.heard.insert((frame.system_id, frame.component_id), link);
-        let (received, target) = match frame.message() {
-            Some(message) => {
-                let target =
-                    (message.target_system_id().unwrap_or(0), message.target_component_id().unwrap_or(0));
-                (Received::Message(message), target)
+        let Some(message) = frame.message() else {
+            self.links[link].decoder.counters.undecodable += 1;
+            if let Some((command, system, component)) = frame.unknown_command() {
+                self.forward(link, (system, component), frame.bytes);
+                self.refuse(sender, command, (system, component));
             }
-            None => {
-                self.links[link].decoder.counters.undecodable += 1;
-                let Some((command, system, component)) = frame.unknown_command() else { return };
-                (Received::UnknownCommand { command }, (system, component))
-            }
+            return;
         };
+        let target = (message.target_system_id().unwrap_or(0), message.target_component_id().unwrap_or(0));
         self.forward(link, target, frame.bytes);
         if target.0 != 0 && target.0 != self.system_id {
             return;
         }
         for &component in self.components {
             if target.1 == 0 || target.1 == component {
-                local.push((sender, component, received.clone()));
+                local.push((sender, component, message.clone()));
             }
         }
+    }
+
+    /// Answers a command that has no name, if it is for us; for all components, the first speaks.
+    fn refuse(&mut self, to: Sender, command: u16, target: (u8, u8)) {
+        let component = self.components.iter().copied().find(|c| target.1 == 0 || target.1 == *c);
+        let Some(component) = component.filter(|_| target.0 == 0 || target.0 == self.system_id) else {
+            return;
+        };
+        let sequence = self.next_sequence(to.link, component);
+        let from = [self.system_id, component];
+        let frame = wire::encode_unsupported(sequence, from, command, [to.system_id, to.component_id]);
+        self.out.push_back((to.link, frame));
     }
 
     fn forward(&mut self, from: usize, target: (u8, u8), bytes: Vec<u8>) {
@@ -161,14 +160,6 @@ impl Router {
             let sequence = self.next_sequence(link, component);
             self.out.push_back((link, wire::encode(sequence, self.system_id, component, message)));
         }
-    }
-
-    /// Answers a command that has no name.
-    pub fn refuse_unknown(&mut self, to: Sender, component: u8, command: u16) {
-        let sequence = self.next_sequence(to.link, component);
-        let from = [self.system_id, component];
-        let frame = wire::encode_unsupported(sequence, from, command, [to.system_id, to.component_id]);
-        self.out.push_back((to.link, frame));
     }
 
     /// A STATUSTEXT to every link, in as many chunks as it takes.
@@ -269,9 +260,7 @@ mod tests {
         let body = frame.len() - 2;
         let crc = mavlink::calculate_crc(&frame[1..body], MavMessage::extra_crc(76));
         frame[body..].copy_from_slice(&crc.to_le_bytes());
-        let taken = router.receive(0, &frame);
-        assert!(matches!(taken[..], [(_, 1, Received::UnknownCommand { command: 60_001 })]));
-        router.refuse_unknown(taken[0].0, 1, 60_001);
+        assert!(router.receive(0, &frame).is_empty());
         let (_, ack) = router.poll_transmit().unwrap();
         assert_eq!(&ack[10..13], &[0x61, 0xEA, 3]);
         assert_eq!(ack[18..20], [255, 190]);

@@ -13,7 +13,7 @@ use nalgebra::Vector3;
 use serde::Serialize;
 
 use crate::vehicle::autopilot::Mode;
-use crate::vehicle::{TICK, TICKS_PER_SAMPLE, Vehicle, VehicleCounters, VehicleSnapshot, tick_time};
+use crate::vehicle::{TICKS_PER_SAMPLE, Vehicle, VehicleCounters, VehicleSnapshot, tick_time};
 use config::{Error, Reference, WorldConfig};
 use fault::Fault;
 use monitor::{Monitor, Seen};
@@ -40,6 +40,10 @@ pub struct Snapshot {
 }
 
 /// The simulated world. No I/O, no clock: bytes and simulation time go in, frames come out.
+///
+/// The caller's loop: [`World::advance`] to the present simulation time, [`World::handle`] what has arrived (it is
+/// taken to have arrived at the time last advanced to), send what [`World::poll_transmit`] gives until it gives no
+/// more. Advancing in small or in large steps simulates the same.
 #[derive(Debug, Clone)]
 pub struct World {
     config: WorldConfig,
@@ -49,7 +53,8 @@ pub struct World {
     /// I's and J's plan in each slot, and the index of the slot's user.
     plans: Vec<([Reference; 2], usize)>,
     scores: Vec<SlotScore>,
-    outside_slots_s: [f64; 2],
+    /// Samples of radiation in no slot of the plan.
+    outside_slots: [u32; 2],
     monitor: Monitor,
     secrecy_rate_bps: Option<f64>,
     now: Duration,
@@ -84,7 +89,7 @@ impl World {
             eavesdroppers: radio::true_positions(&config.eavesdroppers, config.seed),
             plans,
             scores: vec![SlotScore::default(); config.slots.len()],
-            outside_slots_s: [0.0; 2],
+            outside_slots: [0; 2],
             monitor: Monitor::default(),
             secrecy_rate_bps: None,
             now: Duration::ZERO,
@@ -208,11 +213,8 @@ impl World {
             self.vehicles[k].sample(meant.map(|plan| plan.euler));
         }
         let seen = self.watch();
-        let dt = (TICK * TICKS_PER_SAMPLE as u32).as_secs_f64();
-        for k in 0..2 {
-            if seen[k].power_w.is_some() {
-                self.score_emitter(k, &seen[k], dt);
-            }
+        for (k, vehicle) in seen.iter().enumerate().filter(|(_, v)| v.power_w.is_some()) {
+            self.score_emitter(k, vehicle);
         }
         self.secrecy_rate_bps = None;
         let (Some(power_i), Some(slot)) = (seen[0].power_w, seen[0].slot) else { return };
@@ -231,20 +233,20 @@ impl World {
         let protected = powered && (silent_by_plan || seen[1].slot == Some(slot) && seen[1].in_pose);
         let score = &mut self.scores[slot];
         score.rate.add(rate);
-        score.unprotected_s += if protected { 0.0 } else { dt };
+        score.unprotected += u32::from(!protected);
     }
 
-    fn score_emitter(&mut self, k: usize, seen: &Seen, dt: f64) {
+    fn score_emitter(&mut self, k: usize, seen: &Seen) {
         let (Some(slot), Some(plan)) = (seen.slot, seen.plan) else {
-            self.outside_slots_s[k] += dt;
+            self.outside_slots[k] += 1;
             return;
         };
         let (position_m, control_deg) = seen.error;
         let attitude_deg = self.vehicles[k].attitude().angle_to(&plan.attitude).to_degrees();
         let score = &mut self.scores[slot];
-        score.radiated(k, PoseError { position_m, attitude_deg, control_deg }, dt);
+        score.radiated(k, PoseError { position_m, attitude_deg, control_deg });
         if k == 1 && !seen.in_pose {
-            score.jam_out_of_tolerance_s += dt;
+            score.jam_out_of_tolerance += 1;
         }
     }
 
@@ -273,7 +275,7 @@ impl World {
         FlightReport {
             flight_s: self.now.as_secs_f64(),
             slots: self.scores.iter().zip(&self.config.slots).map(|(s, p)| s.report(p)).collect(),
-            outside_slots_s: self.outside_slots_s.into(),
+            outside_slots_s: self.outside_slots.map(score::seconds).into(),
             violations: self.monitor.violations.clone(),
             min_separation_m: self.monitor.min_separation_m,
         }

@@ -2,11 +2,17 @@
 
 use super::config::PlannedSlot;
 use super::report::SlotReport;
+use crate::vehicle::SAMPLE;
 
 /// Samples in a batch (half a second at 200 Hz): longer than the correlation of gusts and control errors.
 const BATCH: u32 = 100;
 /// Fewer batches say nothing about their spread.
 const FEWEST_BATCHES: f64 = 8.0;
+
+/// The time that a number of radio samples stands for.
+pub(crate) fn seconds(samples: u32) -> f64 {
+    (SAMPLE * samples).as_secs_f64()
+}
 
 /// Mean and standard error of a correlated sequence.
 #[derive(Debug, Clone, Default)]
@@ -85,16 +91,17 @@ pub(crate) struct PoseError {
 #[derive(Debug, Clone, Default)]
 pub(crate) struct SlotScore {
     pub rate: Mean,
-    pub unprotected_s: f64,
-    pub jam_out_of_tolerance_s: f64,
-    radiated_s: [f64; 2],
+    /// Counts of samples: whole numbers do not drift.
+    pub unprotected: u32,
+    pub jam_out_of_tolerance: u32,
+    radiated: [u32; 2],
     errors: [[Rms; 3]; 2],
 }
 
 impl SlotScore {
-    /// A sample of `dt` seconds in which a vehicle radiated.
-    pub fn radiated(&mut self, vehicle: usize, error: PoseError, dt: f64) {
-        self.radiated_s[vehicle] += dt;
+    /// A sample in which a vehicle radiated.
+    pub fn radiated(&mut self, vehicle: usize, error: PoseError) {
+        self.radiated[vehicle] += 1;
         let [position, attitude, control] = &mut self.errors[vehicle];
         position.add(error.position_m);
         attitude.add(error.attitude_deg);
@@ -108,9 +115,9 @@ impl SlotScore {
             planned_secrecy_rate_bps: planned.secrecy_rate_bps,
             achieved_secrecy_rate_bps: self.rate.mean(),
             standard_error_bps: self.rate.standard_error(),
-            radiated_s: self.radiated_s.into(),
-            unprotected_s: self.unprotected_s,
-            jam_out_of_tolerance_s: self.jam_out_of_tolerance_s,
+            radiated_s: self.radiated.map(seconds).into(),
+            unprotected_s: seconds(self.unprotected),
+            jam_out_of_tolerance_s: seconds(self.jam_out_of_tolerance),
             position_rms_m: rms(0),
             attitude_rms_deg: rms(1),
             attitude_control_rms_deg: rms(2),

@@ -1,5 +1,6 @@
 //! The least that can fly a software vehicle: an in-test companion, in virtual time.
-#![allow(dead_code)] // Each test binary uses its own part.
+// Each test binary uses its own part; helpers of tests may panic as tests may.
+#![allow(dead_code, clippy::expect_used)]
 
 use std::time::Duration;
 
@@ -288,7 +289,7 @@ impl Flight {
     }
 
     /// To the poses of a slot, and there for long enough to be on station.
-    pub fn to_slot(&mut self, slot: usize) {
+    pub fn go_to_slot(&mut self, slot: usize) {
         let goals = self.goals(slot);
         self.stream(15_000, goals, Some(slot), |_| {});
     }

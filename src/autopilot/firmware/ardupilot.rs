@@ -7,6 +7,8 @@ const RTL: u8 = 6;
 const LAND: u8 = 9;
 /// Holds without a pilot's throttle; LOITER without one descends.
 const BRAKE: u8 = 17;
+/// Holds with a pilot's throttle at the middle.
+pub(super) const LOITER: Mode = Mode::Other { name: "LOITER", custom_mode: 5 };
 
 /// `FRAME_CLASS` of the 6DoF frame, which tracks roll and pitch apart from position and panics on a quaternion.
 pub(in crate::autopilot) const FRAME_CLASS_6DOF: f64 = 16.0;
@@ -24,7 +26,7 @@ pub(super) fn mode(custom_mode: u32) -> Mode {
         1 => "ACRO",
         2 => "ALT_HOLD",
         3 => "AUTO",
-        5 => "LOITER",
+        5 => return LOITER,
         7 => "CIRCLE",
         11 => "DRIFT",
         13 => "SPORT",
@@ -50,7 +52,7 @@ pub(super) fn mode_number(mode: Mode) -> Option<ModeNumber> {
         Mode::Land => LAND,
         Mode::Return => RTL,
         Mode::Hold => BRAKE,
-        Mode::Other { .. } => return None,
+        Mode::Other { custom_mode, .. } => u8::try_from(custom_mode).ok()?,
     };
     Some(ModeNumber { main, sub: 0 })
 }

@@ -2,6 +2,7 @@
 
 pub mod ardupilot;
 pub mod px4;
+pub(super) mod rotors;
 
 use std::fmt;
 
@@ -105,6 +106,11 @@ impl Firmware {
             Self::Px4 => px4::mode_number(mode),
             Self::ArduPilot => ardupilot::mode_number(mode),
         }
+    }
+
+    /// The mode to ask for when this one is refused. ArduCopter's BRAKE can be left out of a build.
+    pub(super) fn next_best(self, mode: Mode) -> Option<Mode> {
+        (self == Self::ArduPilot && mode == Mode::Hold).then_some(ardupilot::LOITER)
     }
 
     /// Whether setpoints must stream before the companion's mode is accepted.

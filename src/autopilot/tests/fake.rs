@@ -43,18 +43,23 @@ pub struct Fake {
     pub landed: MavLandedState,
     /// Local NED.
     pub position: Vector3<f64>,
+    pub velocity: Vector3<f64>,
     pub target: Option<Vector3<f64>>,
     pub attitude: [f32; 4],
     pub set_mode: Manners,
     pub arming: Manners,
     pub takeoff: Manners,
-    pub parameters: BTreeMap<&'static str, (f32, MavParamType)>,
+    /// A mode that this build does not have.
+    pub missing_mode: Option<u32>,
+    pub parameters: BTreeMap<String, (f32, MavParamType)>,
     pub silent: bool,
     pub estimator: EstimatorStatusFlags,
     pub ekf: EkfStatusFlags,
     /// Streams that never come, whatever is asked for.
     pub mute: Vec<u32>,
     pub received: Vec<(Instant, MavMessage)>,
+    /// Moves by forces instead of following its targets.
+    pub body: Option<super::omnicopter::Body>,
     booted_at: Instant,
     intervals: BTreeMap<u32, (Duration, Instant)>,
     heartbeat_at: Instant,
@@ -84,7 +89,7 @@ pub fn real(value: f32) -> (f32, MavParamType) {
 impl Fake {
     pub fn new(firmware: Firmware) -> Self {
         let parameters = match firmware {
-            Firmware::Px4 => BTreeMap::from([
+            Firmware::Px4 => vec![
                 ("COM_OF_LOSS_T", real(1.0)),
                 ("COM_OBL_RC_ACT", int(5, firmware)),
                 ("FD_FAIL_R", int(0, firmware)),
@@ -93,15 +98,20 @@ impl Fake {
                 ("MAV_TYPE", int(14, firmware)),
                 ("THR_MDL_FAC", real(0.0)),
                 ("LNDMC_Z_VEL_MAX", real(0.3)),
-            ]),
-            Firmware::ArduPilot => BTreeMap::from([
+            ],
+            Firmware::ArduPilot => vec![
                 ("FRAME_CLASS", int(16, firmware)),
                 ("GUID_TIMEOUT", real(3.0)),
                 ("GUID_OPTIONS", int(0, firmware)),
                 ("FS_GCS_ENABLE", int(0, firmware)),
                 ("SCR_ENABLE", int(1, firmware)),
-            ]),
+            ],
         };
+        let mut parameters: BTreeMap<String, _> =
+            parameters.into_iter().map(|(name, value)| (name.to_owned(), value)).collect();
+        if firmware == Firmware::Px4 {
+            parameters.extend(super::omnicopter::rotors());
+        }
         Self {
             firmware,
             address: (1, 1),
@@ -112,17 +122,20 @@ impl Fake {
             armed: false,
             landed: MavLandedState::MAV_LANDED_STATE_ON_GROUND,
             position: Vector3::new(5.0, -3.0, 0.0),
+            velocity: Vector3::zeros(),
             target: None,
             attitude: Attitude::from_euler(0.0, 0.0, 0.3).to_mavlink().map(|c| c as f32),
             set_mode: Manners::Obey,
             arming: Manners::Obey,
             takeoff: Manners::Obey,
+            missing_mode: None,
             parameters,
             silent: false,
             estimator: px4_ready(),
             ekf: EkfStatusFlags::from_bits_retain(1 | 2 | 4 | 8 | 16 | 32 | 256 | 512),
             mute: Vec::new(),
             received: Vec::new(),
+            body: None,
             booted_at: Instant::ZERO,
             intervals: BTreeMap::new(),
             heartbeat_at: Instant::ZERO,
@@ -181,7 +194,7 @@ impl Fake {
             MavMessage::PARAM_REQUEST_READ(p) => self.answer_parameter(p.param_id.to_str().unwrap()),
             MavMessage::PARAM_SET(p) => {
                 let name = p.param_id.to_str().unwrap();
-                if let Some((_, entry)) = self.parameters.iter_mut().find(|(known, _)| **known == name) {
+                if let Some(entry) = self.parameters.get_mut(name) {
                     *entry = (p.param_value, p.param_type);
                     self.answer_parameter(name);
                 }
@@ -196,7 +209,10 @@ impl Fake {
                 if a.type_mask.contains(AttitudeTargetTypemask::ATTITUDE_TARGET_TYPEMASK_THRUST_BODY_SET) {
                     self.live_setpoint(now);
                 }
-                self.attitude = a.q;
+                match &mut self.body {
+                    Some(body) => body.command(a),
+                    None => self.attitude = a.q,
+                }
             }
             _ => {}
         }
@@ -216,7 +232,7 @@ impl Fake {
             param_value: *param_value,
             param_count: 900,
             param_index: 0,
-            param_id: (*name).into(),
+            param_id: name.as_str().into(),
             param_type: *param_type,
         }));
     }
@@ -262,6 +278,9 @@ impl Fake {
                     Firmware::Px4 => (c.param2 as u32) << 16 | (c.param3 as u32) << 24,
                     Firmware::ArduPilot => c.param2 as u32,
                 };
+                if self.missing_mode == Some(wanted) {
+                    return MavResult::MAV_RESULT_UNSUPPORTED;
+                }
                 if wanted == PX4_OFFBOARD && !self.streaming(now) {
                     return MavResult::MAV_RESULT_TEMPORARILY_REJECTED;
                 }
@@ -294,13 +313,19 @@ impl Fake {
         let (latitude, longitude, altitude) =
             (e7(ORIGIN.lat_deg), e7(ORIGIN.lon_deg), (ORIGIN.alt_m * 1e3) as i32);
         let message = match id {
-            32 => MavMessage::LOCAL_POSITION_NED(LOCAL_POSITION_NED_DATA {
-                time_boot_ms,
-                x: self.position.x as f32,
-                y: self.position.y as f32,
-                z: self.position.z as f32,
-                ..Default::default()
-            }),
+            32 => {
+                let noise = self.body.as_ref().map_or_else(Default::default, |body| body.noise);
+                let (position, velocity) = (self.position + noise.0, self.velocity + noise.1);
+                MavMessage::LOCAL_POSITION_NED(LOCAL_POSITION_NED_DATA {
+                    time_boot_ms,
+                    x: position.x as f32,
+                    y: position.y as f32,
+                    z: position.z as f32,
+                    vx: velocity.x as f32,
+                    vy: velocity.y as f32,
+                    vz: velocity.z as f32,
+                })
+            }
             31 => MavMessage::ATTITUDE_QUATERNION(ATTITUDE_QUATERNION_DATA {
                 time_boot_ms,
                 q1: self.attitude[0],
@@ -387,7 +412,13 @@ impl Fake {
             self.lapsed = true;
             self.beat();
         }
-        self.fly();
+        match self.body.take() {
+            Some(mut body) => {
+                body.step(self, STEP.as_secs_f64());
+                self.body = Some(body);
+            }
+            None => self.fly(),
+        }
     }
 
     fn fly(&mut self) {
@@ -517,7 +548,10 @@ impl World {
         if let Some(setpoint) = self.setpoint {
             self.autopilot.set_setpoint(setpoint, now);
         }
-        while self.autopilot.poll_timeout().is_some_and(|(at, _)| at <= now) {
+        let mut turns = 0;
+        while let Some((at, reason)) = self.autopilot.poll_timeout().filter(|(at, _)| *at <= now) {
+            turns += 1;
+            assert!(turns < 20, "{reason}, due at {at:?}, is never done");
             self.autopilot.handle_timeout(now);
         }
         while let Some(message) = self.autopilot.poll_transmit() {
@@ -550,6 +584,14 @@ impl World {
         self.hold_here();
     }
 
+    /// Sets a place above the present one.
+    pub fn climb_to(&mut self, height_m: f64) {
+        self.setpoint = self.setpoint.map(|setpoint| Setpoint {
+            position_enu_m: setpoint.position_enu_m + Vector3::z() * height_m,
+            ..setpoint
+        });
+    }
+
     /// In control, armed and at 10 m.
     pub fn launch(&mut self) {
         self.connect();
@@ -558,6 +600,7 @@ impl World {
         self.autopilot.arm(self.now);
         self.until(10.0, |event| *event == Event::Armed);
         self.autopilot.take_off(10.0, self.now);
+        self.climb_to(10.0);
         self.until(30.0, |event| *event == Event::Airborne);
         self.hold_here();
         self.run(2.0);

@@ -10,7 +10,8 @@ use veilwing_sitl::FlightReport;
 use crate::config::Mission;
 use crate::role::{PerVehicle, Role};
 
-use super::host::{End, Flight, describe_end};
+use super::host::Flight;
+use super::process::{End, describe_end};
 
 /// How a flight ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]

@@ -53,16 +53,16 @@ pub(super) fn write_vehicle(
 ) -> Result<PathBuf, String> {
     let name = role.to_string().to_lowercase();
     let path = directory.join(format!("vehicle-{name}.toml"));
-    // The companion must find it from wherever it runs.
-    let logs = std::path::absolute(directory).map_err(|error| format!("{}: {error}", directory.display()))?;
-    let logs = toml::Value::String(logs.display().to_string());
+    // The companion may run in another directory; TOML's own quoting takes any path.
+    let log_dir = std::path::absolute(directory).unwrap_or_else(|_| directory.to_path_buf());
+    let log_dir = toml::Value::String(log_dir.display().to_string());
     let text = format!(
         "# Written by `veilwing sitl`: the simulated vehicle {role}.\n\
          [vehicle]\nrole = \"{name}\"\n\n\
          [autopilot]\nlink = \"udpout:127.0.0.1:{autopilot_port}\"\nactuation = \"{actuation}\"\nsystem_id = {system_id}\n\n\
          [transmitter]\nkind = \"leased\"\nsimulated = true\n\n\
          [pair]\nlink = \"udpout:127.0.0.1:{pair_port}\"\n\n\
-         [log]\ndir = {logs}\n"
+         [log]\ndir = {log_dir}\n"
     );
     std::fs::write(&path, text).map_err(|error| format!("{}: {error}", path.display()))?;
     Ok(path)

@@ -4,22 +4,19 @@
 
 use std::net::SocketAddr;
 use std::path::Path;
-use std::process::Stdio;
 use std::time::Duration;
 
-use tokio::io::{AsyncBufReadExt, BufReader};
 use tokio::net::UdpSocket;
-use tokio::process::{Child, Command};
 use tokio::sync::mpsc;
 use tokio::time::MissedTickBehavior;
 use veilwing_sitl::{self as sim, World};
 
 use crate::link::clock::Clock;
 use crate::role::{PerVehicle, Role};
-use crate::time::Instant;
 
 use super::faults::{Fault, Faults, Kind};
 use super::files::write_vehicle;
+use super::process::{Companion, End, describe_end, spawn_companion};
 
 /// The world advances in steps of this much wall time.
 const STEP: Duration = Duration::from_millis(2);
@@ -44,17 +41,6 @@ pub(super) struct Setup<'a> {
     pub actuation: PerVehicle<&'static str>,
 }
 
-/// How a companion process ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum End {
-    /// With this exit code.
-    Code(i32),
-    /// By this signal.
-    Signal(i32),
-    /// This process asked it to stop.
-    Stopped,
-}
-
 /// A flight that is over.
 pub(super) struct Flight {
     pub report: sim::FlightReport,
@@ -66,12 +52,6 @@ pub(super) struct Flight {
     pub received: u64,
     /// Datagrams that a fault swallowed.
     pub swallowed: u64,
-}
-
-struct Companion {
-    child: Child,
-    end: Option<End>,
-    asked_to_stop: Option<Instant>,
 }
 
 /// One socket of ours and the companion that was heard on it.
@@ -142,7 +122,7 @@ pub(super) async fn fly(setup: Setup<'_>) -> Result<Flight, String> {
             pair[role].number()?,
             setup.actuation[role],
         )?;
-        spawn_companion(&setup, role, &vehicle, &lines)
+        spawn_companion(setup.mission, setup.directory, setup.speed, role, &vehicle, &lines)
     };
     let companions = PerVehicle { i: spawn(Role::I, 1)?, j: spawn(Role::J, 2)? };
     let clock = Clock::start(setup.speed).map_err(|error| error.to_string())?;
@@ -259,6 +239,9 @@ impl Host<'_> {
                     (None, None, signal) => End::Signal(signal.unwrap_or_default()),
                 };
                 companion.end = Some(end);
+                if end != End::Code(0) {
+                    self.setup.world.inject(sim::Fault::CompanionLost { vehicle: index(role) });
+                }
                 self.first_end.get_or_insert(now);
                 self.say(&format!("{role}  companion {}", describe_end(end)));
             } else if companion.asked_to_stop.is_some_and(|at| self.wall.now() > at + STOP_WITHIN) {
@@ -334,10 +317,7 @@ impl Host<'_> {
         for role in roles {
             let vehicle = index(role);
             match fault.kind {
-                Kind::CompanionKill if on => {
-                    self.signal(role, Signal::KILL);
-                    self.setup.world.inject(sim::Fault::CompanionLost { vehicle });
-                }
+                Kind::CompanionKill if on => self.signal(role, Signal::KILL),
                 Kind::CompanionKill => {}
                 Kind::CompanionStop => self.signal(role, if on { Signal::STOP } else { Signal::CONT }),
                 Kind::LinkLoss => {
@@ -383,74 +363,5 @@ fn index(role: Role) -> usize {
     match role {
         Role::I => 0,
         Role::J => 1,
-    }
-}
-
-/// How a companion ended, in words.
-pub(super) fn describe_end(end: End) -> String {
-    match end {
-        End::Code(0) => "has ended: mission completed".into(),
-        End::Code(code) => format!("has ended with exit code {code}: mission not completed"),
-        End::Signal(signal) => format!("was killed by signal {signal}"),
-        End::Stopped => "was asked to stop".into(),
-    }
-}
-
-fn spawn_companion(
-    setup: &Setup<'_>,
-    role: Role,
-    vehicle: &Path,
-    lines: &mpsc::UnboundedSender<(Role, String)>,
-) -> Result<Companion, String> {
-    let program =
-        std::env::current_exe().map_err(|error| format!("this program cannot find itself: {error}"))?;
-    let mut child = Command::new(program)
-        .args(["--log-format", "json", "fly"])
-        .arg(setup.mission)
-        .arg("--vehicle")
-        .arg(vehicle)
-        .args(["--start", "--clock-rate", &setup.speed.to_string()])
-        .stdin(Stdio::null())
-        .stdout(Stdio::null())
-        .stderr(Stdio::piped())
-        // Ctrl-C reaches this process alone, which then stops the companions in order.
-        .process_group(0)
-        .kill_on_drop(true)
-        .spawn()
-        .map_err(|error| format!("companion {role} cannot start: {error}"))?;
-    let pid = child.id().unwrap_or_default();
-    eprintln!("[    0.0 s] {role}  companion started, process {pid}");
-    let name = role.to_string().to_lowercase();
-    let path = setup.directory.join(format!("companion-{name}.log"));
-    let mut file = std::fs::File::create(&path).map_err(|error| format!("{}: {error}", path.display()))?;
-    if let Some(stderr) = child.stderr.take() {
-        let lines = lines.clone();
-        tokio::spawn(async move {
-            let mut stderr = BufReader::new(stderr).lines();
-            while let Ok(Some(line)) = stderr.next_line().await {
-                // A full disk costs the log, not the flight.
-                let _ = std::io::Write::write_all(&mut file, format!("{line}\n").as_bytes());
-                if let Some(text) = readable(&line)
-                    && lines.send((role, text)).is_err()
-                {
-                    break;
-                }
-            }
-        });
-    }
-    Ok(Companion { child, end: None, asked_to_stop: None })
-}
-
-/// A companion's log line for the operator: its message if it is a log record of information or worse.
-fn readable(line: &str) -> Option<String> {
-    let Ok(record) = serde_json::from_str::<serde_json::Value>(line) else { return Some(line.to_owned()) };
-    let level = record.get("level").and_then(serde_json::Value::as_str).unwrap_or_default();
-    let fields = record.get("fields");
-    let field =
-        |name: &str| fields.and_then(|f| f.get(name)).and_then(serde_json::Value::as_str).unwrap_or_default();
-    match level {
-        "DEBUG" | "TRACE" => None,
-        "INFO" => Some(format!("{:<14} {}", field("phase"), field("message"))),
-        _ => Some(format!("{:<14} {}: {}", field("phase"), level.to_lowercase(), field("message"))),
     }
 }

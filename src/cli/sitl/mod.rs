@@ -5,6 +5,7 @@ mod document;
 mod faults;
 mod files;
 mod host;
+mod process;
 
 use std::path::PathBuf;
 

@@ -82,12 +82,15 @@ impl Record {
         }
     }
 
-    /// Whether `timestamp` may be used: it is on record, or the disk is unable to record anything. A link that
-    /// fell silent over a full disk would be the greater danger.
+    /// Whether `timestamp` is below the ceiling on disk.
     pub fn covers(&self, timestamp: u64) -> bool {
         timestamp <= self.shared.recorded.load(Ordering::Acquire)
-            || self.stalled
-            || self.shared.failing.load(Ordering::Acquire)
+    }
+
+    /// Whether the disk fails or is too slow, so that timestamps must do without a record: a link that fell
+    /// silent over a full disk would be the greater danger.
+    pub fn is_unable(&self) -> bool {
+        self.stalled || self.shared.failing.load(Ordering::Acquire)
     }
 
     /// Leaves `latest` on record, after which the next run need not skip anything.

@@ -39,6 +39,8 @@ pub(super) enum Arrival {
     /// So many bytes from `origin`. With `ends`, nothing that follows completes them: a datagram's end, or a
     /// connection's.
     Bytes { origin: Origin, length: usize, ends: bool },
+    /// Something other than bytes, such as a connection: read again.
+    Headway,
     /// So many bytes from an address that is not the peer's while the peer is alive, or a connection refused.
     Stranger { length: usize },
 }

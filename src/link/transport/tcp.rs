@@ -20,6 +20,8 @@ const CANDIDATES: usize = 8;
 /// How long, and for how many bytes, a connection may try.
 const CANDIDATE_TIME: Duration = Duration::from_secs(5);
 const CANDIDATE_BYTES: usize = 16 * 1024;
+/// How long accepting rests when the system has no room for a connection, rather than ask again at once.
+const ACCEPT_PAUSE: Duration = Duration::from_secs(1);
 
 /// Reads what is there. The connection's end is an error.
 pub(super) fn poll_read_stream<S: AsyncRead + Unpin>(
@@ -85,6 +87,8 @@ pub struct TcpIn {
     peer: Option<(TcpStream, Instant)>,
     candidates: Vec<Candidate>,
     next_id: u64,
+    /// Before this, no connection is accepted.
+    paused_until: Instant,
 }
 
 struct Candidate {
@@ -98,7 +102,7 @@ impl TcpIn {
     /// Binds to the host's port and listens.
     pub async fn bind(at: &HostPort) -> io::Result<Self> {
         let listener = TcpListener::bind((at.host.as_str(), at.port)).await?;
-        Ok(Self { listener, peer: None, candidates: Vec::new(), next_id: 0 })
+        Ok(Self { listener, peer: None, candidates: Vec::new(), next_id: 0, paused_until: Instant::ZERO })
     }
 
     fn peer_is_alive(&self, now: Instant) -> bool {
@@ -106,12 +110,16 @@ impl TcpIn {
     }
 
     fn poll_accept(&mut self, cx: &mut Context<'_>, now: Instant) -> Poll<io::Result<Arrival>> {
+        if now < self.paused_until {
+            return Poll::Pending;
+        }
         let (stream, _) = match ready!(self.listener.poll_accept(cx)) {
             Ok(connection) => connection,
             // Out of file descriptors, or a connection gone before it was accepted: not the listener's end.
             Err(error) => {
-                tracing::debug!(%error, "tcpin: a connection could not be accepted");
-                return Poll::Ready(Ok(Arrival::Stranger { length: 0 }));
+                tracing::warn!(%error, "tcpin: a connection could not be accepted");
+                self.paused_until = now + ACCEPT_PAUSE;
+                return Poll::Ready(Ok(Arrival::Headway));
             }
         };
         if self.peer_is_alive(now) || stream.set_nodelay(true).is_err() {
@@ -120,11 +128,7 @@ impl TcpIn {
         let evicted = (self.candidates.len() == CANDIDATES).then(|| self.candidates.remove(0));
         self.candidates.push(Candidate { id: self.next_id, stream, since: now, bytes: 0 });
         self.next_id += 1;
-        match evicted {
-            Some(candidate) => Poll::Ready(Ok(candidate.gone())),
-            // Come again: the listener and the newcomer have to register for wake-ups.
-            None => Poll::Ready(Ok(Arrival::Bytes { origin: Origin::Peer, length: 0, ends: false })),
-        }
+        Poll::Ready(Ok(evicted.map_or(Arrival::Headway, Candidate::gone)))
     }
 
     fn poll_candidates(&mut self, cx: &mut Context<'_>, now: Instant, buffer: &mut [u8]) -> Poll<Arrival> {

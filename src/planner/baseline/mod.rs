@@ -38,7 +38,7 @@ const SHARPNESS: f64 = 2e4;
 /// Plans by one of the paper's methods.
 pub(super) fn plan(setup: &Setup, method: Method, options: &Options) -> Found {
     let chart = chart(setup, method);
-    let draws = if setup.is_uncertain() { DRAWS } else { 1 };
+    let draws = if setup.heeds_uncertainty() { DRAWS } else { 1 };
     let samples = Samples::new(setup.problem, SAMPLES, draws, sobol::mix(options.seed, 1), Sequence::Sobol);
     let starts = options.starts.unwrap_or(1).max(1);
     let ends = parallel::map(options.threads, starts, |memory: &mut Memory, index| {
@@ -58,7 +58,7 @@ pub(super) fn plan(setup: &Setup, method: Method, options: &Options) -> Found {
 
 fn climb(setup: &Setup, chart: &Chart, samples: &Samples, start: &Raw, memory: &mut Memory) -> Option<Local> {
     let solver = Solver::InteriorPoint(interior_point::Settings::default());
-    if setup.jitters() || setup.is_uncertain() {
+    if setup.jitters() || setup.heeds_uncertainty() {
         return memory.maximise(setup, chart, Target::Mean { samples, clip: false }, start, &solver);
     }
     memory.maximise(setup, chart, Target::Exact(SHARPNESS), start, &solver)
@@ -97,7 +97,7 @@ fn start(setup: &Setup, method: Method, index: usize, seed: u64) -> Raw {
             let ground = problem.user_enu_m.xy() + if v == 0 { 0.0 * middle } else { middle };
             setup.allowed(Vector3::new(ground.x, ground.y, low + 0.1 * (high - low)))
         } else {
-            let (x, y) = uniform_in(setup, &mut rng);
+            let (x, y) = setup.uniform(&mut rng);
             Vector3::new(x, y, rng.random_range(low..=high))
         };
         let (roll, pitch) = if guided || method == Method::Conventional {
@@ -111,24 +111,4 @@ fn start(setup: &Setup, method: Method, index: usize, seed: u64) -> Raw {
             .copy_from_slice(&[position.x, position.y, position.z, roll, pitch, 0.0, power]);
     }
     raw
-}
-
-/// A point drawn uniformly from the geofence: by rejection from its bounding box, at most so often.
-pub(super) fn uniform_in(setup: &Setup, rng: &mut ChaCha8Rng) -> (f64, f64) {
-    let polygon = setup.region.polygon();
-    let bounds = |axis: usize| {
-        polygon
-            .iter()
-            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), p| (low.min(p[axis]), high.max(p[axis])))
-    };
-    let ((x0, x1), (y0, y1)) = (bounds(0), bounds(1));
-    let mut p = polygon[0];
-    for _ in 0..100 {
-        p = nalgebra::Vector2::new(rng.random_range(x0..=x1), rng.random_range(y0..=y1));
-        if setup.region.contains(p, 0.0) {
-            break;
-        }
-    }
-    let p = setup.region.nearest(p);
-    (p.x, p.y)
 }

@@ -234,7 +234,21 @@ fn strongest(nodes: &[Node], y: [&[Lane; 3]; 2]) -> Strongest {
     best
 }
 
-/// The arguments of [`Workspace::mean`], for the choice of vector width.
+fn desired(raw: &Raw) -> [Desired; 2] {
+    [Desired::new(&raw[ANGLES..]), Desired::new(&raw[VEHICLE + ANGLES..])]
+}
+
+/// Adds up the lanes.
+#[inline(always)]
+fn reduce(sums: &[Sums; 2], scale: f64, out: &mut Raw) {
+    for (vehicle, sums) in sums.iter().enumerate() {
+        for (slot, lane) in out[vehicle * VEHICLE..].iter_mut().zip(sums) {
+            *slot = lane.iter().sum::<f64>() * scale;
+        }
+    }
+}
+
+/// [`Workspace::mean`] in the vectors of the caller.
 struct Mean<'a> {
     workspace: &'a mut Workspace,
     scene: &'a Scene,
@@ -249,7 +263,51 @@ impl pulp::NullaryFnOnce for Mean<'_> {
 
     #[inline(always)]
     fn call(self) -> f64 {
-        self.workspace.mean_in_vectors(self.scene, self.samples, self.raw, self.clip, self.gradient)
+        let desired = desired(self.raw);
+        let scale = 1.0 / self.samples.len() as f64;
+        let mut total = 0.0;
+        if let Some(gradient) = self.gradient {
+            let mut sums = [[[0.0; LANES]; 7]; 2];
+            for (draw, blocks) in self.samples.draws() {
+                self.workspace.place(self.scene, draw, self.raw);
+                total += self.workspace.draw(&desired, blocks, self.clip, Some(&mut sums));
+            }
+            reduce(&sums, scale, gradient);
+        } else {
+            for (draw, blocks) in self.samples.draws() {
+                self.workspace.place(self.scene, draw, self.raw);
+                total += self.workspace.draw(&desired, blocks, self.clip, None);
+            }
+        }
+        total * scale
+    }
+}
+
+/// [`Workspace::mean_of_draws`] in the vectors of the caller.
+struct MeanOfDraws<'a, F> {
+    workspace: &'a mut Workspace,
+    scene: &'a Scene,
+    samples: &'a Samples,
+    raw: &'a Raw,
+    clip: bool,
+    visit: F,
+}
+
+impl<F: FnMut(f64, &Raw)> pulp::NullaryFnOnce for MeanOfDraws<'_, F> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(mut self) {
+        let desired = desired(self.raw);
+        for (draw, blocks) in self.samples.draws() {
+            let mut sums = [[[0.0; LANES]; 7]; 2];
+            let mut gradient = [0.0; 14];
+            let scale = 1.0 / (blocks.len() * LANES) as f64;
+            self.workspace.place(self.scene, draw, self.raw);
+            let total = self.workspace.draw(&desired, blocks, self.clip, Some(&mut sums));
+            reduce(&sums, scale, &mut gradient);
+            (self.visit)(total * scale, &gradient);
+        }
     }
 }
 
@@ -269,51 +327,44 @@ impl Workspace {
         pulp::Arch::new().dispatch(Mean { workspace: self, scene, samples, raw, clip, gradient })
     }
 
-    #[inline(always)]
-    fn mean_in_vectors(
+    /// Mean of each draw in nats per hertz, and its gradient, through `visit`.
+    pub fn mean_of_draws(
         &mut self,
         scene: &Scene,
         samples: &Samples,
         raw: &Raw,
         clip: bool,
-        gradient: Option<&mut Raw>,
+        visit: impl FnMut(f64, &Raw),
+    ) {
+        pulp::Arch::new().dispatch(MeanOfDraws { workspace: self, scene, samples, raw, clip, visit });
+    }
+
+    /// Adds a draw's blocks to `sums` (if the gradient is wanted) and returns its total in nats per hertz.
+    #[inline(always)]
+    fn draw(
+        &mut self,
+        desired: &[Desired; 2],
+        blocks: &[[Noise; 2]],
+        clip: bool,
+        mut sums: Option<&mut [Sums; 2]>,
     ) -> f64 {
-        let desired = [Desired::new(&raw[ANGLES..]), Desired::new(&raw[VEHICLE + ANGLES..])];
-        let mut sums = [[[0.0; LANES]; 7]; 2];
-        let want_gradient = gradient.is_some();
-        let per_draw = samples.blocks_per_draw();
         let mut total = 0.0;
-        for (draw, blocks) in samples.draws.iter().zip(samples.noise.chunks(per_draw.max(1))) {
-            self.place(scene, draw, raw);
-            for noise in blocks {
-                let axes = [desired[0].axes(&noise[0]), desired[1].axes(&noise[1])];
-                let ratio = if want_gradient {
-                    self.block_gradient(&axes, clip, &mut sums)
-                } else {
-                    self.block(&axes, clip)
-                };
-                // One logarithm for the block: a ratio is below 2^120, eight of them far below the largest number.
-                total += ratio.iter().product::<f64>().ln();
-            }
+        for noise in blocks {
+            let axes = [desired[0].axes(&noise[0]), desired[1].axes(&noise[1])];
+            let ratio = match sums.as_deref_mut() {
+                Some(sums) => self.block_gradient(&axes, clip, sums),
+                None => self.block(&axes, clip),
+            };
+            // One logarithm for the block: a ratio is below 2^120, eight of them far below the largest number.
+            total += ratio.iter().product::<f64>().ln();
         }
-        let scale = 1.0 / samples.len() as f64;
-        if let Some(out) = gradient {
-            for (vehicle, sums) in sums.iter().enumerate() {
-                for (slot, lane) in out[vehicle * VEHICLE..].iter_mut().zip(sums) {
-                    *slot = lane.iter().sum::<f64>() * scale;
-                }
-            }
-        }
-        total * scale
+        total
     }
 
     /// f of every sample in nats per hertz, draw by draw, through `visit(draw, f)`.
     pub fn each(&mut self, scene: &Scene, samples: &Samples, raw: &Raw, mut visit: impl FnMut(usize, f64)) {
-        let desired = [Desired::new(&raw[ANGLES..]), Desired::new(&raw[VEHICLE + ANGLES..])];
-        let per_draw = samples.blocks_per_draw();
-        for (index, (draw, blocks)) in
-            samples.draws.iter().zip(samples.noise.chunks(per_draw.max(1))).enumerate()
-        {
+        let desired = desired(raw);
+        for (index, (draw, blocks)) in samples.draws().enumerate() {
             self.place(scene, draw, raw);
             for noise in blocks {
                 let axes = [desired[0].axes(&noise[0]), desired[1].axes(&noise[1])];
@@ -398,5 +449,62 @@ impl Workspace {
             turn(&mut sums[vehicle], &axes[vehicle], &force);
         }
         ratio
+    }
+}
+
+/// Both antennas of a configuration at every sample of a shared set: what a search over a node's position needs.
+#[derive(Debug, Clone)]
+pub struct Beams {
+    axes: Vec<[[Lane; 3]; 2]>,
+    raw: Raw,
+    scene: Scene,
+}
+
+impl Beams {
+    /// The antennas of `raw`.
+    #[must_use]
+    pub fn new(scene: &Scene, samples: &Samples, raw: &Raw) -> Self {
+        let desired = desired(raw);
+        let blocks = samples.draws().next().map(|(_, blocks)| blocks).unwrap_or_default();
+        let axes = blocks.iter().map(|noise| [0, 1].map(|v: usize| desired[v].axes(&noise[v]).y)).collect();
+        Self { axes, raw: *raw, scene: scene.clone() }
+    }
+
+    /// Number of samples.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.axes.len() * LANES
+    }
+
+    /// Whether there are none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.axes.is_empty()
+    }
+
+    /// Appends the SINR at `node` for every sample.
+    pub fn sinr(&self, node: &Vector3<f64>, out: &mut Vec<f64>) {
+        let node = [node.x, node.y, node.z];
+        let link = [POWER, VEHICLE + POWER].map(|at| {
+            let vehicle = &self.raw[at - POWER..];
+            Link::new(vehicle, &node, self.scene.budget_m2_w * self.raw[at].max(0.0))
+        });
+        for y in &self.axes {
+            let (a, b) = (power(&link[0], &y[0]), power(&link[1], &y[1]));
+            let mut sinr = [0.0; LANES];
+            for l in 0..LANES {
+                sinr[l] = a[l] / (1.0 + b[l]);
+            }
+            out.extend_from_slice(&sinr);
+        }
+    }
+
+    /// E ln(1 + Gamma_0) in nats per hertz.
+    #[must_use]
+    pub fn user_mean(&self) -> f64 {
+        let [x, y, z] = self.scene.user;
+        let mut sinr = Vec::with_capacity(self.len());
+        self.sinr(&Vector3::new(x, y, z), &mut sinr);
+        sinr.iter().map(|s| s.ln_1p()).sum::<f64>() / self.len().max(1) as f64
     }
 }

@@ -6,12 +6,13 @@ pub mod normal;
 pub mod samples;
 pub mod sobol;
 
-use super::PlanError;
 use super::plan::VehiclePlan;
-use super::problem::Problem;
+use super::problem::{Objective, Problem};
 use super::setup::Setup;
+use super::{PlanError, robust};
 use crate::radio::link::{self, Transmitter};
 use crate::role::PerVehicle;
+use kernel::Raw;
 use samples::{LANES, Samples, Sequence};
 
 /// How a plan is scored.
@@ -38,6 +39,9 @@ pub struct Evaluation {
     pub secrecy_rate_bps: f64,
     /// Standard error of `secrecy_rate_bps`, from independent scrambles; 0 without anything random.
     pub standard_error_bps: f64,
+    /// The mission's objective, bit/s: `secrecy_rate_bps` itself, or over uncertain positions the rate at the estimates
+    /// (nominal), the 5% quantile, or the worst case over the discs (a local search: an upper estimate of it).
+    pub objective_rate_bps: f64,
     /// E of the signed rate, [.]^+ dropped (paper 3b), bit/s.
     pub signed_rate_bps: f64,
     /// SINR of the user at the desired attitude, linear.
@@ -50,6 +54,10 @@ pub struct Evaluation {
 const SCRAMBLES: usize = 16;
 /// Samples that share a draw of uncertain positions.
 const PER_DRAW: usize = 2 * LANES;
+/// Most draws of the positions for a quantile.
+const QUANTILE_DRAWS: usize = 512;
+/// Most samples for a worst case.
+const WORST_SAMPLES: usize = 4096;
 
 /// Scores poses and powers under the problem's model (2.2b): the mean over samples of both attitudes' noise and, where
 /// positions are uncertain, of the positions.
@@ -74,10 +82,20 @@ pub fn evaluate(
             most: f64::MAX,
         });
     }
-    Ok(score(&setup, vehicles, options))
+    let mut evaluation = score(&setup, vehicles, options);
+    if setup.is_uncertain() {
+        let to_bps = problem.radio.bandwidth_hz / std::f64::consts::LN_2;
+        evaluation.objective_rate_bps = match problem.objective {
+            Objective::Mean => evaluation.secrecy_rate_bps,
+            Objective::Nominal => to_bps * mean_and_error(&scrambles(&setup, &raw, options, 1).0).0,
+            Objective::Quantile => to_bps * quantile(&setup, &raw, options),
+            Objective::WorstCase => to_bps * worst_case(&setup, &raw, options),
+        };
+    }
+    Ok(evaluation)
 }
 
-/// [`evaluate`] of a checked problem.
+/// [`evaluate`] of a checked problem, `objective_rate_bps` being the mean.
 pub(super) fn score(
     setup: &Setup,
     vehicles: &PerVehicle<VehiclePlan>,
@@ -85,28 +103,14 @@ pub(super) fn score(
 ) -> Evaluation {
     let problem = setup.problem;
     let raw = Setup::raw(vehicles);
-    let bandwidth = problem.radio.bandwidth_hz;
     let (clipped, signed) = if setup.jitters() || setup.is_uncertain() {
-        let per_scramble = options.samples.div_ceil(SCRAMBLES).max(LANES);
-        let draws = if setup.is_uncertain() { (per_scramble / PER_DRAW).max(1) } else { 1 };
-        let mut workspace = kernel::Workspace::default();
-        (0..SCRAMBLES as u64)
-            .map(|scramble| {
-                let seed = sobol::mix(options.seed, scramble);
-                let samples = Samples::new(problem, per_scramble, draws, seed, options.sequence);
-                let (mut clipped, mut signed) = (0.0, 0.0);
-                workspace.each(&setup.scene, &samples, &raw, |_, f| {
-                    clipped += f.max(0.0);
-                    signed += f;
-                });
-                (clipped / samples.len() as f64, signed / samples.len() as f64)
-            })
-            .unzip()
+        let draws = if setup.is_uncertain() { per_scramble(options).div_ceil(PER_DRAW).max(2) } else { 1 };
+        scrambles(setup, &raw, options, draws)
     } else {
         let f = exact::Exact::default().value(&setup.scene, setup.eavesdroppers(), &raw, f64::INFINITY, None);
         (vec![f.max(0.0)], vec![f])
     };
-    let to_bps = bandwidth / std::f64::consts::LN_2;
+    let to_bps = problem.radio.bandwidth_hz / std::f64::consts::LN_2;
     let (rate, error) = mean_and_error(&clipped);
     let [i, j] = [&vehicles.i, &vehicles.j].map(|v| Transmitter {
         position_enu_m: v.pose.position_enu_m,
@@ -117,10 +121,63 @@ pub(super) fn score(
     Evaluation {
         secrecy_rate_bps: rate * to_bps,
         standard_error_bps: error * to_bps,
+        objective_rate_bps: rate * to_bps,
         signed_rate_bps: mean_and_error(&signed).0 * to_bps,
         user_sinr: sinr(&problem.user_enu_m),
         eavesdropper_sinr: problem.eavesdroppers.iter().map(|e| sinr(&e.position_enu_m)).collect(),
     }
+}
+
+fn per_scramble(options: &EvaluateOptions) -> usize {
+    options.samples.div_ceil(SCRAMBLES).max(LANES)
+}
+
+/// Means of max(f, 0) and of f by each scramble, nats per hertz.
+fn scrambles(setup: &Setup, raw: &Raw, options: &EvaluateOptions, draws: usize) -> (Vec<f64>, Vec<f64>) {
+    let mut workspace = kernel::Workspace::default();
+    (0..SCRAMBLES as u64)
+        .map(|scramble| {
+            let seed = sobol::mix(options.seed, scramble);
+            let samples = Samples::new(setup.problem, per_scramble(options), draws, seed, options.sequence);
+            let (mut clipped, mut signed) = (0.0, 0.0);
+            workspace.each(&setup.scene, &samples, raw, |_, f| {
+                clipped += f.max(0.0);
+                signed += f;
+            });
+            (clipped / samples.len() as f64, signed / samples.len() as f64)
+        })
+        .unzip()
+}
+
+/// The 5% quantile over draws of the positions of the mean over attitudes, nats per hertz.
+fn quantile(setup: &Setup, raw: &Raw, options: &EvaluateOptions) -> f64 {
+    let draws = (options.samples / 32).clamp(20, QUANTILE_DRAWS);
+    let positions = Samples::positions(setup.problem, draws, sobol::mix(options.seed, 2));
+    let samples = Samples::shared(setup.problem, options.samples.div_ceil(draws), positions, options.seed);
+    let mut rates = clipped_by_draw(setup, raw, &samples, draws);
+    rates.sort_by(f64::total_cmp);
+    // Between the two ranks whose middles enclose the quantile.
+    let rank = (robust::QUANTILE * draws as f64 - 0.5).max(0.0);
+    let low = (rank.floor() as usize).min(draws - 1);
+    let high = (low + 1).min(draws - 1);
+    rates[low] + (rank - rank.floor()) * (rates[high] - rates[low])
+}
+
+/// The mean over attitudes at the worst positions found, nats per hertz.
+fn worst_case(setup: &Setup, raw: &Raw, options: &EvaluateOptions) -> f64 {
+    let estimates: Vec<_> = setup.problem.eavesdroppers.iter().map(|e| e.position_enu_m).collect();
+    let count = options.samples.clamp(LANES, WORST_SAMPLES);
+    let samples = Samples::shared(setup.problem, count, vec![estimates], options.seed);
+    let (worst, _) = robust::worst_positions(setup, raw, &samples, &[]);
+    let samples = Samples::shared(setup.problem, options.samples, vec![worst], options.seed);
+    clipped_by_draw(setup, raw, &samples, 1)[0]
+}
+
+fn clipped_by_draw(setup: &Setup, raw: &Raw, samples: &Samples, draws: usize) -> Vec<f64> {
+    let mut rates = vec![0.0; draws];
+    kernel::Workspace::default().each(&setup.scene, samples, raw, |draw, f| rates[draw] += f.max(0.0));
+    let per_draw = (samples.len() / draws) as f64;
+    rates.iter().map(|r| r / per_draw).collect()
 }
 
 /// Mean of independent estimates and its standard error (0 of a single one).

@@ -34,56 +34,112 @@ pub enum Noise {
 #[derive(Debug, Clone)]
 pub struct Samples {
     /// Noise per block and vehicle (I, J).
-    pub noise: Vec<[Noise; 2]>,
-    /// Draws of all eavesdroppers' positions; a single one (the estimates) when nothing is uncertain. Consecutive
-    /// runs of `noise.len() / draws.len()` blocks share a draw.
-    pub draws: Vec<Vec<Vector3<f64>>>,
+    noise: Vec<[Noise; 2]>,
+    /// Draws of all eavesdroppers' positions; a single one (the estimates) when nothing is uncertain.
+    draws: Vec<Vec<Vector3<f64>>>,
+    /// Blocks of noise per draw.
+    per_draw: usize,
+    /// Whether every draw meets the same blocks, rather than blocks of its own.
+    shared: bool,
 }
 
 /// First dimension of the sequence that moves positions; attitude noise comes before.
 const POSITION_DIMENSION: usize = 8;
 
+/// A coordinate of a point, by index and dimension.
+fn uniform(sequence: Sequence, seed: u64) -> impl Fn(usize, usize) -> f64 {
+    let set = sobol::Scrambled::new(seed);
+    move |index, dimension| match sequence {
+        Sequence::Sobol => set.coordinate(index as u32, dimension),
+        Sequence::MonteCarlo => {
+            let word = sobol::mix(sobol::mix(seed, dimension as u64), index as u64);
+            ((word >> 11) as f64 + 0.5) / 53f64.exp2()
+        }
+    }
+}
+
 impl Samples {
-    /// `count` samples (rounded up to whole blocks) with `draws` draws of the positions (1: the estimates).
-    ///
-    /// Without jitter a draw needs one block, all of whose lanes are equal.
+    /// `count` samples (rounded up to whole blocks) over `draws` draws of the positions, each with noise of its own: for
+    /// a mean over both. One draw is the estimates.
     #[must_use]
     pub fn new(problem: &Problem, count: usize, draws: usize, seed: u64, sequence: Sequence) -> Self {
         let draws = draws.max(1);
-        let runs = count.div_ceil(LANES * draws).max(1);
-        let set = sobol::Scrambled::new(seed);
-        let uniform = |index: usize, dimension: usize| match sequence {
-            Sequence::Sobol => set.coordinate(index as u32, dimension),
-            Sequence::MonteCarlo => {
-                let word = sobol::mix(sobol::mix(seed, dimension as u64), index as u64);
-                ((word >> 11) as f64 + 0.5) / 53f64.exp2()
-            }
-        };
-        let noise = (0..draws * runs).map(|block| block_noise(&problem.jitter, block, &uniform)).collect();
+        let per_draw = count.div_ceil(LANES * draws).max(1);
+        let uniform = uniform(sequence, seed);
+        let noise =
+            (0..draws * per_draw).map(|block| block_noise(&problem.jitter, block, &uniform)).collect();
         let draws = if draws == 1 {
             vec![problem.eavesdroppers.iter().map(|e| e.position_enu_m).collect()]
         } else {
             (0..draws).map(|draw| positions(&problem.eavesdroppers, draw, &uniform)).collect()
         };
-        Self { noise, draws }
+        Self { noise, draws, per_draw, shared: false }
+    }
+
+    /// `count` noise samples (rounded up to whole blocks; one block without jitter) that each of `draws` meets: for
+    /// comparing the rates of draws.
+    #[must_use]
+    pub fn shared(problem: &Problem, count: usize, draws: Vec<Vec<Vector3<f64>>>, seed: u64) -> Self {
+        let count = if jitter::is_present(&problem.jitter) { count } else { 1 };
+        let uniform = uniform(Sequence::Sobol, seed);
+        let noise: Vec<_> = (0..count.div_ceil(LANES).max(1))
+            .map(|block| block_noise(&problem.jitter, block, &uniform))
+            .collect();
+        Self { per_draw: noise.len(), noise, draws, shared: true }
+    }
+
+    /// `count` draws of the positions.
+    #[must_use]
+    pub fn positions(problem: &Problem, count: usize, seed: u64) -> Vec<Vec<Vector3<f64>>> {
+        let uniform = uniform(Sequence::Sobol, seed);
+        (0..count).map(|draw| positions(&problem.eavesdroppers, draw, &uniform)).collect()
+    }
+
+    /// The first `count` samples (rounded up to whole draws): of a Sobol set, itself one.
+    #[must_use]
+    pub fn first(&self, count: usize) -> Self {
+        let blocks = count.div_ceil(LANES).clamp(1, self.noise.len());
+        if self.draws.len() == 1 {
+            return Self {
+                noise: self.noise[..blocks].to_vec(),
+                draws: self.draws.clone(),
+                per_draw: blocks,
+                ..*self
+            };
+        }
+        let draws = blocks.div_ceil(self.per_draw);
+        Self {
+            noise: self.noise[..draws * self.per_draw].to_vec(),
+            draws: self.draws[..draws].to_vec(),
+            ..*self
+        }
     }
 
     /// Number of samples.
     #[must_use]
     pub fn len(&self) -> usize {
-        self.noise.len() * LANES
+        self.draws.len() * self.per_draw * LANES
     }
 
     /// Whether there are none.
     #[must_use]
     pub fn is_empty(&self) -> bool {
-        self.noise.is_empty()
+        self.draws.is_empty()
     }
 
-    /// Blocks that share a draw of the positions.
-    #[must_use]
-    pub fn blocks_per_draw(&self) -> usize {
-        self.noise.len() / self.draws.len().max(1)
+    /// Each draw with its blocks of noise.
+    pub fn draws(&self) -> impl Iterator<Item = (&[Vector3<f64>], &[[Noise; 2]])> {
+        self.draws.iter().enumerate().map(|(draw, positions)| {
+            let from = if self.shared { 0 } else { draw * self.per_draw };
+            (positions.as_slice(), &self.noise[from..from + self.per_draw])
+        })
+    }
+
+    /// Adds a draw to a shared set.
+    pub fn push_draw(&mut self, positions: Vec<Vector3<f64>>) {
+        if self.shared {
+            self.draws.push(positions);
+        }
     }
 }
 

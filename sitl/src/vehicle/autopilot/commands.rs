@@ -6,13 +6,16 @@ use mavlink::MessageData;
 use mavlink::dialects::ardupilotmega::*;
 
 use super::super::router::{Router, Sender, To};
-use super::{Autopilot, COMPONENT, Mode, telemetry};
+use super::{Autopilot, COMPONENT, Mode, streams};
 use crate::vehicle::config::Firmware;
 
 /// The magic number of MAV_CMD_COMPONENT_ARM_DISARM's second parameter.
 const FORCE: f32 = 21_196.0;
 /// ArduCopter's main loop: no stream is faster.
 const FASTEST_INTERVAL: Duration = Duration::from_micros(2500);
+
+/// A day: a longer interval is no stream any more.
+const SLOWEST_INTERVAL: Duration = Duration::from_secs(86_400);
 
 /// A command of either message, as far as both have it.
 struct Command {
@@ -135,12 +138,9 @@ impl Autopilot {
         let Some(sensed) = self.sensed else { return self.refusal() };
         self.armed = true;
         self.home_enu_m = sensed.position_enu_m;
-        let mode = self.mode;
+        let (mode, takeoff) = (self.mode, self.flight.takeoff_altitude_enu_m);
         self.enter(mode, &sensed);
-        self.flight.begin(now);
-        if mode == Mode::Takeoff {
-            self.flight.take_off_to(self.home_enu_m.z + f64::from(self.parameters.real("MIS_TAKEOFF_ALT")));
-        }
+        self.flight.begin(now, takeoff);
         self.text(MavSeverity::MAV_SEVERITY_INFO, "Armed by command", router);
         MavResult::MAV_RESULT_ACCEPTED
     }
@@ -177,8 +177,8 @@ impl Autopilot {
             self.enter(mode, &sensed);
         }
         if mode == Mode::Takeoff {
-            self.flight
-                .take_off_to(sensed.position_enu_m.z + f64::from(self.parameters.real("MIS_TAKEOFF_ALT")));
+            let above_m = f64::from(self.parameters.real("MIS_TAKEOFF_ALT"));
+            self.flight.takeoff_altitude_enu_m = Some(sensed.position_enu_m.z + above_m);
         }
         self.resumes = false;
         MavResult::MAV_RESULT_ACCEPTED
@@ -208,7 +208,7 @@ impl Autopilot {
             Firmware::Px4 => {
                 let result = self.command_mode(Mode::Takeoff, now, router);
                 if result == MavResult::MAV_RESULT_ACCEPTED {
-                    self.flight.take_off_to(altitude_enu_m);
+                    self.flight.takeoff_altitude_enu_m = Some(altitude_enu_m);
                 }
                 result
             }
@@ -217,7 +217,7 @@ impl Autopilot {
                     return MavResult::MAV_RESULT_FAILED;
                 }
                 self.enter(Mode::Companion, &sensed);
-                self.flight.take_off_to(altitude_enu_m);
+                self.flight.takeoff_altitude_enu_m = Some(altitude_enu_m);
                 MavResult::MAV_RESULT_ACCEPTED
             }
         }
@@ -227,17 +227,17 @@ impl Autopilot {
         let (Some(id), true) = (message_id(id), interval_us.is_finite()) else {
             return MavResult::MAV_RESULT_DENIED;
         };
-        if !self.streams_message(id) {
+        if !streams::has_stream(id, self.firmware) {
             return self.unknown_message();
         }
         let firmware = self.firmware;
-        let streams = self.streams.entry(link).or_insert_with(|| telemetry::Streams::new(firmware, now));
+        let streams = self.streams.entry(link).or_insert_with(|| streams::Streams::new(firmware, now));
         if interval_us < 0.0 {
             streams.stop(id);
         } else if interval_us == 0.0 {
             streams.set_default(id, firmware, now);
         } else {
-            let asked = Duration::from_secs_f64(f64::from(interval_us) * 1e-6);
+            let asked = Duration::from_micros(interval_us as u64).min(SLOWEST_INTERVAL);
             if asked < FASTEST_INTERVAL && firmware == Firmware::ArduCopter {
                 return MavResult::MAV_RESULT_DENIED;
             }

@@ -35,7 +35,8 @@ pub(crate) enum Guidance {
 pub(super) struct Flight {
     hold_enu_m: Vector3<f64>,
     heading_rad: f64,
-    takeoff_altitude_enu_m: Option<f64>,
+    /// A take-off that has been ordered and is not over.
+    pub takeoff_altitude_enu_m: Option<f64>,
     /// Landing gear in contact since.
     contact_since: Option<Duration>,
     armed_at: Duration,
@@ -65,15 +66,13 @@ impl Flight {
         self.over_home = false;
     }
 
-    pub fn take_off_to(&mut self, altitude_enu_m: f64) {
-        self.takeoff_altitude_enu_m = Some(altitude_enu_m);
-    }
-
     pub fn taking_off(&self) -> bool {
         self.takeoff_altitude_enu_m.is_some()
     }
 
-    pub fn begin(&mut self, now: Duration) {
+    /// Armed, with the take-off that had been ordered before, if any.
+    pub fn begin(&mut self, now: Duration, takeoff_altitude_enu_m: Option<f64>) {
+        self.takeoff_altitude_enu_m = takeoff_altitude_enu_m;
         self.armed_at = now;
         self.flown = false;
     }
@@ -197,7 +196,7 @@ impl Autopilot {
             Firmware::Px4 => "COM_OF_LOSS_T",
             Firmware::ArduCopter => "GUID_TIMEOUT",
         };
-        let timeout = Duration::try_from_secs_f32(self.parameters.real(timeout_name)).unwrap_or_default();
+        let timeout = self.parameters.seconds(timeout_name);
         let mut target = self.flight.hold();
         if let Some(setpoint) = &self.offboard.setpoint {
             let stale = sensed.now.saturating_sub(setpoint.at) > timeout;

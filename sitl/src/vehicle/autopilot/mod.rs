@@ -2,6 +2,15 @@
 //!
 //! Frames end here: setpoints are turned into the mission's ENU as they come in, telemetry into the vehicle's own
 //! NED as it goes out.
+//!
+//! Traps of the real firmwares that it has, each shown by a test: OFFBOARD is acknowledged while disarmed, arming in it
+//! needs a proven stream; a lost stream falls back by COM_OBL_RC_ACT, and resuming it takes the vehicle back unasked;
+//! FD_FAIL_R/P end a tilted flight; integers ride bytewise (PX4). Setpoints before GUIDED and before the take-off are
+//! ignored; one ignored axis drops its group; a position target is kept for ever in silence, the attitude levels
+//! (ArduCopter). Unknown parameters get silence from both.
+//!
+//! Its SET_ATTITUDE_TARGET turns the body apart from its position, and its thrust fields are ignored: the `pose` kind
+//! of actuation.
 
 // Ground stations still speak the superseded SET_MODE, PING and frame names, so an autopilot must understand them.
 #![allow(deprecated)]
@@ -10,6 +19,7 @@ mod commands;
 mod flight;
 mod modes;
 mod offboard;
+mod streams;
 mod telemetry;
 
 use std::collections::{BTreeMap, VecDeque};
@@ -20,7 +30,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 
 use super::config::{Airframe, Firmware, VehicleConfig};
 use super::parameters::{Parameters, SetOutcome};
-use super::router::{Received, Router, Sender, To};
+use super::router::{Router, Sender, To};
 use crate::frames::heading_rad;
 use crate::geodesy::{LocalFrame, Origin};
 
@@ -75,7 +85,7 @@ pub(crate) struct Autopilot {
     pub estimator_ok: bool,
     estimator_lost_at: Option<Duration>,
 
-    streams: BTreeMap<usize, telemetry::Streams>,
+    streams: BTreeMap<usize, streams::Streams>,
     parameter_queue: VecDeque<(usize, usize)>,
     next_heartbeat: Duration,
     sensed: Option<Sensed>,
@@ -132,11 +142,7 @@ impl Autopilot {
     }
 
     /// Takes what a client sent to this component.
-    pub fn handle(&mut self, from: Sender, received: Received, now: Duration, router: &mut Router) {
-        let message = match received {
-            Received::Message(message) => message,
-            Received::UnknownCommand { command } => return router.refuse_unknown(from, COMPONENT, command),
-        };
+    pub fn handle(&mut self, from: Sender, message: MavMessage, now: Duration, router: &mut Router) {
         match message {
             MavMessage::COMMAND_LONG(_) | MavMessage::COMMAND_INT(_) | MavMessage::SET_MODE(_) => {
                 self.handle_command(from, &message, now, router);
@@ -245,10 +251,8 @@ impl Autopilot {
             router.send(To::All, COMPONENT, &self.heartbeat());
         }
         for link in router.active_links().collect::<Vec<_>>() {
-            let streams = self
-                .streams
-                .entry(link)
-                .or_insert_with(|| telemetry::Streams::new(self.firmware, sensed.now));
+            let streams =
+                self.streams.entry(link).or_insert_with(|| streams::Streams::new(self.firmware, sensed.now));
             for id in streams.due(sensed.now) {
                 if let Some(message) = self.message(id, sensed) {
                     router.send(To::Link(link), COMPONENT, &message);
@@ -268,8 +272,7 @@ impl Autopilot {
         if self.firmware != Firmware::Px4 || !self.armed {
             return;
         }
-        let timeout = Duration::try_from_secs_f32(self.parameters.real("COM_OF_LOSS_T")).unwrap_or_default();
-        let live = self.offboard.live(sensed.now, timeout);
+        let live = self.offboard.live(sensed.now, self.parameters.seconds("COM_OF_LOSS_T"));
         if self.mode == Mode::Companion && !live {
             let action = self.parameters.real("COM_OBL_RC_ACT") as i32;
             let mode = match action {

@@ -1,7 +1,4 @@
-//! What the autopilot tells: messages from its state, and each link's rates.
-
-use std::collections::BTreeMap;
-use std::time::Duration;
+//! What the autopilot tells: messages from its state.
 
 use mavlink::MessageData;
 use mavlink::dialects::ardupilotmega::*;
@@ -10,93 +7,6 @@ use nalgebra::{UnitQuaternion, Vector3};
 use super::modes::Mode;
 use super::{Autopilot, Sensed};
 use crate::vehicle::config::{Airframe, Firmware};
-
-/// What a link is sent before anybody asks: message id and rate.
-const DEFAULT_RATES_HZ: &[(u32, f64)] = &[
-    (SYS_STATUS_DATA::ID, 1.0),
-    (SYSTEM_TIME_DATA::ID, 1.0),
-    (GPS_RAW_INT_DATA::ID, 1.0),
-    (ATTITUDE_DATA::ID, 4.0),
-    (ATTITUDE_QUATERNION_DATA::ID, 4.0),
-    (LOCAL_POSITION_NED_DATA::ID, 4.0),
-    (GLOBAL_POSITION_INT_DATA::ID, 4.0),
-    (VFR_HUD_DATA::ID, 2.0),
-    (BATTERY_STATUS_DATA::ID, 0.5),
-    (ESTIMATOR_STATUS_DATA::ID, 1.0),
-    (EKF_STATUS_REPORT_DATA::ID, 1.0),
-    (HOME_POSITION_DATA::ID, 0.5),
-    (EXTENDED_SYS_STATE_DATA::ID, 1.0),
-];
-
-/// A message sent again and again.
-#[derive(Debug, Clone, Copy)]
-struct Stream {
-    interval: Duration,
-    due: Duration,
-}
-
-/// The rates of one link.
-#[derive(Debug, Clone)]
-pub(super) struct Streams {
-    streams: BTreeMap<u32, Stream>,
-    next_due: Duration,
-}
-
-impl Streams {
-    pub fn new(firmware: Firmware, now: Duration) -> Self {
-        let mut streams = Self { streams: BTreeMap::new(), next_due: now };
-        for (id, _) in DEFAULT_RATES_HZ {
-            streams.set_default(*id, firmware, now);
-        }
-        streams
-    }
-
-    /// Back to the rate that the link began with.
-    pub fn set_default(&mut self, id: u32, firmware: Firmware, now: Duration) {
-        let absent = match firmware {
-            Firmware::Px4 => EKF_STATUS_REPORT_DATA::ID,
-            Firmware::ArduCopter => ESTIMATOR_STATUS_DATA::ID,
-        };
-        match DEFAULT_RATES_HZ.iter().find(|(i, _)| *i == id && *i != absent) {
-            Some((_, rate)) => self.set(id, Duration::from_secs_f64(1.0 / rate), now),
-            None => self.stop(id),
-        }
-    }
-
-    pub fn set(&mut self, id: u32, interval: Duration, now: Duration) {
-        self.streams.insert(id, Stream { interval, due: now });
-        self.next_due = now;
-    }
-
-    pub fn stop(&mut self, id: u32) {
-        self.streams.remove(&id);
-    }
-
-    /// The interval of a message, if it is sent.
-    pub fn interval(&self, id: u32) -> Option<Duration> {
-        self.streams.get(&id).map(|s| s.interval)
-    }
-
-    /// The messages due at `now`. Their times stay on their own grid.
-    pub fn due(&mut self, now: Duration) -> Vec<u32> {
-        if now < self.next_due {
-            return Vec::new();
-        }
-        let mut due = Vec::new();
-        self.next_due = Duration::MAX;
-        for (id, stream) in &mut self.streams {
-            if stream.due <= now {
-                due.push(*id);
-                stream.due += stream.interval;
-                if stream.due <= now {
-                    stream.due = now + stream.interval;
-                }
-            }
-            self.next_due = self.next_due.min(stream.due);
-        }
-        due
-    }
-}
 
 fn f32x3(v: Vector3<f64>) -> [f32; 3] {
     [v.x as f32, v.y as f32, v.z as f32]
@@ -379,17 +289,6 @@ impl Autopilot {
             ..GPS_RAW_INT_DATA::DEFAULT
         })
     }
-
-    /// Does this firmware have a stream of this message?
-    pub(super) fn streams_message(&self, id: u32) -> bool {
-        let absent = match self.firmware {
-            Firmware::Px4 => EKF_STATUS_REPORT_DATA::ID,
-            Firmware::ArduCopter => ESTIMATOR_STATUS_DATA::ID,
-        };
-        id != absent
-            && (DEFAULT_RATES_HZ.iter().any(|(i, _)| *i == id)
-                || [HEARTBEAT_DATA::ID, GPS_GLOBAL_ORIGIN_DATA::ID, AUTOPILOT_VERSION_DATA::ID].contains(&id))
-    }
 }
 
 const BATTERY_CELLS: u16 = 6;
@@ -402,26 +301,4 @@ fn millivolts(charge: f64) -> u16 {
 /// Body rates, FLU to FRD.
 fn frd(flu: Vector3<f64>) -> Vector3<f64> {
     Vector3::new(flu.x, -flu.y, -flu.z)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn prop_streams_keep_their_rate() {
-        let mut streams = Streams::new(Firmware::Px4, Duration::ZERO);
-        let id = LOCAL_POSITION_NED_DATA::ID;
-        streams.set(id, Duration::from_millis(20), Duration::ZERO);
-        let mut count = 0;
-        for tick in 0..4000u32 {
-            let now = Duration::from_micros(2500) * tick;
-            count += streams.due(now).iter().filter(|i| **i == id).count();
-        }
-        assert_eq!(count, 500);
-        streams.stop(id);
-        assert!(!streams.due(Duration::from_secs(11)).contains(&id));
-        streams.set_default(id, Firmware::Px4, Duration::from_secs(11));
-        assert_eq!(streams.interval(id), Some(Duration::from_millis(250)));
-    }
 }

@@ -1,0 +1,38 @@
+//! How fast the world runs and how well it holds: a pair in a tilted slot in 4 m/s of wind with gusts, telemetry and
+//! setpoints at 50 Hz, 2 degrees of jitter, both on the air.
+//!
+//! `cargo run --release -p veilwing-sitl --example speed`
+
+#[path = "../tests/common/mod.rs"]
+mod common;
+
+use common::{Flight, config};
+use veilwing_sitl::WindConfig;
+
+#[allow(clippy::disallowed_methods)] // A stopwatch: the figure is wall time.
+fn main() {
+    let mut config = config();
+    config.jitter.std_deg = 2.0;
+    let wind = WindConfig { mean_enu_m_s: [4.0, 0.0, 0.0], gust_std_m_s: 1.0, gust_correlation_s: 2.0 };
+    config.vehicles.iter_mut().for_each(|v| v.wind = wind);
+    let mut flight = Flight::new(config);
+    flight.take_off();
+    flight.go_to_slot(0);
+    for client in &mut flight.clients {
+        for id in [31.0, 32.0] {
+            client.command(
+                &mut flight.world,
+                mavlink::dialects::ardupilotmega::MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL,
+                &[id, 20_000.0],
+            );
+        }
+    }
+    flight.hold(0, 500, [false, true]);
+    let simulated_s = 600.0;
+    let start = std::time::Instant::now();
+    flight.hold(0, 600_000, [true, true]);
+    let wall_s = start.elapsed().as_secs_f64();
+    println!("{simulated_s} s simulated in {wall_s:.3} s: {:.0} times real time", simulated_s / wall_s);
+    let report = flight.world.report();
+    println!("{:#?}\nviolations: {:?}", report.slots[0], report.violations);
+}

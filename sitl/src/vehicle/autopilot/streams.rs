@@ -1,0 +1,129 @@
+//! How often each link is told what.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use mavlink::MessageData;
+use mavlink::dialects::ardupilotmega::*;
+
+use crate::vehicle::config::Firmware;
+
+/// What a link is sent before anybody asks: message id and rate.
+const DEFAULT_RATES_HZ: &[(u32, f64)] = &[
+    (SYS_STATUS_DATA::ID, 1.0),
+    (SYSTEM_TIME_DATA::ID, 1.0),
+    (GPS_RAW_INT_DATA::ID, 1.0),
+    (ATTITUDE_DATA::ID, 4.0),
+    (ATTITUDE_QUATERNION_DATA::ID, 4.0),
+    (LOCAL_POSITION_NED_DATA::ID, 4.0),
+    (GLOBAL_POSITION_INT_DATA::ID, 4.0),
+    (VFR_HUD_DATA::ID, 2.0),
+    (BATTERY_STATUS_DATA::ID, 0.5),
+    (ESTIMATOR_STATUS_DATA::ID, 1.0),
+    (EKF_STATUS_REPORT_DATA::ID, 1.0),
+    (HOME_POSITION_DATA::ID, 0.5),
+    (EXTENDED_SYS_STATE_DATA::ID, 1.0),
+];
+
+/// A message sent again and again.
+#[derive(Debug, Clone, Copy)]
+struct Stream {
+    interval: Duration,
+    due: Duration,
+}
+
+/// The rates of one link.
+#[derive(Debug, Clone)]
+pub(super) struct Streams {
+    streams: BTreeMap<u32, Stream>,
+    next_due: Duration,
+}
+
+impl Streams {
+    pub fn new(firmware: Firmware, now: Duration) -> Self {
+        let mut streams = Self { streams: BTreeMap::new(), next_due: now };
+        for (id, _) in DEFAULT_RATES_HZ {
+            streams.set_default(*id, firmware, now);
+        }
+        streams
+    }
+
+    /// Back to the rate that the link began with.
+    pub fn set_default(&mut self, id: u32, firmware: Firmware, now: Duration) {
+        match DEFAULT_RATES_HZ.iter().find(|(i, _)| *i == id && *i != absent(firmware)) {
+            Some((_, rate)) => self.set(id, Duration::from_secs_f64(1.0 / rate), now),
+            None => self.stop(id),
+        }
+    }
+
+    pub fn set(&mut self, id: u32, interval: Duration, now: Duration) {
+        self.streams.insert(id, Stream { interval, due: now });
+        self.next_due = now;
+    }
+
+    pub fn stop(&mut self, id: u32) {
+        self.streams.remove(&id);
+    }
+
+    /// The interval of a message, if it is sent.
+    pub fn interval(&self, id: u32) -> Option<Duration> {
+        self.streams.get(&id).map(|s| s.interval)
+    }
+
+    /// The messages due at `now`. Their times stay on their own grid.
+    pub fn due(&mut self, now: Duration) -> Vec<u32> {
+        if now < self.next_due {
+            return Vec::new();
+        }
+        let mut due = Vec::new();
+        self.next_due = Duration::MAX;
+        for (id, stream) in &mut self.streams {
+            if stream.due <= now {
+                due.push(*id);
+                stream.due += stream.interval;
+                if stream.due <= now {
+                    stream.due = now + stream.interval;
+                }
+            }
+            self.next_due = self.next_due.min(stream.due);
+        }
+        due
+    }
+}
+
+/// The estimator's health is one message in PX4 and another in ArduCopter: the one that this firmware lacks.
+fn absent(firmware: Firmware) -> u32 {
+    match firmware {
+        Firmware::Px4 => EKF_STATUS_REPORT_DATA::ID,
+        Firmware::ArduCopter => ESTIMATOR_STATUS_DATA::ID,
+    }
+}
+
+/// Does this firmware have a stream of this message?
+pub(super) fn has_stream(id: u32, firmware: Firmware) -> bool {
+    id != absent(firmware)
+        && (DEFAULT_RATES_HZ.iter().any(|(i, _)| *i == id)
+            || [GPS_GLOBAL_ORIGIN_DATA::ID, AUTOPILOT_VERSION_DATA::ID].contains(&id))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn prop_streams_keep_their_rate() {
+        let mut streams = Streams::new(Firmware::Px4, Duration::ZERO);
+        let id = LOCAL_POSITION_NED_DATA::ID;
+        streams.set(id, Duration::from_millis(20), Duration::ZERO);
+        let mut count = 0;
+        for tick in 0..4000u32 {
+            let now = Duration::from_micros(2500) * tick;
+            count += streams.due(now).iter().filter(|i| **i == id).count();
+        }
+        assert_eq!(count, 500);
+        streams.stop(id);
+        assert!(!streams.due(Duration::from_secs(11)).contains(&id));
+        streams.set_default(id, Firmware::Px4, Duration::from_secs(11));
+        assert_eq!(streams.interval(id), Some(Duration::from_millis(250)));
+    }
+}

@@ -1,0 +1,101 @@
+//! The companion processes of a simulated flight.
+
+use std::path::Path;
+use std::process::Stdio;
+
+use tokio::io::{AsyncBufReadExt, BufReader};
+use tokio::process::{Child, Command};
+use tokio::sync::mpsc;
+
+use crate::role::Role;
+use crate::time::Instant;
+
+/// How a companion process ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum End {
+    /// With this exit code.
+    Code(i32),
+    /// By this signal.
+    Signal(i32),
+    /// This process asked it to stop.
+    Stopped,
+}
+
+/// A companion process.
+pub(super) struct Companion {
+    pub child: Child,
+    pub end: Option<End>,
+    pub asked_to_stop: Option<Instant>,
+}
+
+/// How a companion ended, in words.
+pub(super) fn describe_end(end: End) -> String {
+    match end {
+        End::Code(0) => "has ended: mission completed".into(),
+        End::Code(code) => format!("has ended with exit code {code}: mission not completed"),
+        End::Signal(signal) => format!("was killed by signal {signal}"),
+        End::Stopped => "was asked to stop".into(),
+    }
+}
+
+/// Starts a companion; its log goes to a file in `directory`, and what the operator should see of it to `lines`.
+pub(super) fn spawn_companion(
+    mission: &Path,
+    directory: &Path,
+    speed: f64,
+    role: Role,
+    vehicle: &Path,
+    lines: &mpsc::UnboundedSender<(Role, String)>,
+) -> Result<Companion, String> {
+    let program =
+        std::env::current_exe().map_err(|error| format!("this program cannot find itself: {error}"))?;
+    let mut child = Command::new(program)
+        .args(["--log-format", "json", "fly"])
+        .arg(mission)
+        .arg("--vehicle")
+        .arg(vehicle)
+        .args(["--start", "--clock-rate", &speed.to_string()])
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        // Ctrl-C reaches this process alone, which then stops the companions in order.
+        .process_group(0)
+        .kill_on_drop(true)
+        .spawn()
+        .map_err(|error| format!("companion {role} cannot start: {error}"))?;
+    let pid = child.id().unwrap_or_default();
+    eprintln!("[    0.0 s] {role}  companion started, process {pid}");
+    let name = role.to_string().to_lowercase();
+    let path = directory.join(format!("companion-{name}.log"));
+    let mut file = std::fs::File::create(&path).map_err(|error| format!("{}: {error}", path.display()))?;
+    if let Some(stderr) = child.stderr.take() {
+        let lines = lines.clone();
+        tokio::spawn(async move {
+            let mut stderr = BufReader::new(stderr).lines();
+            while let Ok(Some(line)) = stderr.next_line().await {
+                // A full disk costs the log, not the flight.
+                let _ = std::io::Write::write_all(&mut file, format!("{line}\n").as_bytes());
+                if let Some(text) = readable(&line)
+                    && lines.send((role, text)).is_err()
+                {
+                    break;
+                }
+            }
+        });
+    }
+    Ok(Companion { child, end: None, asked_to_stop: None })
+}
+
+/// A companion's log line for the operator: its message if it is a log record of information or worse.
+fn readable(line: &str) -> Option<String> {
+    let Ok(record) = serde_json::from_str::<serde_json::Value>(line) else { return Some(line.to_owned()) };
+    let level = record.get("level").and_then(serde_json::Value::as_str).unwrap_or_default();
+    let fields = record.get("fields");
+    let field =
+        |name: &str| fields.and_then(|f| f.get(name)).and_then(serde_json::Value::as_str).unwrap_or_default();
+    match level {
+        "DEBUG" | "TRACE" => None,
+        "INFO" => Some(format!("{:<14} {}", field("phase"), field("message"))),
+        _ => Some(format!("{:<14} {}: {}", field("phase"), level.to_lowercase(), field("message"))),
+    }
+}
