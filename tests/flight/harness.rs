@@ -33,40 +33,8 @@ pub const LEASE_AND_MARGIN: Duration = Duration::from_millis(550);
 /// S4's reaction to what is seen on the wire.
 pub const REACTION: Duration = Duration::from_millis(100);
 
-/// Low, near and short: two slots in under a minute of flight.
-pub const MISSION: &str = r#"
-[mission]
-name = "yard"
-seed = 3
-origin = { lat_deg = 50.0755, lon_deg = 14.4378, alt_amsl_m = 200.0 }
-[airspace]
-altitude_m = [10.0, 30.0]
-area_enu_m = [[-40.0, -40.0], [40.0, -40.0], [40.0, 40.0], [-40.0, 40.0]]
-[vehicles.i]
-climb_m_s = 4.0
-tilt_rate_deg_s = 60.0
-home_enu_m = [-8.0, 0.0, 0.0]
-[vehicles.j]
-climb_m_s = 4.0
-tilt_rate_deg_s = 60.0
-home_enu_m = [8.0, -20.0, 0.0]
-[tdma]
-slot_s = 5.0
-guard_s = 0.6
-settle_s = 2.0
-[[user]]
-name = "alpha"
-enu_m = [-5.0, 0.0, 0.0]
-[[user]]
-name = "bravo"
-enu_m = [6.0, 8.0, 1.0]
-[[eavesdropper]]
-name = "hill"
-enu_m = [35.0, -20.0, 2.0]
-[[eavesdropper]]
-name = "gate"
-enu_m = [-20.0, 30.0, 0.0]
-"#;
+/// Low, near and short.
+pub const MISSION: &str = include_str!("yard.toml");
 
 /// A mission and its plan.
 #[derive(Debug, Clone)]

@@ -1,5 +1,6 @@
 #!/bin/sh
-# Builds the software vehicle and lets pymavlink, as a stranger, fly it with both firmware faces.
+# Builds the software vehicle and lets pymavlink, as a stranger, fly it with both firmware faces; then flies a small
+# mission and lets pymavlink read its logs.
 # Needs cargo and python3 with venv. SPEED (default 5) is simulated seconds per second, PORT (default 14560) a free
 # UDP port on this machine, VENV where the Python environment is kept.
 set -eu
@@ -9,7 +10,8 @@ speed=${SPEED:-5}
 port=${PORT:-14560}
 venv=${VENV:-$root/target/stranger-venv}
 
-cargo build --manifest-path "$root/Cargo.toml" --package veilwing-sitl --bin veilwing-sitl
+cargo build --manifest-path "$root/Cargo.toml" --package veilwing-sitl --bin veilwing-sitl \
+    --package veilwing --bin veilwing
 vehicle=${CARGO_TARGET_DIR:-$root/target}/debug/veilwing-sitl
 [ -x "$venv/bin/python" ] || python3 -m venv "$venv"
 "$venv/bin/pip" install --quiet --disable-pip-version-check --requirement "$here/requirements.txt"
@@ -26,3 +28,15 @@ for firmware in px4 ardupilot; do
     pid=
 done
 echo "both firmware faces flown by a stranger"
+
+logs=$(mktemp -d)
+trap '[ -z "$pid" ] || kill "$pid" 2>/dev/null || true; rm -rf "$logs"' EXIT INT TERM
+echo "== a flight's logs"
+"${CARGO_TARGET_DIR:-$root/target}/debug/veilwing" sitl "$root/tests/flight/yard.toml" --speed "$speed" --out "$logs" \
+    2>"$logs/progress.log" || { cat "$logs/progress.log" >&2; exit 1; }
+for vehicle in i j; do
+    "$venv/bin/python" "$here/read_tlog.py" "$logs/$vehicle-autopilot.tlog"
+    "$venv/bin/python" "$here/read_tlog.py" "$logs/$vehicle-pair.tlog" \
+        --definitions "$root/message_definitions/veilwing.xml"
+done
+echo "every log of a flight read by a stranger"
