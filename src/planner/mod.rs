@@ -11,7 +11,7 @@ pub mod baseline;
 mod cap;
 pub mod expectation;
 mod model;
-mod parallel;
+pub(crate) mod parallel;
 pub mod phase1;
 pub mod phase2;
 pub mod plan;
