@@ -74,7 +74,7 @@ fn val_either_companion_starts_both() {
         assert!(Role::BOTH.into_iter().all(|role| flight.landed(role)), "nobody asked for the start");
         assert!(flight.said(told, "MISSION_START").is_some(), "{}", flight.story());
         flight.command(told, MavCmd::MAV_CMD_MISSION_START);
-        flight.to_the_end();
+        flight.fly_out();
         assert_eq!(
             result(&flight, told, MavCmd::MAV_CMD_MISSION_START),
             Some(MavResult::MAV_RESULT_ACCEPTED)
@@ -110,7 +110,7 @@ fn ordered_in_mid_slot(command: MavCmd) {
             flight.world.inject(Fault::WindStep { vehicle: 1, mean_enu_m_s: [0.0; 3] });
         }
         flight.command(told, command);
-        flight.to_the_end();
+        flight.fly_out();
         assert_eq!(result(&flight, told, command), Some(MavResult::MAV_RESULT_ACCEPTED));
         for role in Role::BOTH {
             assert!(flight.silent_after(role, at) <= REACTION, "{role}\n{}", flight.story());
@@ -151,7 +151,7 @@ fn val_a_radio_kill_before_the_start_lasts() {
 fn flies_over(pair: Path) {
     for seed in 1..=3 {
         let mut flight = Flight::new(Setup { pair, seed, ..Setup::default() });
-        flight.to_the_end();
+        flight.fly_out();
         flight.assert_safe();
         for role in Role::BOTH {
             assert_eq!(flight.outcomes[role], Some(Outcome::Completed), "seed {seed}\n{}", flight.story());
@@ -176,7 +176,7 @@ fn prop_a_pair_link_too_slow_for_leases_is_safe_and_says_that_slots_go_unserved(
     let pair =
         Path { loss: 0.2, duplication: 0.3, delay: Duration::from_millis(200), spread: Duration::ZERO };
     let mut flight = Flight::new(Setup { pair, ..Setup::default() });
-    flight.to_the_end();
+    flight.fly_out();
     flight.assert_safe();
     assert!(flight.said(Role::I, "not served").is_some(), "{}", flight.story());
     assert!(matches!(flight.outcomes.i, Some(Outcome::Aborted(_))), "{}", flight.story());
@@ -191,7 +191,7 @@ fn val_a_companion_told_to_end_in_mid_slot_ends_silent_and_in_order() {
         flight.pass(Duration::from_millis(500));
         let at = flight.now;
         flight.stop(told);
-        flight.to_the_end();
+        flight.fly_out();
         flight.assert_safe();
         for role in Role::BOTH {
             assert!(flight.silent_after(role, at) <= REACTION, "{role}\n{}", flight.story());

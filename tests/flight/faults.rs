@@ -32,7 +32,7 @@ fn cause(flight: &Flight, role: Role) -> &str {
 /// Begin of slot 1's transit and end of the slot, in the flight without faults.
 fn slot_times() -> (Duration, Duration) {
     let mut flight = Flight::new(Setup::default());
-    flight.to_the_end();
+    flight.fly_out();
     let begin = flight.said(Role::I, "slot 1 for bravo: agreed").unwrap();
     let end = flight.said(Role::J, "slot 1 for bravo: over").unwrap();
     (begin, end)
@@ -49,7 +49,7 @@ fn dies_at_ten_points(dead: Role) {
         flight.until(|flight| flight.now >= at);
         while_on_air += u32::from(flight.radiating() == [true, true]);
         flight.kill(dead);
-        flight.to_the_end();
+        flight.fly_out();
         flight.assert_safe();
         for role in Role::BOTH {
             let after = flight.silent_after(role, at);
@@ -93,7 +93,7 @@ fn val_loss_of_an_autopilot_link_silences_both() {
         let target = *flight.log.setpoints[role].last().unwrap();
         assert!(target <= last + STALE, "setpoints until {target:?}\n{}", flight.story());
         flight.stop(role);
-        flight.to_the_end();
+        flight.fly_out();
         assert!(matches!(flight.outcomes[role], Some(Outcome::Interrupted)), "{:?}", flight.outcomes[role]);
     }
 }
@@ -106,7 +106,7 @@ fn val_loss_of_the_pair_link_silences_both() {
         for from in &cut {
             flight.pair_path(*from, Path::CUT);
         }
-        flight.to_the_end();
+        flight.fly_out();
         flight.assert_safe();
         for role in Role::BOTH {
             let after = flight.silent_after(role, at);
@@ -156,7 +156,7 @@ fn val_the_pilot_wins() {
         assert!(flight.landed(role.peer()));
         assert_eq!(flight.world.snapshot().vehicles[index(role)].mode, "POSCTL", "the pilot keeps it");
         flight.stop(role);
-        flight.to_the_end();
+        flight.fly_out();
         assert!(flight.said(role, "by another hand").is_some(), "{}", flight.story());
     }
 }
@@ -187,7 +187,7 @@ fn val_a_failing_estimate_silences_both() {
         if flight.outcomes[role].is_none() {
             flight.stop(role);
         }
-        flight.to_the_end();
+        flight.fly_out();
         assert!(flight.said(role, "estimat").is_some(), "{}", flight.story());
     }
 }
@@ -209,7 +209,7 @@ fn val_a_companion_that_restarts_in_flight_does_not_fly_on() {
         assert!(flight.landed(role.peer()));
         assert!(flight.log.setpoints[role].iter().all(|t| *t <= at), "{}", flight.story());
         flight.stop(role);
-        flight.to_the_end();
+        flight.fly_out();
         flight.assert_safe();
     }
 }

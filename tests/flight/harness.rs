@@ -298,7 +298,7 @@ impl Flight {
     }
 
     /// Flies until every companion that lives has ended, and a second more for what is still on the air.
-    pub fn to_the_end(&mut self) {
+    pub fn fly_out(&mut self) {
         assert!(
             self.until(|f| Role::BOTH.into_iter().all(|r| f.companions[r].is_none())),
             "{}",

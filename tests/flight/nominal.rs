@@ -8,7 +8,7 @@ use crate::harness::*;
 #[test]
 fn val_a_flight_serves_every_slot_as_planned() {
     let mut flight = Flight::new(Setup::default());
-    flight.to_the_end();
+    flight.fly_out();
     flight.assert_safe();
     let report = flight.report();
     assert_eq!(report.slots.len(), 2);
@@ -31,7 +31,7 @@ fn val_a_flight_is_its_seed_bit_for_bit() {
     let fly = |seed| {
         let pair = Path { loss: 0.1, duplication: 0.1, ..Path::GOOD };
         let mut flight = Flight::new(Setup { seed, pair, ..Setup::default() });
-        flight.to_the_end();
+        flight.fly_out();
         // `{:?}` prints each number so that it reads back the same, to the last bit.
         (format!("{:?}", flight.report()), format!("{:?}", flight.log))
     };
