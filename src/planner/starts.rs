@@ -48,12 +48,12 @@ fn information(setup: &Setup, index: usize, rng: &mut ChaCha8Rng) -> (Vector3<f6
     let n = from_user.len();
     let restricted = setup.tilt_rad[0] < RESTRICTED_RAD;
     // Every eavesdropper at either end of the altitude band in turn.
-    if (restricted && index % 4 != 0) || (!restricted && index % 8 == 7) {
+    if (restricted && !index.is_multiple_of(4)) || (!restricted && index % 8 == 7) {
         let turn = index / 2;
         let node = problem.eavesdroppers[turn % n].position_enu_m;
         let altitude = altitude(setup, turn / n, rng);
         let reach = setup.tilt_rad[0].min(1.3).tan() * (altitude - node.z).abs();
-        let radius = if index % 3 == 0 { reach } else { reach * rng.random_range(0.0f64..1.0) };
+        let radius = if index.is_multiple_of(3) { reach } else { reach * rng.random_range(0.0f64..1.0) };
         let at = setup.allowed(around(node.xy(), radius, altitude, rng));
         return (at, at - node);
     }
@@ -84,7 +84,7 @@ fn jammer(setup: &Setup, index: usize, rng: &mut ChaCha8Rng) -> Vector3<f64> {
     if above_user {
         let altitude = altitude(setup, index / 3, rng);
         let reach = setup.tilt_rad[1].min(1.0).tan() * (altitude - user.z).abs();
-        let radius = if index % 2 == 0 { reach } else { reach * rng.random_range(0.0f64..1.0) };
+        let radius = if index.is_multiple_of(2) { reach } else { reach * rng.random_range(0.0f64..1.0) };
         return setup.allowed(around(user.xy(), radius, altitude, rng));
     }
     if index % 8 == 3 {
