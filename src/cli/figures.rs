@@ -18,13 +18,13 @@ pub(super) struct Args {
     #[arg(long, default_value = "figures")]
     out: PathBuf,
     /// Random scenarios behind each mean.
-    #[arg(long, default_value_t = 60, value_parser = clap::value_parser!(u32).range(2..=100_000))]
+    #[arg(long, default_value_t = 100, value_parser = clap::value_parser!(u32).range(2..=100_000))]
     scenarios: u32,
     /// Threads; the figures do not depend on it.
     #[arg(long, default_value_t = 2, value_parser = clap::value_parser!(u16).range(1..=256))]
     threads: u16,
     /// Seed of the scenarios and of the planner.
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, default_value_t = 8)]
     seed: u64,
 }
 

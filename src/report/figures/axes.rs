@@ -37,11 +37,6 @@ impl Axes {
         self.corner.1 + self.size.1
     }
 
-    /// The right edge in points.
-    pub fn right(&self) -> f64 {
-        self.corner.0 + self.size.0
-    }
-
     /// Grid lines across the rectangle.
     pub fn grid(&self, svg: &mut Svg, xs: &[f64], ys: &[f64]) {
         for x in xs {

@@ -9,24 +9,27 @@ use nalgebra::Vector3;
 use super::axes::{Axes, step, ticks};
 use super::labels::Labels;
 use super::poses::{Panel, Poses};
+use super::scenario::ALTITUDE_M;
 use super::svg::{Anchor, At, Marker, Stroke, Svg};
 use crate::role::Role;
 
 const WIDTH: f64 = 440.0;
 const LEFT: f64 = 40.0;
 const RIGHT: f64 = 8.0;
-const BETWEEN_COLUMNS: f64 = 14.0;
+const BETWEEN_COLUMNS: f64 = 24.0;
 const LEGEND: f64 = 32.0;
 const TITLE: f64 = 15.0;
 /// Between the two views of a panel.
 const BETWEEN_VIEWS: f64 = 6.0;
 /// Below a panel, for the figures of its axis.
 const FOOT: f64 = 18.0;
-/// Heights drawn, in metres.
-const UP_M: [f64; 2] = [-25.0, 325.0];
+/// Lowest height drawn, in metres.
+const DOWN_M: f64 = -25.0;
 /// Half the drawn length of an antenna axis in points.
-const AXIS_PT: f64 = 15.0;
+const AXIS_PT: f64 = 14.0;
 const MARKER_PT: f64 = 3.0;
+/// Beyond every edge of the map.
+const FAR_M: f64 = 5e3;
 
 const USER: &str = "#000000";
 const DROP: Stroke = Stroke { colour: "#999999", width: 0.6, dashes: "1 1.5" };
@@ -69,7 +72,10 @@ impl View {
 pub fn draw(poses: &Poses) -> String {
     let reach_m = reach_m(poses);
     let side = (WIDTH - LEFT - RIGHT - BETWEEN_COLUMNS) / 2.0;
-    let strip = side * (UP_M[1] - UP_M[0]) / (2.0 * reach_m);
+    let pt_per_m = side / (2.0 * reach_m);
+    // An upright antenna at the ceiling is drawn in full.
+    let up_m = [DOWN_M, ALTITUDE_M[1] + (AXIS_PT + 3.0) / pt_per_m];
+    let strip = pt_per_m * (up_m[1] - up_m[0]);
     let panel_height = TITLE + side + BETWEEN_VIEWS + strip + FOOT;
     let rows = poses.panels.len().div_ceil(2);
     let height = LEGEND + panel_height * rows as f64 + 10.0;
@@ -95,7 +101,7 @@ pub fn draw(poses: &Poses) -> String {
             y: [-reach_m, reach_m],
         };
         let elevation =
-            Axes { corner: (x, map.bottom() + BETWEEN_VIEWS), size: (side, strip), y: UP_M, ..map.clone() };
+            Axes { corner: (x, map.bottom() + BETWEEN_VIEWS), size: (side, strip), y: up_m, ..map.clone() };
         let every = step(2.0 * reach_m, 6.0);
         let grounds = ticks(map.x, every);
         draw_view(&mut svg, poses, panel, View::Above, &map);
@@ -140,12 +146,15 @@ fn draw_view(svg: &mut Svg, poses: &Poses, panel: &Panel, view: View, axes: &Axe
             labels.avoid_line(at(&ends[0]), at(&ends[1]));
         }
         let j = &panel.vehicles.j.pose;
-        let far = j.position_enu_m + j.antenna_axis() * 1e4;
-        let null = panel.null_on_ground_enu_m().unwrap_or(far);
-        svg.line(&[at(&j.position_enu_m), at(&null)], &NULL);
-        labels.avoid_line(at(&j.position_enu_m), at(&null));
+        let null = panel.null_on_ground_enu_m();
+        let from = null.unwrap_or(j.position_enu_m - j.antenna_axis() * FAR_M);
+        // From the ground through J and on.
+        let up = j.antenna_axis() * if j.antenna_axis().z < 0.0 { -FAR_M } else { FAR_M };
+        let ends = [at(&from), at(&(j.position_enu_m + up))];
+        svg.line(&ends, &NULL);
+        labels.avoid_line(ends[0], ends[1]);
     });
-    svg.marker(at(&poses.user_enu_m), Marker::OpenSquare, USER, 1.7 * MARKER_PT);
+    svg.marker(at(&poses.user_enu_m), Marker::OpenSquare, USER, 1.8 * MARKER_PT);
     labels.avoid(at(&poses.user_enu_m), 2.0 * MARKER_PT);
     for p in &poses.eavesdroppers_enu_m {
         svg.marker(at(p), Marker::Cross, USER, MARKER_PT);
@@ -173,7 +182,6 @@ fn draw_view(svg: &mut Svg, poses: &Poses, panel: &Panel, view: View, axes: &Axe
 fn draw_vehicle(svg: &mut Svg, (x, y): At, (across, up): (f64, f64), role: Role) -> [At; 2] {
     let (dx, dy) = (AXIS_PT * across, -AXIS_PT * up);
     let ends = [(x - dx, y - dy), (x + dx, y + dy)];
-    svg.line(&ends, &Stroke::solid("#ffffff", 3.2));
     svg.line(&ends, &Stroke::solid(colour(role), 1.8));
     svg.marker((x, y), marker(role), colour(role), MARKER_PT);
     ends
@@ -201,7 +209,7 @@ fn draw_legend(svg: &mut Svg) {
     let text = |svg: &mut Svg, x: f64, y: f64, text: &str| svg.text((x + 21.0, y), Anchor::Start, text);
     let [x0, x1, x2] = columns;
     let [y0, y1] = rows;
-    svg.marker((x0 + 10.0, y0), Marker::OpenSquare, USER, 1.7 * MARKER_PT);
+    svg.marker((x0 + 10.0, y0), Marker::OpenSquare, USER, 1.8 * MARKER_PT);
     text(svg, x0, y0, "user");
     svg.marker((x0 + 10.0, y1), Marker::Cross, USER, MARKER_PT);
     text(svg, x0, y1, "eavesdropper");
@@ -211,9 +219,10 @@ fn draw_legend(svg: &mut Svg) {
         draw_vehicle(svg, (x1 + 9.0, y), (0.65, 0.0), role);
         text(svg, x1, y, label);
     }
-    for (stroke, y, label) in
-        [(&PLANE, y0, "I's plane of maximum gain at the ground"), (&NULL, y1, "J's null, down to the ground")]
-    {
+    for (stroke, y, label) in [
+        (&PLANE, y0, "I's plane of maximum gain at the ground"),
+        (&NULL, y1, "J's null line, down to the ground"),
+    ] {
         svg.line(&[(x2, y), (x2 + 17.0, y)], stroke);
         text(svg, x2, y, label);
     }

@@ -8,7 +8,8 @@ use super::svg::{Anchor, At, Marker, Stroke, Svg, text_width};
 /// Width of a column of the paper in points (3.5 inches).
 const WIDTH: f64 = 252.0;
 const LEFT: f64 = 32.0;
-const RIGHT: f64 = 8.0;
+/// Free at the right, and to the left of the legend.
+const MARGIN: f64 = 6.0;
 const PLOT_HEIGHT: f64 = 150.0;
 /// Height of the panel of gaps, and of the space above it.
 const GAP_HEIGHT: f64 = 46.0;
@@ -39,7 +40,7 @@ fn style(curve: &Curve) -> Style {
         "veilwing-on-estimates" => {
             style("veilwing, on estimates", "#3d9bd9", 1.2, "1.5 1.5", Some(Marker::Circle))
         }
-        "paper" => style("paper", "#c8500a", 1.2, "5 2", Some(Marker::OpenSquare)),
+        "paper" => style("paper, one start", "#c8500a", 1.2, "5 2", Some(Marker::OpenSquare)),
         "interior-point" => {
             style("interior point, one start", "#2f8f5b", 1.2, "6 2 1.2 2", Some(Marker::Triangle))
         }
@@ -52,43 +53,30 @@ pub fn draw(rates: &Rates) -> String {
     let lines = caption(rates);
     let legend = legend_rows(rates);
     let top = 6.0 + LEGEND_ROW * (lines.len() + legend.len()) as f64 + 3.0;
-    let with_gaps = rates.study == Study::Plain;
-    let gaps = if with_gaps { GAP_SPACE + GAP_HEIGHT } else { 0.0 };
-    let height = top + PLOT_HEIGHT + gaps + FOOT;
+    let height = top + PLOT_HEIGHT + GAP_SPACE + GAP_HEIGHT + FOOT;
     let title = format!("Secrecy rate over maximum transmit power ({})", rates.study.name());
     let mut svg = Svg::new(WIDTH, height, &title, &lines.join(" "));
     for (row, line) in lines.iter().enumerate() {
-        svg.text((LEFT, 7.0 + LEGEND_ROW * row as f64), Anchor::Start, line);
+        svg.text((MARGIN, 7.0 + LEGEND_ROW * row as f64), Anchor::Start, line);
     }
     draw_legend(&mut svg, &legend, 7.0 + LEGEND_ROW * lines.len() as f64);
 
-    let plot = |corner: At, height: f64, y: [f64; 2]| Axes {
-        corner,
-        size: (WIDTH - LEFT - RIGHT, height),
+    let width = WIDTH - LEFT - MARGIN;
+    let axes = |top: f64, height: f64, y: [f64; 2]| Axes {
+        corner: (LEFT, top),
+        size: (width, height),
         x: [0.05, 1.15],
         y,
     };
-    let rate_axes = plot((LEFT, top), PLOT_HEIGHT, rate_range(rates));
-    let shown = |curve: &Curve, s: &Summary| (curve.name != "cap").then_some(s.standard_error);
-    let values: Vec<Line> = rates
-        .curves
-        .iter()
-        .map(|(curve, summaries)| Line {
-            style: style(curve),
-            points: summaries.iter().map(|s| (s.mean, shown(curve, s).unwrap_or(0.0))).collect(),
-        })
-        .collect();
-    panel(&mut svg, &rate_axes, &values, !with_gaps, 6.0);
+    let means = rates.curves.iter().map(|c| Line::new(&c.curve, &c.rates)).collect::<Vec<_>>();
+    let gaps = rates.curves.iter().map(|c| Line::new(&c.curve, &c.gaps)).collect::<Vec<_>>();
+    let above = axes(top, PLOT_HEIGHT, range(&means, 6.0));
+    panel(&mut svg, &above, &means, false, 6.0);
     svg.text_upwards((7.5, top + PLOT_HEIGHT / 2.0), "mean secrecy rate (bit/s/Hz)");
-    if with_gaps {
-        let lines = gap_lines(rates);
-        let most = lines.iter().flat_map(|l| &l.points).map(|(gap, error)| gap + error).fold(0.0, f64::max);
-        let axes = plot((LEFT, rate_axes.bottom() + GAP_SPACE), GAP_HEIGHT, [0.0, most * 1.15 + 1e-3]);
-        panel(&mut svg, &axes, &lines, true, 3.0);
-        svg.text_upwards((7.5, axes.corner.1 + GAP_HEIGHT / 2.0), "below cap");
-    }
-    let middle = LEFT + (WIDTH - LEFT - RIGHT) / 2.0;
-    svg.text((middle, height - 7.0), Anchor::Middle, "maximum transmit power (W)");
+    let below = axes(above.bottom() + GAP_SPACE, GAP_HEIGHT, range(&gaps, 3.0));
+    panel(&mut svg, &below, &gaps, true, 3.0);
+    svg.text_upwards((7.5, below.corner.1 + GAP_HEIGHT / 2.0), &format!("below {}", rates.study.gap_to()));
+    svg.text((LEFT + width / 2.0, height - 7.0), Anchor::Middle, "maximum transmit power (W)");
     svg.finish()
 }
 
@@ -98,39 +86,30 @@ struct Line {
     points: Vec<(f64, f64)>,
 }
 
+impl Line {
+    fn new(curve: &Curve, summaries: &[Summary]) -> Self {
+        Self { style: style(curve), points: summaries.iter().map(|s| (s.mean, s.standard_error)).collect() }
+    }
+}
+
+/// From 0, or the lowest value drawn if it is below, to a whole tick above the highest.
+fn range(lines: &[Line], most_ticks: f64) -> [f64; 2] {
+    let all = || lines.iter().flat_map(|line| &line.points);
+    let low = all().map(|(v, half)| v - half).fold(0.0, f64::min);
+    let high = all().map(|(v, half)| v + half).fold(1e-3, f64::max);
+    let step = step(high - low, most_ticks);
+    [(low / step).floor() * step, (high / step + 0.1).ceil() * step]
+}
+
 fn caption(rates: &Rates) -> Vec<String> {
     let what = match rates.study {
         Study::Plain => "No jitter, positions known".to_owned(),
         Study::Jitter => format!("Roll and pitch jitter by {JITTER_DEG}\u{b0}, positions known"),
         Study::Uncertain => {
-            format!("Jitter {JITTER_DEG}\u{b0}, eavesdroppers known to {UNCERTAINTY_M} m")
+            format!("Jitter {JITTER_DEG}\u{b0}, eavesdroppers within {UNCERTAINTY_M} m of their estimates")
         }
     };
-    vec![what, format!("Mean of {} scenarios; band: \u{b1} standard error", rates.scenarios)]
-}
-
-/// The panel below 4a: how far the two best are from what is possible, which the scale above hides.
-fn gap_lines(rates: &Rates) -> Vec<Line> {
-    let cap = rates.curves.iter().find(|(curve, _)| curve.name == "cap").map(|(_, s)| s);
-    let gaps = |summaries: &[Summary]| {
-        let cap = cap.into_iter().flatten();
-        cap.zip(summaries).map(|(cap, s)| (cap.mean - s.mean, s.standard_error)).collect()
-    };
-    rates
-        .curves
-        .iter()
-        .filter(|(curve, _)| matches!(curve.name, "veilwing" | "paper"))
-        .map(|(curve, summaries)| Line { style: style(curve), points: gaps(summaries) })
-        .collect()
-}
-
-/// From the lowest to the highest value drawn, to whole ticks.
-fn rate_range(rates: &Rates) -> [f64; 2] {
-    let all = || rates.curves.iter().flat_map(|(_, summaries)| summaries);
-    let low = all().map(|s| s.mean - s.standard_error).fold(f64::INFINITY, f64::min);
-    let high = all().map(|s| s.mean + s.standard_error).fold(f64::NEG_INFINITY, f64::max);
-    let step = step(high - low, 6.0);
-    [(low / step - 0.2).floor() * step, (high / step + 0.1).ceil() * step]
+    vec![what, format!("Mean of {} scenarios (bit/s/Hz); band: \u{b1} standard error", rates.scenarios)]
 }
 
 fn panel(svg: &mut Svg, axes: &Axes, lines: &[Line], lettered: bool, most_ticks: f64) {
@@ -161,7 +140,7 @@ fn panel(svg: &mut Svg, axes: &Axes, lines: &[Line], lettered: bool, most_ticks:
 
 /// The legend in rows of two.
 fn legend_rows(rates: &Rates) -> Vec<Vec<Style>> {
-    let styles: Vec<Style> = rates.curves.iter().map(|(curve, _)| style(curve)).collect();
+    let styles: Vec<Style> = rates.curves.iter().map(|c| style(&c.curve)).collect();
     styles.chunks(2).map(<[Style]>::to_vec).collect()
 }
 
@@ -170,7 +149,7 @@ fn draw_legend(svg: &mut Svg, rows: &[Vec<Style>], top: f64) {
     let widest = first_column.map(|style| text_width(style.label)).fold(0.0, f64::max);
     for (r, row) in rows.iter().enumerate() {
         for (column, style) in row.iter().enumerate() {
-            let (x, y) = (LEFT + column as f64 * (24.0 + widest + 12.0), top + LEGEND_ROW * r as f64);
+            let (x, y) = (MARGIN + column as f64 * (24.0 + widest + 8.0), top + LEGEND_ROW * r as f64);
             svg.line(&[(x, y), (x + 20.0, y)], &style.stroke);
             if let Some(marker) = style.marker {
                 svg.marker((x + 10.0, y), marker, style.stroke.colour, MARKER_PT);

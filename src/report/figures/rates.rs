@@ -53,6 +53,22 @@ impl Study {
         Conditions { max_power_w, jitter_std_rad: f64::to_radians(jitter_deg), uncertainty_m }
     }
 
+    /// Against what the curves that lie close together are compared in a panel of their own, by name.
+    pub fn gap_to(self) -> &'static str {
+        match self {
+            Self::Plain => "cap",
+            Self::Jitter | Self::Uncertain => "veilwing",
+        }
+    }
+
+    /// Whether a curve is in that panel.
+    fn has_gap(self, curve: &Curve) -> bool {
+        match self {
+            Self::Plain => matches!(curve.name, "veilwing" | "paper"),
+            Self::Jitter | Self::Uncertain => !matches!(curve.name, "cap" | "veilwing" | "conventional"),
+        }
+    }
+
     /// Its curves, best first.
     pub fn curves(self) -> Vec<Curve> {
         let mut curves = vec![
@@ -97,8 +113,19 @@ pub struct Rates {
     pub study: Study,
     /// Scenarios behind each mean.
     pub scenarios: usize,
-    /// Mean rate in bit/s/Hz and its spread by curve, then power.
-    pub curves: Vec<(Curve, Vec<Summary>)>,
+    /// In the order of [`Study::curves`].
+    pub curves: Vec<CurveRates>,
+}
+
+/// One curve's numbers by power, in bit/s/Hz.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CurveRates {
+    /// Which curve.
+    pub curve: Curve,
+    /// The rates.
+    pub rates: Vec<Summary>,
+    /// By how much it is below [`Study::gap_to`], scenario by scenario; empty for a curve not compared.
+    pub gaps: Vec<Summary>,
 }
 
 /// Plans and scores every scenario, power and method of a figure.
@@ -121,18 +148,23 @@ pub fn measure(study: Study, settings: &Settings, progress: &Progress) -> Result
         rates.map_err(|error| Failure::Plan { figure: study.name(), scenario: index, error })
     });
     let cells: Vec<Vec<f64>> = cells.into_iter().collect::<Result<_, _>>()?;
-    let summaries = |k: usize| {
+    let summaries = |value: &dyn Fn(&[f64]) -> f64| {
         let at = |power: usize| {
-            let values: Vec<f64> = cells.iter().skip(power).step_by(powers).map(|rates| rates[k]).collect();
+            let values: Vec<f64> =
+                cells.iter().skip(power).step_by(powers).map(|rates| value(rates)).collect();
             Summary::new(&values).ok_or(Failure::NoScenarios)
         };
         (0..powers).map(at).collect::<Result<Vec<_>, _>>()
     };
-    let curves = curves
-        .iter()
-        .enumerate()
-        .map(|(k, curve)| Ok((*curve, summaries(k)?)))
-        .collect::<Result<_, Failure>>()?;
+    let reference = curves.iter().position(|curve| curve.name == study.gap_to());
+    let curves = curves.iter().enumerate().map(|(k, curve)| {
+        let gaps = match reference {
+            Some(r) if study.has_gap(curve) => summaries(&|rates| rates[r] - rates[k])?,
+            _ => Vec::new(),
+        };
+        Ok(CurveRates { curve: *curve, rates: summaries(&|rates| rates[k])?, gaps })
+    });
+    let curves = curves.collect::<Result<_, Failure>>()?;
     Ok(Rates { study, scenarios: settings.scenarios, curves })
 }
 
@@ -153,18 +185,21 @@ pub fn rate(source: Source, problem: &Problem, seed: u64) -> Result<f64, PlanErr
 }
 
 impl Rates {
-    /// Every number of the figure. Rates in bit/s/Hz, powers in W.
+    /// Every number of the figure. Rates in bit/s/Hz, powers in W; the gap is that to [`Study::gap_to`].
     pub fn csv(&self) -> String {
-        let mut text = String::from(
-            "method,max_power_w,scenarios,mean_bit_s_hz,standard_error_bit_s_hz,lower_quartile_bit_s_hz,median_bit_s_hz,upper_quartile_bit_s_hz\n",
+        let mut text = format!(
+            "method,max_power_w,scenarios,mean_bit_s_hz,standard_error_bit_s_hz,lower_quartile_bit_s_hz,median_bit_s_hz,upper_quartile_bit_s_hz,below_{0}_mean_bit_s_hz,below_{0}_standard_error_bit_s_hz\n",
+            self.study.gap_to()
         );
-        for (curve, summaries) in &self.curves {
-            for (power, s) in MAX_POWERS_W.iter().zip(summaries) {
+        for CurveRates { curve, rates, gaps } in &self.curves {
+            for (k, (power, s)) in MAX_POWERS_W.iter().zip(rates).enumerate() {
                 let [lower, median, upper] = s.quartiles;
+                let gap =
+                    gaps.get(k).map_or(",".to_owned(), |g| format!("{:.6},{:.6}", g.mean, g.standard_error));
                 // Writing to a String cannot fail.
                 let _ = writeln!(
                     text,
-                    "{},{power},{},{:.6},{:.6},{lower:.6},{median:.6},{upper:.6}",
+                    "{},{power},{},{:.6},{:.6},{lower:.6},{median:.6},{upper:.6},{gap}",
                     curve.name, self.scenarios, s.mean, s.standard_error
                 );
             }
