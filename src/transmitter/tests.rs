@@ -471,3 +471,23 @@ fn val_extended_parameters_carry_their_own_type_and_unit() {
         assert!(lease.power_w <= 0.0504 && lease.power_w > 0.0498, "{lease:?}");
     }
 }
+
+#[test]
+fn val_an_adopted_system_is_the_one_commanded_and_the_first_word_is_off() {
+    let now = Instant::from_start(Duration::from_secs(5));
+    let settings = Settings { own: OWN, target: (OWN.0, 68), kind: Kind::Leased { command: 31010 } };
+    let mut transmitter = Transmitter::new(settings, now);
+    while transmitter.poll_transmit().is_some() {}
+    transmitter.adopt_system(OWN.0 + 6, now);
+    let commands: Vec<_> = std::iter::from_fn(|| transmitter.poll_transmit())
+        .filter_map(|message| match message {
+            MavMessage::COMMAND_INT(command) => Some(command),
+            _ => None,
+        })
+        .collect();
+    assert!(!commands.is_empty());
+    for command in commands {
+        assert_eq!((command.target_system, command.target_component), (OWN.0 + 6, 68));
+        assert!(command.y <= 0 || command.param1 == f32::NEG_INFINITY, "not an off: {command:?}");
+    }
+}
