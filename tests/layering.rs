@@ -134,7 +134,7 @@ fn character_literal(rest: &str) -> Option<usize> {
 fn imports(code: &str, own: &str, depth: usize) -> BTreeSet<String> {
     let flat: String =
         code.split_whitespace().collect::<Vec<_>>().join(" ").replace(" ::", "::").replace(":: ", "::");
-    let to_the_root = format!("{}", "super::".repeat(depth));
+    let to_the_root = "super::".repeat(depth);
     let mut found = BTreeSet::new();
     for anchor in ["crate::", to_the_root.as_str()].into_iter().filter(|anchor| !anchor.is_empty()) {
         for (at, _) in flat.match_indices(anchor) {
