@@ -53,7 +53,6 @@ impl Companion {
     /// A link that cannot be opened, or no plan.
     pub async fn run(self, clock: Clock, stop: impl Future<Output = ()>) -> Result<Outcome, CompanionError> {
         let role = self.settings.role;
-        let own = self.settings.own;
         let mut autopilot: Link<AutopilotMessage> =
             Link::open(self.autopilot.0, self.autopilot.1, clock.clone()).await?;
         let mut pair: Link<wire::MavMessage> = Link::open(self.pair.0, self.pair.1, clock.clone()).await?;
@@ -64,8 +63,8 @@ impl Companion {
         loop {
             while let Some(outgoing) = executive.poll_transmit() {
                 match outgoing {
-                    Outgoing::Autopilot(message) => autopilot.send(own, &message),
-                    Outgoing::Pair(message) => pair.send(own, &message),
+                    Outgoing::Autopilot(message) => autopilot.send(executive.own(), &message),
+                    Outgoing::Pair(message) => pair.send(executive.own(), &message),
                 }
             }
             while let Some(notice) = executive.poll_notice() {

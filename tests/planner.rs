@@ -1,12 +1,16 @@
 //! The planner from outside: what a user of the library relies on.
 
-use nalgebra::{Vector2, Vector3};
+use nalgebra::{Rotation3, Vector2, Vector3};
+use proptest::prelude::*;
+use veilwing::geo::Pose;
+use veilwing::planner::plan::{SlotPlan, Status, VehiclePlan};
 use veilwing::planner::problem::{
     Airframe, Airspace, Eavesdropper, Jitter, JitterAxes, JitterModel, Method, Objective, Problem, Radio,
     Uncertainty, VehicleModel,
 };
-use veilwing::planner::{EvaluateOptions, Options, cap, evaluate, plan_slot};
-use veilwing::role::PerVehicle;
+use veilwing::planner::{EvaluateOptions, Options, PlanError, cap, evaluate, plan_slot};
+use veilwing::radio::pattern;
+use veilwing::role::{PerVehicle, Role};
 
 fn problem(eavesdroppers: &[[f64; 2]], jitter_deg: f64) -> Problem {
     let vehicle =
@@ -76,4 +80,319 @@ fn prop_evaluate_agrees_with_the_plans_own_figure() {
         assert_eq!(score.user_sinr, plan.user_sinr);
         assert!(plan.secrecy_rate_bps <= cap(&problem).unwrap());
     }
+}
+
+/// Asserts that a plan keeps every constraint to 1e-9 and holds no NaN. Written again from the mission, not from the
+/// planner's own constraints.
+fn assert_sound(problem: &Problem, plan: &SlotPlan, what: &str) {
+    let area = &problem.airspace.area_enu_m;
+    for role in Role::BOTH {
+        let VehiclePlan { pose, tx_power_w } = plan.vehicles[role];
+        let [low, high] = problem.airspace.altitude_m;
+        let p = pose.position_enu_m;
+        let all = [p.x, p.y, p.z, pose.roll_rad, pose.pitch_rad, pose.yaw_rad, tx_power_w];
+        assert!(all.iter().all(|v| v.is_finite()), "{what}: {all:?}");
+        assert!(p.z >= low - 1e-9 && p.z <= high + 1e-9, "{what}: altitude {}", p.z);
+        assert!((0.0..=problem.radio.max_power_w[role]).contains(&tx_power_w), "{what}: power {tx_power_w}");
+        let quarter = std::f64::consts::FRAC_PI_2;
+        assert!(pose.roll_rad.abs() <= quarter && pose.pitch_rad.abs() <= quarter, "{what}: {pose:?}");
+        let tilt = pose.antenna_axis().xy().norm().atan2(pose.antenna_axis().z.abs());
+        let model = problem.vehicles[role];
+        let limit = if model.airframe == Airframe::Conventional { 0.0 } else { model.max_tilt_rad };
+        assert!(tilt <= limit + 1e-9, "{what}: tilt {tilt} over {limit}");
+        assert!(problem.free_yaw || pose.yaw_rad == 0.0, "{what}: yaw");
+        let (mut inside, mut distance) = (false, f64::INFINITY);
+        for (k, a) in area.iter().enumerate() {
+            let b = area[(k + 1) % area.len()];
+            if (a.y > p.y) != (b.y > p.y) && p.x < (b.x - a.x) * (p.y - a.y) / (b.y - a.y) + a.x {
+                inside = !inside;
+            }
+            let t = ((p.xy() - a).dot(&(b - a)) / (b - a).norm_squared()).clamp(0.0, 1.0);
+            distance = distance.min((p.xy() - a - t * (b - a)).norm());
+        }
+        assert!(inside || distance < 1e-9, "{what}: {distance} m outside");
+    }
+    let apart = (plan.vehicles.i.pose.position_enu_m - plan.vehicles.j.pose.position_enu_m).norm();
+    assert!(apart >= problem.airspace.min_separation_m - 1e-9, "{what}: {apart} m apart");
+    let rates = [plan.secrecy_rate_bps, plan.standard_error_bps, plan.upper_bound_bps, plan.user_sinr];
+    assert!(
+        rates.iter().chain(&plan.eavesdropper_sinr).all(|v| v.is_finite() && *v >= 0.0),
+        "{what}: {plan:?}"
+    );
+    assert!(plan.secrecy_rate_bps <= plan.upper_bound_bps * (1.0 + 1e-12), "{what}: above the cap");
+    let silent = plan.vehicles.i.tx_power_w == 0.0;
+    assert_eq!(plan.status == Status::NoPositiveRate, silent && plan.secrecy_rate_bps == 0.0, "{what}");
+}
+
+/// Plans by every method and checks the plans; the number of starts is lowered to what a test can afford.
+fn plan_all(problem: &Problem, what: &str) -> Vec<SlotPlan> {
+    METHODS
+        .iter()
+        .map(|method| {
+            let plan =
+                plan_slot(problem, &Options { method: *method, starts: Some(12), ..Options::default() });
+            let plan = plan.unwrap_or_else(|e| panic!("{what} {method:?}: {e}"));
+            assert_sound(problem, &plan, &format!("{what} {method:?}"));
+            plan
+        })
+        .collect()
+}
+
+#[test]
+fn prop_degenerate_inputs_have_sound_plans() {
+    for deg in [0.0, 2.0] {
+        let usual = problem(&[[120.0, -40.0], [-300.0, 210.0]], deg);
+        let change = |f: &dyn Fn(&mut Problem)| {
+            let mut changed = usual.clone();
+            f(&mut changed);
+            changed
+        };
+        // With an eavesdropper at the user nothing is secret.
+        for plan in plan_all(&problem(&[[0.0, 0.0], [-300.0, 210.0]], deg), "eavesdropper at the user") {
+            assert_eq!(plan.status, Status::NoPositiveRate);
+            assert_eq!(plan.secrecy_rate_bps, 0.0);
+        }
+        plan_all(&problem(&[[120.0, -40.0], [120.0, -40.0]], deg), "two at the same place");
+        let ring: Vec<_> = (0..100).map(|k| f64::from(k) * std::f64::consts::TAU / 100.0).collect();
+        let ring: Vec<_> = ring.iter().map(|a| [150.0 * a.cos(), 150.0 * a.sin()]).collect();
+        plan_all(&problem(&ring, deg), "a hundred on a ring");
+        plan_all(&change(&|p| p.airspace.altitude_m = [80.0, 80.0]), "a band of one altitude");
+        for plan in
+            plan_all(&change(&|p| p.radio.max_power_w = PerVehicle { i: 0.0, j: 0.5 }), "I without power")
+        {
+            assert_eq!(plan.status, Status::NoPositiveRate);
+        }
+        plan_all(&change(&|p| p.radio.max_power_w = PerVehicle { i: 0.5, j: 0.0 }), "J without power");
+        plan_all(&change(&|p| p.airspace.altitude_m = [-10.0, 10.0]), "user inside the airspace");
+        plan_all(&change(&|p| p.user_enu_m.z = 500.0), "user above the airspace");
+        plan_all(
+            &change(&|p| p.eavesdroppers[0].position_enu_m = Vector3::new(3.0, 2.0, 80.0)),
+            "eavesdropper in the way",
+        );
+        plan_all(&change(&|p| p.radio.noise_power_w = 1e-30), "hardly any noise");
+        plan_all(&change(&|p| p.radio.reference_gain = 1e-12), "hardly any signal");
+        plan_all(&change(&|p| p.airspace.area_enu_m = square(1.0)), "an area just large enough");
+        plan_all(&change(&|p| p.airspace.min_separation_m = 1400.0), "a separation across the whole area");
+        plan_all(&change(&|p| p.vehicles.i.max_tilt_rad = 0.0), "no tilt at all");
+        plan_all(&change(&|p| p.vehicles.j.max_tilt_rad = 1e-3), "hardly any tilt");
+        let far = Vector3::new(9e5, -9e5, 0.0);
+        let shift = |p: &mut Problem| {
+            p.user_enu_m += far;
+            p.eavesdroppers.iter_mut().for_each(|e| e.position_enu_m += far);
+            p.airspace.area_enu_m.iter_mut().for_each(|v| *v += far.xy());
+        };
+        plan_all(&change(&shift), "far coordinates");
+        plan_all(&change(&|p| p.eavesdroppers[1].position_enu_m = far), "an eavesdropper far away");
+        plan_all(&change(&|p| p.jitter.std_rad = 1.5), "jitter beyond sense");
+    }
+}
+
+fn square(half: f64) -> Vec<Vector2<f64>> {
+    [[-half, -half], [half, -half], [half, half], [-half, half]]
+        .iter()
+        .map(|c| Vector2::new(c[0], c[1]))
+        .collect()
+}
+
+#[test]
+fn val_meaningless_problems_are_refused() {
+    let refuse = |f: &dyn Fn(&mut Problem)| {
+        let mut changed = problem(&[[120.0, -40.0]], 2.0);
+        f(&mut changed);
+        let error = plan_slot(&changed, &Options::default()).unwrap_err();
+        assert_eq!(cap(&changed).unwrap_err().to_string(), error.to_string());
+        assert!(error.to_string().len() > 20);
+        error
+    };
+    assert_eq!(refuse(&|p| p.eavesdroppers.clear()), PlanError::NoEavesdropper);
+    assert_eq!(refuse(&|p| p.radio.noise_power_w = 0.0), PlanError::NoNoise);
+    let small = refuse(&|p| {
+        p.airspace.area_enu_m = square(1.0);
+        p.airspace.altitude_m = [80.0, 81.0];
+    });
+    assert!(
+        matches!(small, PlanError::SeparationImpossible { separation_m: 5.0, reach_m } if (reach_m - 3.0).abs() < 1e-9)
+    );
+    let line = refuse(&|p| p.airspace.area_enu_m.truncate(2));
+    assert_eq!(line, PlanError::EmptyArea { vertices: 2 });
+    let crossed = refuse(&|p| p.airspace.area_enu_m.swap(1, 2));
+    assert_eq!(crossed, PlanError::EmptyArea { vertices: 4 });
+    let out_of_range: [&dyn Fn(&mut Problem); 9] = [
+        &|p| p.user_enu_m.x = f64::NAN,
+        &|p| p.eavesdroppers[0].position_enu_m.y = f64::INFINITY,
+        &|p| p.eavesdroppers[0].position_enu_m.y = 1e300,
+        &|p| p.radio.noise_power_w = -1e-12,
+        &|p| p.radio.max_power_w.j = -0.5,
+        &|p| p.airspace.altitude_m = [300.0, 80.0],
+        &|p| p.airspace.min_separation_m = f64::NAN,
+        &|p| p.jitter.std_rad = -0.1,
+        &|p| p.vehicles.i.max_tilt_rad = f64::NAN,
+    ];
+    for f in out_of_range {
+        assert!(matches!(refuse(f), PlanError::OutOfRange { .. }));
+    }
+    let usual = problem(&[[120.0, -40.0]], 2.0);
+    let mut vehicles =
+        plan_slot(&usual, &Options { starts: Some(4), ..Options::default() }).unwrap().vehicles;
+    vehicles.i.tx_power_w = f64::NAN;
+    assert!(evaluate(&usual, &vehicles, &EvaluateOptions::default()).is_err());
+}
+
+/// A problem of the field: everything at once.
+fn field_problem() -> impl Strategy<Value = Problem> {
+    let node = (-500.0..500.0, -500.0..500.0, 0.0..40.0);
+    let nodes = prop::collection::vec(node, 1..6);
+    let star = prop::collection::vec(120.0..500.0, 4..9);
+    let limits = (0.05..1.7, 0.05..1.7, 0.0..150.0, 0.0..150.0);
+    let vehicles = (0..4u8, any::<bool>(), any::<bool>());
+    let radio = (0.01..2.0, 0.0..2.0, -6.0..0.0, 0.0..6.0);
+    (nodes, star, limits, vehicles, radio, -300.0..300.0, -300.0..300.0).prop_map(
+        |(
+            nodes,
+            star,
+            (tilt_i, tilt_j, separation, depth),
+            (levels, yaw, body),
+            (pi, pj, gain, deg),
+            x,
+            y,
+        )| {
+            let mut p = problem(&[], if deg < 1.0 { 0.0 } else { deg });
+            let node = |n: &(f64, f64, f64)| Eavesdropper {
+                position_enu_m: Vector3::new(n.0, n.1, n.2),
+                uncertainty: Uncertainty::None,
+            };
+            p.eavesdroppers = nodes.iter().map(node).collect();
+            let n = star.len() as f64;
+            let corner = |(k, r): (usize, &f64)| {
+                let angle = std::f64::consts::TAU * k as f64 / n;
+                Vector2::new(r * angle.cos(), r * angle.sin())
+            };
+            p.airspace.area_enu_m = star.iter().enumerate().map(corner).collect();
+            p.airspace.min_separation_m = separation;
+            p.airspace.altitude_m = [60.0, 60.0 + depth];
+            (p.vehicles.i.max_tilt_rad, p.vehicles.j.max_tilt_rad) = (tilt_i, tilt_j);
+            if levels & 1 > 0 {
+                p.vehicles.i.airframe = Airframe::Conventional;
+            }
+            if levels & 2 > 0 {
+                p.vehicles.j.airframe = Airframe::Conventional;
+            }
+            p.free_yaw = yaw;
+            p.jitter.model = if body { JitterModel::Body } else { JitterModel::Euler };
+            p.radio.max_power_w = PerVehicle { i: pi, j: pj };
+            p.radio.reference_gain = 10f64.powf(gain);
+            p.user_enu_m = Vector3::new(x, y, 5.0);
+            p
+        },
+    )
+}
+
+fn vehicle() -> impl Strategy<Value = VehiclePlan> {
+    let angle = -1.5..1.5;
+    (-400.0..400.0, -400.0..400.0, 80.0..300.0, angle.clone(), angle, 1e-4..0.5).prop_map(
+        |(x, y, z, roll_rad, pitch_rad, tx_power_w)| VehiclePlan {
+            pose: Pose { position_enu_m: Vector3::new(x, y, z), roll_rad, pitch_rad, yaw_rad: 0.0 },
+            tx_power_w,
+        },
+    )
+}
+
+fn rate(problem: &Problem, vehicles: &PerVehicle<VehiclePlan>) -> f64 {
+    let options = EvaluateOptions { samples: 1024, ..EvaluateOptions::default() };
+    evaluate(problem, vehicles, &options).unwrap().secrecy_rate_bps
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+
+    #[test]
+    fn prop_plans_of_the_field_are_feasible(problem in field_problem()) {
+        for method in METHODS {
+            let plan = plan_slot(&problem, &Options { method, starts: Some(6), ..Options::default() }).unwrap();
+            assert_sound(&problem, &plan, &format!("{method:?}"));
+        }
+    }
+
+    #[test]
+    fn prop_order_of_eavesdroppers_is_irrelevant(i in vehicle(), j in vehicle(), shift in 1..4usize) {
+        let vehicles = PerVehicle { i, j };
+        let mut problem = problem(&[[120.0, -40.0], [-300.0, 210.0], [40.0, 50.0], [9.0, -400.0]], 2.0);
+        let before = rate(&problem, &vehicles);
+        problem.eavesdroppers.rotate_left(shift);
+        prop_assert_eq!(rate(&problem, &vehicles), before);
+    }
+
+    #[test]
+    fn prop_opposite_axes_are_the_same_antenna(i in vehicle(), j in vehicle(), deg in 0.0..5.0) {
+        let problem = problem(&[[120.0, -40.0], [-300.0, 210.0]], deg);
+        let before = rate(&problem, &PerVehicle { i, j });
+        let mut turned = i;
+        turned.pose.roll_rad += std::f64::consts::PI;
+        let after = rate(&problem, &PerVehicle { i: turned, j });
+        prop_assert!((after - before).abs() < 1e-3, "{} {}", before, after);
+    }
+
+    /// The whole scene turned about the vertical through the user: the same rate without jitter, and under body-axis
+    /// jitter, where turning is a change of yaw.
+    #[test]
+    fn prop_turning_the_scene_changes_nothing(i in vehicle(), j in vehicle(), angle in -3.0..3.0) {
+        let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), angle);
+        for (model, deg) in [(JitterModel::Euler, 0.0), (JitterModel::Body, 3.0)] {
+            let mut problem = problem(&[[120.0, -40.0], [-300.0, 210.0]], deg);
+            problem.jitter.model = model;
+            let before = rate(&problem, &PerVehicle { i, j });
+            for e in &mut problem.eavesdroppers {
+                e.position_enu_m = turn * e.position_enu_m;
+            }
+            let turned = PerVehicle { i, j }.map(|mut v: VehiclePlan| {
+                v.pose.position_enu_m = turn * v.pose.position_enu_m;
+                v.pose.yaw_rad += angle;
+                v
+            });
+            let after = rate(&problem, &turned);
+            prop_assert!((after - before).abs() < 1e-3, "{:?}: {} {}", model, before, after);
+            if deg == 0.0 {
+                // At yaw 0, by the canonical angles of the turned axis.
+                let flat = turned.map(|mut v| {
+                    (v.pose.roll_rad, v.pose.pitch_rad) = pattern::canonical_angles(&v.pose.antenna_axis());
+                    v.pose.yaw_rad = 0.0;
+                    v
+                });
+                prop_assert!((rate(&problem, &flat) - before).abs() < 1e-3);
+            }
+        }
+    }
+
+    /// P_I = Pmax is optimal with [.]^+ inside the expectation.
+    #[test]
+    fn prop_more_power_for_i_is_never_worse(i in vehicle(), j in vehicle(), deg in 0.0..5.0) {
+        let problem = problem(&[[120.0, -40.0], [-300.0, 210.0]], deg);
+        let full = VehiclePlan { tx_power_w: 0.5, ..i };
+        let (part, full) = (rate(&problem, &PerVehicle { i, j }), rate(&problem, &PerVehicle { i: full, j }));
+        prop_assert!(full >= part - 1e-6, "{} {}", part, full);
+    }
+}
+
+#[test]
+fn prop_rate_rises_with_maximum_power() {
+    for deg in [0.0, 2.0] {
+        let mut last = 0.0;
+        for power in [0.05, 0.1, 0.3, 0.5, 1.0] {
+            let mut problem = problem(&[[120.0, -40.0], [-300.0, 210.0], [50.0, 400.0]], deg);
+            problem.radio.max_power_w = PerVehicle { i: power, j: power };
+            let rate = plan_slot(&problem, &Options::default()).unwrap().secrecy_rate_bps;
+            assert!(rate > last, "{deg} deg, {power} W: {rate} after {last}");
+            last = rate;
+        }
+    }
+}
+
+#[test]
+fn prop_freeing_yaw_gains_under_euler_jitter() {
+    let mut problem = problem(&[[120.0, -40.0], [-300.0, 210.0]], 5.0);
+    let bound = plan_slot(&problem, &Options::default()).unwrap().secrecy_rate_bps;
+    problem.free_yaw = true;
+    let plan = plan_slot(&problem, &Options::default()).unwrap();
+    assert_sound(&problem, &plan, "free yaw");
+    assert!(plan.secrecy_rate_bps > bound + 1e5, "{} {bound}", plan.secrecy_rate_bps);
 }

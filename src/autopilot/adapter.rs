@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use mavlink::MavHeader;
 use mavlink::dialects::ardupilotmega::{
-    HEARTBEAT_DATA, MavAutopilot, MavMessage, MavModeFlag, MavSeverity, MavState, MavType,
+    HEARTBEAT_DATA, MavAutopilot, MavMessage, MavModeFlag, MavResult, MavSeverity, MavState, MavType,
 };
 
 use super::command::{CommandQueue, Purpose};
@@ -48,6 +48,8 @@ pub struct Autopilot {
     /// Whether this flight has left the ground.
     pub(super) flown: bool,
     pub(super) previous_mode: Option<Mode>,
+    /// What the bridge script of ArduPilot's 6DoF frame answered; `None` if it is not there.
+    pub(super) bridge: Option<MavResult>,
     /// Thrust per unit along each body axis, from the autopilot's rotors.
     pub(super) rotor_scales: Option<[f64; 3]>,
     pub(super) last_text: Option<Timed<String>>,
@@ -73,6 +75,7 @@ impl Autopilot {
             guard: LandDetectorGuard::default(),
             flown: false,
             previous_mode: None,
+            bridge: None,
             rotor_scales: None,
             last_text: None,
             assembly: Assembly::default(),
@@ -236,6 +239,11 @@ impl Autopilot {
             .for_each(|message| self.out.send(message));
     }
 
+    /// We speak as a component of this MAVLink system from now on.
+    pub fn adopt_system(&mut self, system: u8) {
+        self.settings.own.0 = system;
+    }
+
     /// What is known of the vehicle.
     #[must_use]
     pub fn state(&self) -> &VehicleState {
@@ -314,6 +322,8 @@ impl Autopilot {
         self.parameters.read(firmware.parameters());
         self.rotor_scales = None;
         self.learn_rotors();
+        self.bridge = None;
+        self.probe_bridge();
     }
 
     fn handle_heartbeat(&mut self, firmware: Firmware, heartbeat: &HEARTBEAT_DATA, now: Instant) {
@@ -329,7 +339,8 @@ impl Autopilot {
     fn command_ended(&mut self, purpose: Purpose, outcome: super::command::Outcome, now: Instant) {
         match purpose {
             Purpose::Interval(id) => self.streams.answered(id, outcome),
-            Purpose::Request(_) => {}
+            Purpose::Bridge => self.bridge = outcome,
+            Purpose::Request(_) | Purpose::Offsets => {}
             Purpose::Mode | Purpose::Arming | Purpose::TakeOff => self.answered(purpose, outcome, now),
         }
     }

@@ -25,6 +25,10 @@ pub(super) enum Purpose {
     Arming,
     /// NAV_TAKEOFF.
     TakeOff,
+    /// A first body offset of zero, to see that the bridge script of ArduPilot's 6DoF frame is there.
+    Bridge,
+    /// Body offsets on or off.
+    Offsets,
 }
 
 /// How a command ended: the autopilot's answer, or `None` if there was none.

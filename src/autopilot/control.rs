@@ -104,6 +104,7 @@ impl Autopilot {
         self.control.climb = None;
         self.give_up(Purpose::TakeOff);
         self.give_up(Purpose::Arming);
+        self.switch_offsets(false);
         self.control.phase = Phase::HandingOver { to, acknowledged: false };
         self.pursue(Aim::Mode(to), IN_FLIGHT_TIMEOUT, now);
         if self.control.goals.is_empty() {
@@ -169,6 +170,7 @@ impl Autopilot {
             Phase::Taking { .. } if mode == Mode::Companion => {
                 if self.asked(Aim::Mode(mode), now) && self.reached(Aim::Mode(mode)) {
                     self.control.phase = Phase::Held;
+                    self.switch_offsets(true);
                     self.out.tell(Event::ControlTaken);
                 }
             }

@@ -1,6 +1,6 @@
 //! What speaks for or against a flight: named checks, each with the offending value and what it should be.
 
-use mavlink::dialects::ardupilotmega::MavType;
+use mavlink::dialects::ardupilotmega::{MavResult, MavType};
 
 use super::adapter::Autopilot;
 use super::firmware::px4::LAND_DETECTOR_SPEED;
@@ -105,9 +105,9 @@ fn telemetry(autopilot: &Autopilot, now: Instant) -> Vec<Check> {
 
 fn readiness(autopilot: &Autopilot) -> Vec<Check> {
     let state = autopilot.state();
-    let flag = |name, value: Option<bool>, bad: &str| match value {
+    let flag = |name, value: Option<bool>, worst: Verdict, bad: &str| match value {
         Some(true) => check(name, Verdict::Pass, "good"),
-        Some(false) => check(name, Verdict::Fail, bad),
+        Some(false) => check(name, worst, bad),
         None => check(name, Verdict::Warn, "the autopilot does not say"),
     };
     let local = state.position_enu_m.map(|position| position.value);
@@ -142,12 +142,19 @@ fn readiness(autopilot: &Autopilot) -> Vec<Check> {
     vec![
         origin,
         home,
-        flag("estimator", state.estimator_ok.map(|ok| ok.value), "unhealthy: see the autopilot's messages"),
-        flag("gps", state.gps_ok.map(|ok| ok.value), "unhealthy: wait for a fix"),
+        flag(
+            "estimator",
+            state.estimator_ok.map(|ok| ok.value),
+            Verdict::Fail,
+            "unhealthy: see its messages",
+        ),
+        flag("gps", state.gps_ok.map(|ok| ok.value), Verdict::Fail, "unhealthy: wait for a fix"),
+        // Judged for the present mode, which is not yet ours: arming itself has the last word, with its reason.
         flag(
             "pre-arm",
             state.prearm_ok.map(|ok| ok.value),
-            "the autopilot's own checks fail: see its messages",
+            Verdict::Warn,
+            "the autopilot's own checks do not pass",
         ),
         battery,
         ground,
@@ -247,6 +254,13 @@ fn arducopter(autopilot: &Autopilot, all: &mut Vec<Check>) {
         _ => (Warn, "0, or keep a ground station connected: it returns 5 s after that one's last heartbeat"),
     }));
     if pose {
+        all.push(match autopilot.bridge {
+            Some(MavResult::MAV_RESULT_ACCEPTED) => check("bridge script", Pass, "answers"),
+            Some(result) => {
+                check("bridge script", Fail, format!("command 31013: {result:?}; install the script"))
+            }
+            None => check("bridge script", Fail, "does not answer command 31013: install it and restart"),
+        });
         all.push(parameter(autopilot, "SCR_ENABLE", |value| match value {
             1.0 => (Pass, ""),
             _ => (Fail, "1: the bridge script sets the body offsets"),

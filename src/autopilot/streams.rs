@@ -17,6 +17,8 @@ const TOLERATED: f64 = 0.7;
 const STATUS_RATE_HZ: f64 = 2.0;
 /// One-shot requests are repeated this often until the message has come.
 const REQUEST_INTERVAL: Duration = Duration::from_secs(1);
+/// The local origin is asked for for ever: an estimator may move it.
+const ORIGIN_INTERVAL: Duration = Duration::from_secs(5);
 
 #[derive(Debug)]
 struct Stream {
@@ -144,9 +146,10 @@ impl Streams {
             self.window_since = Some(now);
         }
         if self.request_at.is_some_and(|at| at <= now) {
-            let wanted: Vec<u32> =
-                self.singles.iter().filter(|single| !single.known).map(|single| single.id).collect();
-            self.request_at = (!wanted.is_empty()).then_some(now + REQUEST_INTERVAL);
+            let missing = |single: &&Single| !single.known || single.id == mav::GPS_GLOBAL_ORIGIN_DATA::ID;
+            let wanted: Vec<u32> = self.singles.iter().filter(missing).map(|single| single.id).collect();
+            let all_known = self.singles.iter().all(|single| single.known);
+            self.request_at = Some(now + if all_known { ORIGIN_INTERVAL } else { REQUEST_INTERVAL });
             for id in wanted {
                 commands.push(long(MavCmd::MAV_CMD_REQUEST_MESSAGE, [id as f32, 0.0]), Purpose::Request(id));
             }

@@ -651,3 +651,167 @@ fn random_setpoint(rng: &mut ChaCha8Rng) -> Setpoint {
         attitude: Attitude::from_euler(number(6.0), number(6.0), number(6.0)),
     }
 }
+
+#[test]
+fn val_in_progress_extends_the_wait_and_nothing_is_repeated() {
+    let mut fake = Fake::new(Firmware::ArduPilot);
+    fake.arming = Manners::TakeTime(3000);
+    let mut world = World::new(fake, |_| {});
+    world.connect();
+    world.autopilot.take_control(world.now);
+    world.until(5.0, |event| *event == Event::ControlTaken);
+    world.autopilot.arm(world.now);
+    world.until(5.0, |event| *event == Event::Armed);
+    assert_eq!(world.fake.commands(MavCmd::MAV_CMD_COMPONENT_ARM_DISARM).len(), 1);
+}
+
+#[test]
+fn val_a_repeated_mode_command_never_takes_the_mode_back_from_the_pilot() {
+    for firmware in BOTH {
+        let mut fake = Fake::new(firmware);
+        // Done, but the answer is lost: the command would be repeated.
+        fake.set_mode = Manners::ObeyInSilence;
+        let mut world = World::new(fake, |_| {});
+        world.connect();
+        world.autopilot.take_control(world.now);
+        world.until(5.0, |event| *event == Event::ControlTaken);
+        let asked = world.fake.commands(MavCmd::MAV_CMD_DO_SET_MODE).len();
+        world.fake.custom_mode = if firmware == Firmware::Px4 { PX4_POSCTL } else { 0 };
+        world.fake.beat();
+        world.until(1.0, |event| matches!(event, Event::ControlLost { .. }));
+        world.run(10.0);
+        assert_eq!(world.fake.commands(MavCmd::MAV_CMD_DO_SET_MODE).len(), asked, "{firmware}");
+        assert_ne!(world.autopilot.state().mode(), Some(Mode::Companion));
+    }
+}
+
+#[test]
+fn val_a_pilot_who_acts_while_the_mode_is_being_taken_in_flight_wins() {
+    let mut world = World::new(Fake::new(Firmware::Px4), |settings| settings.planned_tilt_rad = 0.3);
+    world.launch();
+    world.fake.custom_mode = PX4_POSCTL;
+    world.fake.beat();
+    world.run(0.5);
+    world.fake.set_mode = Manners::PayLipService;
+    world.autopilot.take_control(world.now);
+    world.run(0.5);
+    world.fake.custom_mode = PX4_LAND;
+    world.fake.beat();
+    let event = world.until(0.1, |event| matches!(event, Event::ControlLost { .. }));
+    assert_eq!(event, Event::ControlLost { mode: "AUTO.LAND".into() });
+    world.fake.set_mode = Manners::Obey;
+    world.run(5.0);
+    assert_eq!(world.autopilot.state().mode(), Some(Mode::Land));
+}
+
+#[test]
+fn val_modes_that_flap_on_the_ground_do_not_stop_the_taking() {
+    let mut world = World::new(Fake::new(Firmware::Px4), |_| {});
+    world.connect();
+    world.fake.set_mode = Manners::Refuse(MavResult::MAV_RESULT_TEMPORARILY_REJECTED, "not yet");
+    world.autopilot.take_control(world.now);
+    for mode in [PX4_LOITER, PX4_POSCTL, PX4_LOITER] {
+        world.fake.custom_mode = mode;
+        world.fake.beat();
+        world.run(1.5);
+    }
+    assert_eq!(world.count(|event| matches!(event, Event::ControlLost { .. })), 0);
+    assert!(world.count(|event| matches!(event, Event::NotReady { what: "OFFBOARD", .. })) > 0);
+    world.fake.set_mode = Manners::Obey;
+    world.until(5.0, |event| *event == Event::ControlTaken);
+}
+
+#[test]
+fn val_a_refused_landing_leaves_the_vehicle_held_by_the_companion() {
+    for firmware in BOTH {
+        let mut world = World::new(Fake::new(firmware), |settings| settings.planned_tilt_rad = 0.3);
+        world.launch();
+        world.fake.set_mode = Manners::Refuse(MavResult::MAV_RESULT_DENIED, "no landing here");
+        world.autopilot.land(world.now);
+        let event = world.until(8.0, |event| matches!(event, Event::Refused { .. }));
+        let Event::Refused { statustext, .. } = event else { unreachable!() };
+        assert_eq!(statustext.as_deref(), Some("no landing here"));
+        assert!(world.autopilot.in_control());
+        let since = world.now;
+        world.run(2.0);
+        assert!(world.fake.setpoints_since(since) > 95, "{firmware}");
+    }
+}
+
+#[test]
+fn val_a_companion_that_restarts_in_flight_takes_control_again_when_asked() {
+    for firmware in BOTH {
+        let mut world = World::new(Fake::new(firmware), |settings| settings.planned_tilt_rad = 0.3);
+        world.launch();
+        let settings = world.autopilot.settings().clone();
+        world.autopilot = Autopilot::new(settings, world.now);
+        world.setpoint = None;
+        let since = world.now + Duration::from_millis(20);
+        world.until(3.0, |event| matches!(event, Event::Discovered { .. }));
+        world.run(4.0);
+        assert_eq!(world.fake.setpoints_since(since), 0, "nothing unasked");
+        assert!(!world.autopilot.in_control());
+        world.hold_here();
+        world.autopilot.take_control(world.now);
+        world.until(6.0, |event| *event == Event::ControlTaken);
+        let since = world.now;
+        world.run(1.0);
+        assert!(world.autopilot.in_control() && world.fake.setpoints_since(since) > 45, "{firmware}");
+    }
+}
+
+#[test]
+fn val_arducopter_gets_no_setpoint_before_it_is_airborne() {
+    let mut world = World::new(Fake::new(Firmware::ArduPilot), |_| {});
+    world.connect();
+    world.autopilot.take_control(world.now);
+    world.until(5.0, |event| *event == Event::ControlTaken);
+    world.autopilot.arm(world.now);
+    world.until(5.0, |event| *event == Event::Armed);
+    world.autopilot.take_off(10.0, world.now);
+    world.until(30.0, |event| *event == Event::Airborne);
+    assert_eq!(world.fake.setpoints_since(crate::time::Instant::ZERO), 0);
+    world.hold_here();
+    world.run(1.0);
+    assert!(world.fake.setpoints_since(crate::time::Instant::ZERO) > 45);
+}
+
+#[test]
+fn val_a_6dof_frame_without_its_bridge_is_named_and_offsets_are_off_for_the_landing() {
+    let mut world = World::new(Fake::new(Firmware::ArduPilot), |settings| settings.planned_tilt_rad = 0.6);
+    let bridge = |world: &World| {
+        world.autopilot.preflight(world.now).into_iter().find(|check| check.name == "bridge script").unwrap()
+    };
+    world.launch();
+    assert_eq!(bridge(&world).result, Verdict::Pass);
+    let switched = |world: &World| world.fake.commands(MavCmd::MAV_CMD_USER_5).last().map(|c| c.param1);
+    assert_eq!(switched(&world), Some(1.0));
+    world.autopilot.land(world.now);
+    world.run(0.1);
+    assert_eq!(switched(&world), Some(0.0));
+
+    // A stock autopilot knows no 31013.
+    let mut fake = Fake::new(Firmware::ArduPilot);
+    fake.without_bridge = true;
+    let mut world = World::new(fake, |_| {});
+    world.connect();
+    assert!(bridge(&world).result == Verdict::Fail && bridge(&world).detail.contains("UNSUPPORTED"));
+}
+
+#[test]
+fn val_a_rate_above_the_loop_is_refused_and_asked_for_again_at_half() {
+    let mut fake = Fake::new(Firmware::ArduPilot);
+    fake.fastest_hz = 60.0;
+    let mut world = World::new(fake, |settings| settings.rate_hz = 100.0);
+    world.until(3.0, |event| matches!(event, Event::Discovered { .. }));
+    world.run(8.0);
+    assert!(world.autopilot.fresh(world.now));
+    let asked: Vec<f32> = world
+        .fake
+        .commands(MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL)
+        .iter()
+        .filter(|c| c.param1 == 32.0)
+        .map(|c| c.param2)
+        .collect();
+    assert_eq!(asked, [10_000.0, 20_000.0]);
+}

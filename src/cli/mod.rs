@@ -2,6 +2,7 @@
 
 mod check;
 mod evaluate;
+mod figures;
 mod fly;
 mod plan;
 mod planning;
@@ -63,6 +64,7 @@ enum Command {
     Check(check::Args),
     Plan(plan::Args),
     Evaluate(evaluate::Args),
+    Figures(figures::Args),
     #[cfg(feature = "sitl")]
     Sitl(sitl::Args),
     Fly(fly::Args),
@@ -78,6 +80,7 @@ pub fn main() -> ExitCode {
         Command::Check(args) => return check::run(args),
         Command::Plan(args) => plan::run(args),
         Command::Evaluate(args) => evaluate::run(args),
+        Command::Figures(args) => figures::run(args),
         #[cfg(feature = "sitl")]
         Command::Sitl(args) => sitl::run(args),
         Command::Fly(args) => fly::run(args),

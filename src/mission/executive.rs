@@ -291,6 +291,12 @@ impl Executive {
         }
     }
 
+    /// The MAVLink system and component we speak as: the autopilot's system, once it is found.
+    #[must_use]
+    pub fn own(&self) -> (u8, u8) {
+        self.settings.own
+    }
+
     /// A name of the present phase, for logs and progress.
     #[must_use]
     pub fn phase_name(&self) -> &'static str {

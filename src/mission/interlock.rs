@@ -248,6 +248,12 @@ impl Interlock {
         self.authorised && !self.killed
     }
 
+    /// See [`Transmitter::adopt_system`]; silent afterwards.
+    pub fn adopt_system(&mut self, system: u8, now: Instant) {
+        self.standing = None;
+        self.transmitter.adopt_system(system, now);
+    }
+
     /// The transmitter, for everything but power.
     #[must_use]
     pub fn transmitter(&self) -> &Transmitter {

@@ -20,6 +20,11 @@ impl Executive {
     pub(super) fn on_autopilot(&mut self, event: AutopilotEvent, now: Instant) {
         match event {
             AutopilotEvent::Discovered { system, firmware } => {
+                if self.settings.autopilot.autopilot_system.is_none() {
+                    self.settings.own.0 = system;
+                    self.autopilot.adopt_system(system);
+                    self.interlock.adopt_system(system, now);
+                }
                 let text = format!("autopilot found: system {system}, {firmware:?}");
                 self.notice(MavSeverity::MAV_SEVERITY_INFO, text);
             }

@@ -11,7 +11,7 @@ pub mod baseline;
 mod cap;
 pub mod expectation;
 mod model;
-mod parallel;
+pub(crate) mod parallel;
 pub mod phase1;
 pub mod phase2;
 pub mod plan;
@@ -23,6 +23,8 @@ mod setup;
 pub mod slots;
 mod solver;
 mod starts;
+#[cfg(test)]
+mod testing;
 mod variables;
 
 pub use cap::cap;
@@ -111,6 +113,9 @@ pub fn plan_slot(problem: &Problem, options: &Options) -> Result<SlotPlan, PlanE
     Ok(finish(&setup, options, found))
 }
 
+/// A rate below this is rounding, not secrecy.
+const LEAST_BIT_S_HZ: f64 = 1e-9;
+
 /// A method's answer: the configuration, and whether its local solver met its tolerance there.
 #[derive(Debug, Clone, Copy)]
 struct Found {
@@ -128,7 +133,7 @@ fn finish(setup: &Setup, options: &Options, found: Found) -> SlotPlan {
     let mut vehicles = setup.vehicles(&found.raw);
     let mut evaluation = expectation::score(setup, &vehicles, &score);
     let mut status = if found.converged { Status::Converged } else { Status::IterationLimit };
-    if !(evaluation.secrecy_rate_bps > 0.0) {
+    if !(evaluation.secrecy_rate_bps > LEAST_BIT_S_HZ * setup.problem.radio.bandwidth_hz) {
         let mut silent = found.raw;
         silent[POWER] = 0.0;
         silent[VEHICLE + POWER] = 0.0;

@@ -79,8 +79,21 @@ impl Memory {
         }
     }
 
-    /// A local maximum from `start`, which is moved into the feasible set first; `None` if that fails.
+    /// A local maximum from `start`, which is moved into the feasible set first, or from the setup's resort if that
+    /// fails; `None` without a finite value.
     pub fn maximise(
+        &mut self,
+        setup: &Setup,
+        chart: &Chart,
+        target: Target,
+        start: &Raw,
+        solver: &Solver,
+    ) -> Option<Local> {
+        self.climb(setup, chart, target, start, solver)
+            .or_else(|| self.climb(setup, chart, target, &setup.resort(start), solver))
+    }
+
+    fn climb(
         &mut self,
         setup: &Setup,
         chart: &Chart,
@@ -96,8 +109,14 @@ impl Memory {
             let cells = self.cells(setup, &raw, best.is_some());
             let mut constraints =
                 chart.constraints(&setup.region, cells, air.altitude_m, air.min_separation_m);
-            repair(&mut constraints, &mut x, matches!(solver, Solver::InteriorPoint(_)))?;
-            let outcome = self.solve(setup, chart, target, &mut constraints, &x, solver);
+            let strictly =
+                matches!(solver, Solver::InteriorPoint(_)) && repair(&mut constraints, &mut x, true);
+            if !strictly && !repair(&mut constraints, &mut x, false) {
+                return None;
+            }
+            // A feasible set without an interior (a band of one altitude) is for the active-set method alone.
+            let solver = if strictly { *solver } else { active(solver) };
+            let outcome = self.solve(setup, chart, target, &mut constraints, &x, &solver);
             let value = -outcome.value;
             let gained = best.as_ref().is_none_or(|b| value > b.value + 1e-9);
             if gained {
@@ -161,8 +180,16 @@ fn on_cut(setup: &Setup, cells: [usize; 2], raw: &Raw, length_m: f64) -> bool {
     })
 }
 
-/// Moves `x` into the feasible set by projections; strictly inside if so asked. `None` if they do not settle.
-fn repair(constraints: &mut Constraints, x: &mut Vars, strictly: bool) -> Option<()> {
+/// The active-set method in place of `solver`.
+fn active(solver: &Solver) -> Solver {
+    match solver {
+        Solver::ActiveSet(_) => *solver,
+        Solver::InteriorPoint(_) => Solver::ActiveSet(active_set::Settings::default()),
+    }
+}
+
+/// Moves `x` into the feasible set by projections, strictly inside if so asked; false if they do not settle.
+fn repair(constraints: &mut Constraints, x: &mut Vars, strictly: bool) -> bool {
     let margin = if strictly { 1e-3 } else { 0.0 };
     for round in 0..200 {
         // The margin shrinks where the feasible set is too thin for it.
@@ -181,9 +208,9 @@ fn repair(constraints: &mut Constraints, x: &mut Vars, strictly: bool) -> Option
             }
         }
         if inside {
-            return Some(());
+            return true;
         }
     }
     constraints.refresh(x);
-    (!strictly && constraints.violation(x) < 1e-10).then_some(())
+    !strictly && constraints.violation(x) < 1e-12
 }

@@ -55,7 +55,7 @@ pub(super) fn plan(setup: &Setup, options: &Options) -> Found {
     };
     match ends.first() {
         Some(best) => Found { raw: best.raw, converged: best.converged },
-        None => Found { raw: starts::start(setup, 0, options.seed), converged: false },
+        None => Found { raw: setup.resort(&starts::start(setup, 0, options.seed)), converged: false },
     }
 }
 

@@ -120,6 +120,24 @@ impl<'a> Setup<'a> {
         (p.x, p.y)
     }
 
+    /// `raw` with positions that always keep the separation: at the two corners of the airspace farthest apart.
+    #[must_use]
+    pub fn resort(&self, raw: &Raw) -> Raw {
+        let polygon = self.region.polygon();
+        let pairs = polygon.iter().flat_map(|a| polygon.iter().map(move |b| (a, b)));
+        let longer = |x: &(_, _), y: &(_, _)| {
+            let length = |p: &(&Vector2<f64>, &Vector2<f64>)| (p.0 - p.1).norm_squared();
+            length(x).total_cmp(&length(y))
+        };
+        let mut out = *raw;
+        if let Some((a, b)) = pairs.max_by(longer) {
+            let [low, high] = self.problem.airspace.altitude_m;
+            out[..3].copy_from_slice(&[a.x, a.y, low]);
+            out[VEHICLE..VEHICLE + 3].copy_from_slice(&[b.x, b.y, high]);
+        }
+        out
+    }
+
     /// A configuration from poses and powers.
     #[must_use]
     pub fn raw(vehicles: &PerVehicle<VehiclePlan>) -> Raw {
@@ -185,6 +203,9 @@ fn check_numbers(problem: &Problem) -> Result<(), PlanError> {
     within("reference gain", radio.reference_gain, 1e-30, 1e12)?;
     within("maximum power in W", radio.max_power_w.i, 0.0, 1e9)?;
     within("maximum power in W", radio.max_power_w.j, 0.0, 1e9)?;
+    // Eight factors of the objective must fit into a floating-point number.
+    let strongest = radio.max_power_w.i.max(radio.max_power_w.j) * radio.reference_gain / radio.noise_power_w;
+    within("reference gain times power over noise", strongest, 0.0, 1e30)?;
     within("lowest altitude in m", air.altitude_m[0], -FARTHEST_M, FARTHEST_M)?;
     within("highest altitude in m", air.altitude_m[1], air.altitude_m[0], FARTHEST_M)?;
     within("separation in m", air.min_separation_m, 0.0, FARTHEST_M)?;

@@ -325,3 +325,109 @@ fn limited(y: Vector3<f64>, limit_rad: f64) -> (Vector3<f64>, Matrix3<f64>) {
     );
     (axis, jacobian)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::planner::expectation::exact::Exact;
+    use crate::planner::expectation::kernel::{Scene, Workspace};
+    use crate::planner::expectation::samples::{Samples, Sequence};
+    use crate::planner::phase1;
+    use crate::planner::problem::{Eavesdropper, JitterAxes, JitterModel, Uncertainty};
+    use crate::planner::testing;
+
+    const SCENE: Scene = Scene { user: [10.0, -5.0, 2.0], budget_m2_w: 1e9 };
+
+    fn configuration() -> Raw {
+        [25.0, 30.0, 85.0, 0.7, -0.4, 0.3, 0.5, 150.0, -210.0, 120.0, 0.9, 0.5, -0.2, 0.02]
+    }
+
+    fn charts() -> Vec<Chart> {
+        let about = Vector3::new(10.0, -5.0, 2.0);
+        let axes = [
+            AxisChart::Fixed([0.1, 0.2, 0.3]),
+            AxisChart::Angles { yaw: false },
+            AxisChart::Angles { yaw: true },
+            AxisChart::Tilt { yaw: false, limit_rad: 0.9 },
+            AxisChart::Tilt { yaw: true, limit_rad: 1.2 },
+            AxisChart::Follows { map: Matrix3::identity(), about, limit_rad: 2.0 },
+            AxisChart::Follows { map: Matrix3::identity(), about, limit_rad: 0.4 },
+            AxisChart::Follows { map: phase1::axis_map(0.8), about, limit_rad: 2.0 },
+            AxisChart::Follows { map: phase1::axis_map(0.8), about, limit_rad: 0.5 },
+        ];
+        let powers = [
+            PowerChart::Fixed(0.3),
+            PowerChart::Linear { max_w: 0.6 },
+            PowerChart::Log { max_w: 0.6, floor: -20.0 },
+        ];
+        let pair = |k: usize| Chart {
+            length_m: 80.0,
+            axes: [axes[k % axes.len()], axes[(k / 3 + 4) % axes.len()]],
+            powers: [powers[k % 3], powers[(k / 2) % 3]],
+        };
+        (0..27).map(pair).collect()
+    }
+
+    /// Central differences through chart and objective against the analytic gradient.
+    fn check(name: &str, mut objective: impl FnMut(&Raw, &mut Raw) -> f64) {
+        for (index, chart) in charts().iter().enumerate() {
+            let x = chart.encode(&configuration());
+            let mut by_raw = [0.0; 14];
+            let raw = chart.raw(&x);
+            objective(&raw, &mut by_raw);
+            let mut gradient = [0.0; MAX];
+            chart.pull(&x, &raw, &by_raw, &mut gradient);
+            for k in 0..chart.dimension() {
+                let mut at = |step: f64| {
+                    let mut y = x;
+                    y[k] += step;
+                    objective(&chart.raw(&y), &mut [0.0; 14])
+                };
+                let numeric = (8.0 * (at(1e-5) - at(-1e-5)) - (at(2e-5) - at(-2e-5))) / 12e-5;
+                let scale = 1.0 + gradient[k].abs();
+                assert!(
+                    (numeric - gradient[k]).abs() < 1e-5 * scale,
+                    "{name}, chart {index}, variable {k}: {numeric} {}",
+                    gradient[k]
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn val_gradient_without_jitter() {
+        let nodes = [[120.0, 80.0, 3.0], [-200.0, 90.0, 0.0], [40.0, -300.0, 10.0]];
+        let mut exact = Exact::default();
+        check("exact", |raw, gradient| exact.value(&SCENE, nodes.into_iter(), raw, 7.0, Some(gradient)));
+    }
+
+    #[test]
+    fn val_gradient_under_every_jitter_and_draws() {
+        for model in [JitterModel::Euler, JitterModel::Body] {
+            for axes in [JitterAxes::RollPitch, JitterAxes::RollPitchYaw] {
+                for draws in [1, 4] {
+                    let mut problem = testing::problem(&[[120.0, 80.0], [-200.0, 90.0], [40.0, -300.0]], 5.0);
+                    (problem.jitter.model, problem.jitter.axes) = (model, axes);
+                    for e in &mut problem.eavesdroppers {
+                        *e = Eavesdropper { uncertainty: Uncertainty::Disc { radius_m: 30.0 }, ..*e };
+                    }
+                    // Few samples: none of them on the kink between two eavesdroppers.
+                    let samples = Samples::new(&problem, 32, draws, 9, Sequence::Sobol);
+                    let mut workspace = Workspace::default();
+                    check("sampled", |raw, gradient| {
+                        workspace.mean(&SCENE, &samples, raw, false, Some(gradient))
+                    });
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn val_encode_and_raw_are_inverse() {
+        for chart in charts() {
+            let x = chart.encode(&configuration());
+            let again = chart.encode(&chart.raw(&x));
+            assert!(x.iter().zip(again).all(|(a, b)| (a - b).abs() < 1e-12), "{chart:?}");
+        }
+    }
+}

@@ -1,3 +1,4 @@
-//! Documents for people and programs: plans and flights.
+//! Documents for people and programs: plans, flights and figures.
 
+pub mod figures;
 pub mod plan_document;

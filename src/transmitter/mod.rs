@@ -120,6 +120,13 @@ impl Transmitter {
         transmitter
     }
 
+    /// Everything aboard shares the autopilot's MAVLink system, which is known once the autopilot is found. Starts
+    /// over, silent.
+    pub fn adopt_system(&mut self, system: u8, now: Instant) {
+        let Settings { own, target, kind } = self.settings.clone();
+        *self = Self::new(Settings { own: (system, own.1), target: (system, target.1), kind }, now);
+    }
+
     /// Commands this power in watts, or renews it. From `expires_at` on the radio must be off; what expires within a
     /// millisecond is off, as is a power that is not above zero.
     pub fn radiate(&mut self, power_w: f64, slot: u16, expires_at: Instant, now: Instant) {

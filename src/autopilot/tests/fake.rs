@@ -29,6 +29,10 @@ pub const PX4_LAND: u32 = 4 << 16 | 6 << 24;
 #[derive(Debug, Clone, PartialEq)]
 pub enum Manners {
     Obey,
+    /// Do it and say nothing.
+    ObeyInSilence,
+    /// Say that it is under way for so many milliseconds, then do it.
+    TakeTime(u64),
     /// Acknowledge and do nothing.
     PayLipService,
     Refuse(MavResult, &'static str),
@@ -51,6 +55,10 @@ pub struct Fake {
     pub takeoff: Manners,
     /// A mode that this build does not have.
     pub missing_mode: Option<u32>,
+    /// No bridge script.
+    pub without_bridge: bool,
+    /// The main loop's rate: no stream is faster.
+    pub fastest_hz: f64,
     pub parameters: BTreeMap<String, (f32, MavParamType)>,
     pub silent: bool,
     pub estimator: EstimatorStatusFlags,
@@ -67,6 +75,7 @@ pub struct Fake {
     /// Offboard was left for want of a stream: PX4 goes back by itself when it resumes.
     lapsed: bool,
     climb_to: Option<f64>,
+    under_way: Option<(Instant, COMMAND_LONG_DATA)>,
     out: VecDeque<MavMessage>,
 }
 
@@ -129,6 +138,8 @@ impl Fake {
             arming: Manners::Obey,
             takeoff: Manners::Obey,
             missing_mode: None,
+            without_bridge: false,
+            fastest_hz: 400.0,
             parameters,
             silent: false,
             estimator: px4_ready(),
@@ -142,6 +153,7 @@ impl Fake {
             setpoint_at: None,
             lapsed: false,
             climb_to: None,
+            under_way: None,
             out: VecDeque::new(),
         }
     }
@@ -251,10 +263,24 @@ impl Fake {
                 self.say(text);
                 result
             }
+            Manners::ObeyInSilence => {
+                self.obey(c, now);
+                return;
+            }
+            Manners::TakeTime(needed_ms) => {
+                if self.under_way.is_none() {
+                    self.under_way = Some((now + Duration::from_millis(needed_ms), c.clone()));
+                }
+                MavResult::MAV_RESULT_IN_PROGRESS
+            }
             Manners::Obey => self.obey(c, now),
         };
+        self.answer(c.command, result);
+    }
+
+    fn answer(&mut self, command: MavCmd, result: MavResult) {
         self.out.push_back(MavMessage::COMMAND_ACK(COMMAND_ACK_DATA {
-            command: c.command,
+            command,
             result,
             progress: 0,
             result_param2: 0,
@@ -267,6 +293,9 @@ impl Fake {
         match c.command {
             MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL => {
                 let interval = Duration::from_secs_f64(f64::from(c.param2) * 1e-6);
+                if interval.as_secs_f64() < 1.0 / self.fastest_hz {
+                    return MavResult::MAV_RESULT_DENIED;
+                }
                 self.intervals.insert(c.param1 as u32, (interval, now));
             }
             MavCmd::MAV_CMD_REQUEST_MESSAGE => {
@@ -301,7 +330,8 @@ impl Fake {
                 }
                 self.climb_to = Some(f64::from(-c.param7));
             }
-            MavCmd::MAV_CMD_USER_4 => {}
+            MavCmd::MAV_CMD_USER_4 | MavCmd::MAV_CMD_USER_5
+                if self.firmware == Firmware::ArduPilot && !self.without_bridge => {}
             _ => return MavResult::MAV_RESULT_UNSUPPORTED,
         }
         MavResult::MAV_RESULT_ACCEPTED
@@ -394,6 +424,10 @@ impl Fake {
         if self.heartbeat_at <= now {
             self.heartbeat_at = now + Duration::from_secs(1);
             self.beat();
+        }
+        if let Some((_, command)) = self.under_way.take_if(|(at, _)| *at <= now) {
+            let result = self.obey(&command, now);
+            self.answer(command.command, result);
         }
         let due: Vec<u32> =
             self.intervals.iter().filter(|(_, (_, at))| *at <= now).map(|(id, _)| *id).collect();

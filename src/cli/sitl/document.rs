@@ -8,6 +8,7 @@ use serde::Serialize;
 use veilwing_sitl::FlightReport;
 
 use crate::config::Mission;
+use crate::planner::problem::Uncertainty;
 use crate::role::{PerVehicle, Role};
 
 use super::host::Flight;
@@ -112,6 +113,10 @@ impl FlightDocument {
             text,
             "(rates in bit/s/Hz; on: seconds radiated; unprot: I on without J; errors are rms, jitter included)"
         )?;
+        if mission.eavesdroppers.iter().any(|e| e.node.uncertainty != Uncertainty::None) {
+            let text_uncertain = "the plan is for uncertain eavesdropper positions; this flight drew them once from the seed";
+            writeln!(text, "({text_uncertain}, so achieved may differ from planned)")?;
+        }
         for role in Role::BOTH {
             if let Some(end) = ends[role].filter(|end| *end != End::Code(0)) {
                 writeln!(text, "vehicle {role}: companion {}", describe_end(end))?;

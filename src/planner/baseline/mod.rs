@@ -45,7 +45,7 @@ pub(super) fn plan(setup: &Setup, method: Method, options: &Options) -> Found {
         let start = start(setup, method, index, options.seed);
         (climb(setup, &chart, &samples, &start, memory), start)
     });
-    let mut best = Found { raw: ends[0].1, converged: false };
+    let mut best = Found { raw: setup.resort(&ends[0].1), converged: false };
     let mut value = f64::NEG_INFINITY;
     for local in ends.into_iter().filter_map(|(local, _)| local) {
         if local.value > value {

@@ -508,3 +508,108 @@ impl Beams {
         sinr.iter().map(|s| s.ln_1p()).sum::<f64>() / self.len().max(1) as f64
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::planner::expectation::samples::Sequence;
+    use crate::planner::problem::{Jitter, JitterAxes, JitterModel};
+    use crate::planner::testing;
+    use crate::radio::link::{self, Transmitter};
+    use crate::radio::{jitter, secrecy};
+
+    const RAW: Raw = [5.0, 3.0, 80.0, 0.8, -0.3, 0.2, 0.5, 90.0, -210.0, 80.0, 1.1, 0.8, -0.1, 0.006];
+    const SCENE: Scene = Scene { user: [0.0; 3], budget_m2_w: 1e12 };
+
+    /// The kernel against the radio module, sample by sample: the same noise, another road.
+    #[test]
+    fn val_each_sample_is_the_radio_modules_rate() {
+        let nodes = [[120.0, -40.0], [-300.0, 210.0], [10.0, 400.0]];
+        for model in [JitterModel::Euler, JitterModel::Body] {
+            let mut problem = testing::problem(&nodes, 3.0);
+            problem.jitter = Jitter { model, axes: JitterAxes::RollPitchYaw, ..problem.jitter };
+            let samples = Samples::new(&problem, 32, 1, 4, Sequence::Sobol);
+            let set = super::super::sobol::Scrambled::new(4);
+            let noise = |index: u32, dimension: usize| {
+                problem.jitter.std_rad * super::super::normal::quantile(set.coordinate(index, dimension))
+            };
+            let mut index = 0;
+            let mut sum = 0.0;
+            Workspace::default().each(&SCENE, &samples, &RAW, |_, f| {
+                let transmitter = |v: usize| {
+                    let part = &RAW[v * VEHICLE..(v + 1) * VEHICLE];
+                    let w = [0, 1, 2].map(|c: usize| noise(index, 3 * v + c));
+                    Transmitter {
+                        position_enu_m: Vector3::new(part[0], part[1], part[2]),
+                        axis: jitter::axis(model, [part[3], part[4], part[5]], w),
+                        tx_power_w: part[6],
+                    }
+                };
+                let (i, j) = (transmitter(0), transmitter(1));
+                let sinr = |node: &Vector3<f64>| link::sinr(&i, &j, node, 1.0, 1e-12);
+                let rate = secrecy::signed_bit_s_hz(
+                    sinr(&problem.user_enu_m),
+                    problem.eavesdroppers.iter().map(|e| sinr(&e.position_enu_m)),
+                );
+                assert!((f / std::f64::consts::LN_2 - rate).abs() < 1e-9, "{index}: {f} {rate}");
+                sum += f;
+                index += 1;
+            });
+            let mean = Workspace::default().mean(&SCENE, &samples, &RAW, false, None);
+            assert!((mean - sum / 32.0).abs() < 1e-12);
+        }
+    }
+
+    /// Under Euler jitter E[YY'] is known: with c = exp(-2 s^2), E cos^2(x + w) = (1 + c cos 2x) / 2. At a signal so weak
+    /// that ln(1 + a) = a, the user's mean is k E[G].
+    #[test]
+    fn val_mean_gain_in_closed_form() {
+        let mut problem = testing::problem(&[[4e5, 4e5]], 10.0);
+        problem.jitter.std_rad = 0.3;
+        let raw: Raw = [60.0, 0.0, 80.0, 0.5, 0.4, 0.0, 1.0, 0.0, 0.0, 100.0, 0.0, 0.0, 0.0, 0.0];
+        let scene = Scene { budget_m2_w: 1e-4, ..SCENE };
+        let samples = Samples::new(&problem, 1 << 14, 1, 3, Sequence::Sobol);
+        let mean = Workspace::default().mean(&scene, &samples, &raw, false, None);
+        let c = (-2.0 * 0.3f64 * 0.3).exp();
+        let squares = |x: f64| ((1.0 + c * (2.0 * x).cos()) / 2.0, (1.0 - c * (2.0 * x).cos()) / 2.0);
+        let ((cr, _), (cp, sp)) = (squares(0.5), squares(0.4));
+        // u = (0.6, 0, 0.8): <u, Y>^2 = cos^2 roll (0.6 sin pitch + 0.8 cos pitch)^2.
+        let cross = c * 0.8f64.sin() / 2.0;
+        let gain = 1.0 - cr * (0.36 * sp + 0.64 * cp + 0.96 * cross);
+        assert!((mean / (1e-4 / 1e4 * gain) - 1.0).abs() < 1e-4, "{mean}");
+    }
+
+    #[test]
+    fn prop_clipping_lifts_negative_samples_to_zero() {
+        let problem = testing::problem(&[[5.0, 0.0], [-300.0, 210.0]], 10.0);
+        let samples = Samples::new(&problem, 512, 1, 3, Sequence::Sobol);
+        let (mut signed, mut clipped) = (0.0, 0.0);
+        let mut workspace = Workspace::default();
+        workspace.each(&SCENE, &samples, &RAW, |_, f| {
+            signed += f / 512.0;
+            clipped += f.max(0.0) / 512.0;
+        });
+        assert!(clipped > signed + 1e-3);
+        assert!((workspace.mean(&SCENE, &samples, &RAW, true, None) - clipped).abs() < 1e-12);
+        assert!((workspace.mean(&SCENE, &samples, &RAW, false, None) - signed).abs() < 1e-12);
+    }
+
+    #[test]
+    fn prop_the_narrowest_vectors_give_the_same_bits() {
+        let problem = testing::problem(&[[120.0, -40.0], [-300.0, 210.0]], 2.0);
+        let samples = Samples::new(&problem, 256, 1, 3, Sequence::Sobol);
+        let (mut wide, mut narrow) = ([0.0; 14], [0.0; 14]);
+        let mut workspace = Workspace::default();
+        let value = workspace.mean(&SCENE, &samples, &RAW, false, Some(&mut wide));
+        let scalar = Mean {
+            workspace: &mut Workspace::default(),
+            scene: &SCENE,
+            samples: &samples,
+            raw: &RAW,
+            clip: false,
+            gradient: Some(&mut narrow),
+        };
+        assert_eq!(pulp::NullaryFnOnce::call(scalar), value);
+        assert_eq!(wide, narrow);
+    }
+}

@@ -190,3 +190,110 @@ fn mean_and_error(estimates: &[f64]) -> (f64, f64) {
     let square: f64 = estimates.iter().map(|e| (e - mean) * (e - mean)).sum();
     (mean, (square / (n * (n - 1.0))).sqrt())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geo::Pose;
+    use crate::planner::problem::Uncertainty;
+    use crate::planner::testing;
+    use nalgebra::Vector3;
+
+    fn vehicles() -> PerVehicle<VehiclePlan> {
+        let plan = |x, y, roll_rad, pitch_rad, tx_power_w| VehiclePlan {
+            pose: Pose { position_enu_m: Vector3::new(x, y, 80.0), roll_rad, pitch_rad, yaw_rad: 0.0 },
+            tx_power_w,
+        };
+        // Best known for scenario 0, N = 2, 2 deg.
+        PerVehicle {
+            i: plan(4.4390, 2.6647, 0.893_334, -0.209_762, 0.5),
+            j: plan(88.3027, -238.1365, 1.100_552, 0.836_346, 0.005_690_5),
+        }
+    }
+
+    fn scenario() -> Problem {
+        testing::problem(&[[21.385_737_975, 103.841_847_006], [-29.058_202_678, -296.752_057_455]], 2.0)
+    }
+
+    fn options(samples: usize, seed: u64) -> EvaluateOptions {
+        EvaluateOptions { samples, seed, sequence: Sequence::Sobol }
+    }
+
+    #[test]
+    fn val_known_plan_has_its_known_rate() {
+        let evaluation = evaluate(&scenario(), &vehicles(), &EvaluateOptions::default()).unwrap();
+        assert!((evaluation.secrecy_rate_bps / 1e6 - 14.773_794).abs() < 5e-4, "{evaluation:?}");
+        assert!(evaluation.standard_error_bps < 1e3);
+        assert_eq!(evaluation.objective_rate_bps, evaluation.secrecy_rate_bps);
+    }
+
+    #[test]
+    fn prop_standard_error_is_honest() {
+        // Over 24 seeds the errors against a long run have the size that is claimed.
+        let truth = evaluate(&scenario(), &vehicles(), &options(1 << 17, 1)).unwrap().secrecy_rate_bps;
+        for sequence in [Sequence::Sobol, Sequence::MonteCarlo] {
+            let squares: Vec<f64> = (0..24)
+                .map(|seed| {
+                    let options = EvaluateOptions { samples: 2048, seed: 100 + seed, sequence };
+                    let e = evaluate(&scenario(), &vehicles(), &options).unwrap();
+                    ((e.secrecy_rate_bps - truth) / e.standard_error_bps).powi(2)
+                })
+                .collect();
+            let mean = squares.iter().sum::<f64>() / 24.0;
+            // Student's t with 15 degrees has variance 1.15; four standard errors of a mean of 24 squares.
+            assert!((0.3..2.6).contains(&mean), "{sequence:?}: {mean}");
+        }
+    }
+
+    #[test]
+    fn prop_sobol_needs_far_fewer_points_than_monte_carlo() {
+        let error = |sequence| {
+            evaluate(&scenario(), &vehicles(), &EvaluateOptions { samples: 16_384, seed: 5, sequence })
+                .unwrap()
+                .standard_error_bps
+        };
+        assert!(error(Sequence::Sobol) * 8.0 < error(Sequence::MonteCarlo));
+    }
+
+    #[test]
+    fn regress_256_points_are_within_a_tenth_of_a_percent() {
+        let truth = evaluate(&scenario(), &vehicles(), &options(1 << 17, 1)).unwrap().signed_rate_bps;
+        let scene = kernel::Scene { user: [0.0; 3], budget_m2_w: 1e12 };
+        let squares = (0..32).map(|seed| {
+            let samples = Samples::new(&scenario(), 256, 1, seed, Sequence::Sobol);
+            let mean =
+                kernel::Workspace::default().mean(&scene, &samples, &Setup::raw(&vehicles()), false, None);
+            (mean / std::f64::consts::LN_2 * 1e6 / truth - 1.0).powi(2)
+        });
+        let rms = (squares.sum::<f64>() / 32.0).sqrt();
+        assert!(rms < 1e-3, "{rms}");
+    }
+
+    #[test]
+    fn prop_objectives_over_discs_are_in_order() {
+        let mut problem = scenario();
+        for e in &mut problem.eavesdroppers {
+            e.uncertainty = Uncertainty::Disc { radius_m: 50.0 };
+        }
+        let value = |objective| {
+            let problem = Problem { objective, ..problem.clone() };
+            evaluate(&problem, &vehicles(), &options(1 << 15, 2)).unwrap()
+        };
+        let [mean, quantile, worst] =
+            [Objective::Mean, Objective::Quantile, Objective::WorstCase].map(|o| value(o).objective_rate_bps);
+        assert!(worst < quantile && quantile < mean, "{worst} {quantile} {mean}");
+        let nominal = value(Objective::Nominal);
+        assert!((nominal.objective_rate_bps / 1e6 - 14.7738).abs() < 2e-3);
+        assert!((nominal.secrecy_rate_bps - mean).abs() < 1.0);
+    }
+
+    #[test]
+    fn val_without_anything_random_the_rate_is_exact() {
+        let mut problem = scenario();
+        problem.jitter.std_rad = 0.0;
+        let e = evaluate(&problem, &vehicles(), &EvaluateOptions::default()).unwrap();
+        let strongest = e.eavesdropper_sinr.iter().copied().fold(0.0, f64::max);
+        assert!((e.secrecy_rate_bps - 1e6 * ((1.0 + e.user_sinr) / (1.0 + strongest)).log2()).abs() < 1e-3);
+        assert_eq!(e.standard_error_bps, 0.0);
+    }
+}

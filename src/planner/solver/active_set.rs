@@ -180,11 +180,14 @@ fn ratio_test(state: &State, constraints: &Constraints, direction: &Vars) -> (f6
     let mut blocking = None;
     for (index, row) in constraints.rows.iter().enumerate() {
         let rate = dense::dot(&row.a, direction);
-        if rate > 1e-14 && !state.active.contains(index) {
-            let length = constraints.slack(index, &state.x).max(0.0) / rate;
+        let slack = constraints.slack(index, &state.x).max(0.0);
+        // An active row with slack left (a refreshed separation) is reached at a length of one, and not to be passed.
+        let active = state.active.contains(index);
+        if rate > 1e-14 && !(active && slack <= 1e-12) {
+            let length = slack / rate;
             if length < longest {
                 longest = length;
-                blocking = Some(index);
+                blocking = (!active).then_some(index);
             }
         }
     }

@@ -1,0 +1,99 @@
+//! `veilwing figures`: the paper's figures from the running planner.
+
+use std::fmt::Write as _;
+use std::io::IsTerminal as _;
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+
+use crate::link::clock::Clock;
+use crate::report::figures::{self, Figure, Settings};
+
+use super::{Exit, print_text};
+
+/// Draw the paper's figures 3 and 4a to 4c from the running planner, as SVG and CSV.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Example: veilwing figures --out figures --scenarios 100 --threads 2")]
+pub(super) struct Args {
+    /// Directory to write into; made if it is not there.
+    #[arg(long, default_value = "figures")]
+    out: PathBuf,
+    /// Random scenarios behind each mean.
+    #[arg(long, default_value_t = 100, value_parser = clap::value_parser!(u32).range(2..=100_000))]
+    scenarios: u32,
+    /// Threads; the figures do not depend on it.
+    #[arg(long, default_value_t = 2, value_parser = clap::value_parser!(u16).range(1..=256))]
+    threads: u16,
+    /// Seed of the scenarios and of the planner.
+    #[arg(long, default_value_t = 8)]
+    seed: u64,
+}
+
+pub(super) fn run(args: &Args) -> Exit {
+    let clock = Clock::real();
+    let started = clock.now();
+    let elapsed_s = || clock.now().saturating_since(started).as_secs_f64();
+    let settings =
+        Settings { scenarios: args.scenarios as usize, threads: args.threads.into(), seed: args.seed };
+    // Before the work, not after it, is the time to learn that the directory cannot be written.
+    if let Err(error) = std::fs::create_dir_all(&args.out) {
+        eprintln!("error: cannot make the directory {}: {error}", args.out.display());
+        return Exit::Unusable;
+    }
+    let line = ProgressLine::default();
+    let figures = match figures::all(&settings, &|figure, done, count| line.show(figure, done, count)) {
+        Ok(figures) => figures,
+        Err(error) => {
+            eprintln!("error: {error}");
+            return Exit::Unusable;
+        }
+    };
+    let mut text = String::new();
+    for figure in &figures {
+        match write(&args.out, figure) {
+            // Writing to a String cannot fail.
+            Ok(paths) => paths.iter().for_each(|path| {
+                let _ = writeln!(text, "{}", path.display());
+            }),
+            Err(exit) => return exit,
+        }
+    }
+    eprintln!("{} scenarios, seed {}, {:.0} s", args.scenarios, args.seed, elapsed_s());
+    print_text(&text)
+}
+
+fn write(out: &Path, figure: &Figure) -> Result<[PathBuf; 2], Exit> {
+    let write = |extension: &str, text: &str| {
+        let path = out.join(format!("{}.{extension}", figure.name));
+        match std::fs::write(&path, text) {
+            Ok(()) => Ok(path),
+            Err(error) => {
+                eprintln!("error: cannot write {}: {error}", path.display());
+                Err(Exit::Unusable)
+            }
+        }
+    };
+    Ok([write("svg", &figure.svg)?, write("csv", &figure.csv)?])
+}
+
+/// One line on stderr, rewritten on a terminal; elsewhere a line for every tenth of a figure.
+#[derive(Debug, Default)]
+struct ProgressLine(Mutex<(String, usize)>);
+
+impl ProgressLine {
+    fn show(&self, figure: &str, done: usize, count: usize) {
+        // A thread that died while printing spoils nothing here.
+        let mut shown = self.0.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        if shown.0 != figure {
+            *shown = (figure.to_owned(), 0);
+        }
+        let percent = 100 * done / count.max(1);
+        // Threads may report out of order: only what is further than before is shown.
+        if std::io::stderr().is_terminal() && percent > shown.1 {
+            shown.1 = percent;
+            eprint!("\r{figure}: {percent:3}%{}", if done == count { "\n" } else { "" });
+        } else if percent / 10 > shown.1 / 10 {
+            shown.1 = percent;
+            eprintln!("{figure}: {percent}%");
+        }
+    }
+}

@@ -1,0 +1,101 @@
+//! The paper's figures from the running planner: what [`planner::plan_slot`](crate::planner::plan_slot) and
+//! [`planner::evaluate`](crate::planner::evaluate) answer, as SVG and CSV.
+//!
+//! | figure | shows | method |
+//! |---|---|---|
+//! | 3 | positions and antenna axes of both vehicles, one scenario | [`poses`] |
+//! | 4a | mean rate over maximum power, no jitter | [`rates`] |
+//! | 4b | the same with attitude jitter | [`rates`] |
+//! | 4c | the same with jitter and uncertain eavesdropper positions | [`rates`] |
+//!
+//! Scenarios are drawn as in the paper: two eavesdroppers uniform in a square of a kilometre about the user. A figure
+//! depends on the seed and the number of scenarios, never on the number of threads.
+
+mod axes;
+mod labels;
+mod pose_chart;
+pub mod poses;
+mod rate_chart;
+pub mod rates;
+pub mod scenario;
+mod svg;
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use crate::planner::PlanError;
+
+/// How the figures are made.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Settings {
+    /// Random scenarios behind each mean, at least 1.
+    pub scenarios: usize,
+    /// Threads; the figures do not depend on them.
+    pub threads: usize,
+    /// Seed of the scenarios and of the planner.
+    pub seed: u64,
+}
+
+/// Why a figure cannot be made.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum Failure {
+    /// A mean of nothing.
+    #[error("no scenarios to average over; ask for at least 1")]
+    NoScenarios,
+    /// The planner refused.
+    #[error("{figure}, scenario {scenario}: {error}")]
+    Plan {
+        /// The figure's name.
+        figure: &'static str,
+        /// Index of the scenario.
+        scenario: usize,
+        /// What the planner said.
+        error: PlanError,
+    },
+}
+
+/// A figure ready to be written.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Figure {
+    /// File name without extension.
+    pub name: &'static str,
+    /// The drawing.
+    pub svg: String,
+    /// Every number in it.
+    pub csv: String,
+}
+
+/// Hears, from any thread, of parts done: figure, parts done, parts in all.
+pub type Progress<'a> = dyn Fn(&str, usize, usize) + Sync + 'a;
+
+/// Makes all figures.
+///
+/// # Errors
+/// [`Failure`] for no scenarios, or if the planner refuses one.
+pub fn all(settings: &Settings, progress: &Progress) -> Result<Vec<Figure>, Failure> {
+    let poses = poses::plan(settings, progress)?;
+    let mut figures = vec![Figure { name: poses::NAME, svg: pose_chart::draw(&poses), csv: poses.csv() }];
+    for study in rates::Study::ALL {
+        let rates = rates::measure(study, settings, progress)?;
+        figures.push(Figure { name: study.name(), svg: rate_chart::draw(&rates), csv: rates.csv() });
+    }
+    Ok(figures)
+}
+
+/// Counts the parts of a figure done by all threads.
+struct Work<'a> {
+    figure: &'static str,
+    count: usize,
+    done: AtomicUsize,
+    progress: &'a Progress<'a>,
+}
+
+impl<'a> Work<'a> {
+    fn new(figure: &'static str, count: usize, progress: &'a Progress<'a>) -> Self {
+        Self { figure, count, done: AtomicUsize::new(0), progress }
+    }
+
+    fn one_done(&self) {
+        let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
+        (self.progress)(self.figure, done, self.count);
+    }
+}

@@ -1,0 +1,147 @@
+//! The paper's setup with random eavesdroppers, and statistics over scenarios.
+
+use nalgebra::{Vector2, Vector3};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use crate::planner::expectation::sobol::mix;
+use crate::planner::problem::{
+    Airframe, Airspace, Eavesdropper, Jitter, JitterAxes, JitterModel, Objective, Problem, Radio,
+    Uncertainty, VehicleModel,
+};
+use crate::role::PerVehicle;
+
+/// Half the side of the square of vehicles and eavesdroppers, about the user, in metres.
+pub const REACH_M: f64 = 500.0;
+/// The altitude band in metres.
+pub const ALTITUDE_M: [f64; 2] = [80.0, 300.0];
+/// Bandwidth; rates are divided by it.
+const BANDWIDTH_HZ: f64 = 1e6;
+/// Eavesdroppers of a scenario.
+const EAVESDROPPERS: usize = 2;
+
+/// What a figure varies about the paper's setup.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Conditions {
+    /// Power ceiling of both vehicles in W.
+    pub max_power_w: f64,
+    /// Standard deviation of roll and pitch of both vehicles, in radians.
+    pub jitter_std_rad: f64,
+    /// Eavesdroppers are uniform in discs of this radius about their estimates, in metres; 0: exactly known.
+    pub uncertainty_m: f64,
+}
+
+/// Scenario `index` of a seed: eavesdroppers uniform in the square, on the ground. One random stream a scenario, so that
+/// more scenarios leave the first ones as they are.
+pub fn eavesdroppers(seed: u64, index: usize) -> Vec<Vector3<f64>> {
+    let mut rng = ChaCha8Rng::seed_from_u64(mix(seed, index as u64));
+    let mut coordinate = || rng.random_range(-REACH_M..=REACH_M);
+    (0..EAVESDROPPERS).map(|_| Vector3::new(coordinate(), coordinate(), 0.0)).collect()
+}
+
+/// The paper's problem: user at the origin, noise variance 1e-12 W, reference gain 1, no separation.
+pub fn problem(eavesdroppers: &[Vector3<f64>], conditions: &Conditions) -> Problem {
+    let uncertainty = if conditions.uncertainty_m > 0.0 {
+        Uncertainty::Disc { radius_m: conditions.uncertainty_m }
+    } else {
+        Uncertainty::None
+    };
+    let node = |p: &Vector3<f64>| Eavesdropper { position_enu_m: *p, uncertainty };
+    let vehicle =
+        VehicleModel { airframe: Airframe::Omnidirectional, max_tilt_rad: std::f64::consts::FRAC_PI_2 };
+    let corners = [(-REACH_M, -REACH_M), (REACH_M, -REACH_M), (REACH_M, REACH_M), (-REACH_M, REACH_M)];
+    Problem {
+        user_enu_m: Vector3::zeros(),
+        eavesdroppers: eavesdroppers.iter().map(node).collect(),
+        radio: Radio {
+            bandwidth_hz: BANDWIDTH_HZ,
+            noise_power_w: 1e-12,
+            max_power_w: PerVehicle { i: conditions.max_power_w, j: conditions.max_power_w },
+            reference_gain: 1.0,
+        },
+        airspace: Airspace {
+            altitude_m: ALTITUDE_M,
+            area_enu_m: corners.iter().map(|(x, y)| Vector2::new(*x, *y)).collect(),
+            min_separation_m: 0.0,
+        },
+        vehicles: PerVehicle { i: vehicle, j: vehicle },
+        jitter: Jitter {
+            std_rad: conditions.jitter_std_rad,
+            model: JitterModel::Euler,
+            axes: JitterAxes::RollPitch,
+        },
+        objective: Objective::Mean,
+        free_yaw: false,
+    }
+}
+
+/// The same problem for a planner that takes the estimated positions for true.
+pub fn on_estimates(problem: &Problem) -> Problem {
+    let mut believed = problem.clone();
+    for eavesdropper in &mut believed.eavesdroppers {
+        eavesdropper.uncertainty = Uncertainty::None;
+    }
+    believed
+}
+
+/// A rate in bit/s as spectral efficiency, bit/s/Hz.
+pub fn per_hz(rate_bps: f64) -> f64 {
+    rate_bps / BANDWIDTH_HZ
+}
+
+/// A sample over scenarios in short.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Summary {
+    /// Mean.
+    pub mean: f64,
+    /// Standard error of the mean; 0 for a single value.
+    pub standard_error: f64,
+    /// Quartiles, interpolated between order statistics: lower, median, upper.
+    pub quartiles: [f64; 3],
+}
+
+impl Summary {
+    /// `None` for no values.
+    pub fn new(values: &[f64]) -> Option<Self> {
+        let n = values.len() as f64;
+        let mut sorted = values.to_vec();
+        sorted.sort_by(f64::total_cmp);
+        let last = sorted.len().checked_sub(1)?;
+        let mean = values.iter().sum::<f64>() / n;
+        let square: f64 = values.iter().map(|v| (v - mean) * (v - mean)).sum();
+        let standard_error = if last == 0 { 0.0 } else { (square / (n * (n - 1.0))).sqrt() };
+        let quartiles = [0.25, 0.5, 0.75].map(|q| {
+            let rank = q * last as f64;
+            let below = rank.floor() as usize;
+            let above = (below + 1).min(last);
+            sorted[below] + (rank - below as f64) * (sorted[above] - sorted[below])
+        });
+        Some(Self { mean, standard_error, quartiles })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn val_summary_of_one_to_five() {
+        let summary = Summary::new(&[3.0, 1.0, 5.0, 2.0, 4.0]).unwrap();
+        assert_eq!(summary.mean, 3.0);
+        assert_eq!(summary.quartiles, [2.0, 3.0, 4.0]);
+        assert!((summary.standard_error - 0.5f64.sqrt()).abs() < 1e-15);
+        assert_eq!(Summary::new(&[7.0]).unwrap().standard_error, 0.0);
+        assert_eq!(Summary::new(&[]), None);
+    }
+
+    #[test]
+    fn prop_scenarios_fill_the_square() {
+        let all: Vec<_> = (0..2000).flat_map(|k| eavesdroppers(5, k)).collect();
+        assert!(all.iter().all(|p| p.x.abs() <= REACH_M && p.y.abs() <= REACH_M && p.z == 0.0));
+        // The mean of n uniform values has standard deviation REACH_M / sqrt(3 n).
+        let error = REACH_M / (3.0 * all.len() as f64).sqrt();
+        let mean = all.iter().sum::<Vector3<f64>>() / all.len() as f64;
+        assert!(mean.x.abs() < 4.0 * error && mean.y.abs() < 4.0 * error, "{mean}");
+        assert_ne!(eavesdroppers(5, 0), eavesdroppers(6, 0));
+    }
+}

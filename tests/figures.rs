@@ -1,0 +1,228 @@
+//! The paper's figures: what is in their CSV files, and that their drawings are sound.
+
+// Helpers of tests may fail the test.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::process::Command;
+
+use nalgebra::Vector3;
+use veilwing::geo::Pose;
+use veilwing::planner::expectation::samples::Sequence;
+use veilwing::planner::plan::VehiclePlan;
+use veilwing::planner::{EvaluateOptions, cap, evaluate};
+use veilwing::report::figures::rates::{CurveRates, MAX_POWERS_W, Source, Study, measure, rate};
+use veilwing::report::figures::scenario::{self, Conditions};
+use veilwing::report::figures::{Failure, Settings, all, poses};
+use veilwing::role::{PerVehicle, Role};
+
+const SETTINGS: Settings = Settings { scenarios: 2, threads: 2, seed: 1 };
+
+fn quiet(_: &str, _: usize, _: usize) {}
+
+/// Rows of a CSV file by column name.
+fn rows(csv: &str) -> Vec<BTreeMap<String, String>> {
+    let mut lines = csv.lines();
+    let names: Vec<&str> = lines.next().unwrap().split(',').collect();
+    lines
+        .map(|line| {
+            let fields: Vec<&str> = line.split(',').collect();
+            assert_eq!(fields.len(), names.len(), "{line}");
+            names.iter().zip(fields).map(|(n, f)| ((*n).to_owned(), f.to_owned())).collect()
+        })
+        .collect()
+}
+
+fn number(row: &BTreeMap<String, String>, column: &str) -> f64 {
+    let value: f64 = row[column].parse().unwrap_or_else(|e| panic!("{column}: {e}: {row:?}"));
+    assert!(value.is_finite(), "{column}: {value}");
+    value
+}
+
+/// Elements of a document by name, if it is well-formed.
+fn elements(svg: &str) -> BTreeMap<String, usize> {
+    let mut reader = quick_xml::Reader::from_str(svg);
+    reader.config_mut().check_end_names = true;
+    let (mut counts, mut depth) = (BTreeMap::new(), 0i64);
+    loop {
+        let event = reader.read_event().unwrap();
+        let name = match &event {
+            quick_xml::events::Event::Eof => break,
+            quick_xml::events::Event::Start(e) | quick_xml::events::Event::Empty(e) => {
+                e.attributes().for_each(|a| assert!(a.is_ok(), "{a:?}"));
+                depth += i64::from(matches!(event, quick_xml::events::Event::Start(_)));
+                String::from_utf8(e.name().as_ref().to_vec()).unwrap()
+            }
+            quick_xml::events::Event::End(_) => {
+                depth -= 1;
+                continue;
+            }
+            _ => continue,
+        };
+        *counts.entry(name).or_insert(0) += 1;
+    }
+    assert_eq!(depth, 0);
+    counts
+}
+
+#[test]
+fn val_figure_3_rates_are_those_of_the_poses_drawn() {
+    let figure = poses::plan(&SETTINGS, &quiet).unwrap();
+    let rows = rows(&figure.csv());
+    let conditions = Conditions { max_power_w: poses::MAX_POWER_W, jitter_std_rad: 0.0, uncertainty_m: 0.0 };
+    let problem = scenario::problem(&scenario::eavesdroppers(SETTINGS.seed, 0), &conditions);
+    for (_, name, _) in poses::METHODS {
+        let of = |item: &str| {
+            rows.iter()
+                .find(|row| row["method"] == name && row["item"] == item)
+                .unwrap_or_else(|| panic!("{item}"))
+        };
+        let vehicle = |item: &str| {
+            let row = of(item);
+            let position_enu_m =
+                Vector3::new(number(row, "east_m"), number(row, "north_m"), number(row, "up_m"));
+            let pose = Pose {
+                position_enu_m,
+                roll_rad: number(row, "roll_rad"),
+                pitch_rad: number(row, "pitch_rad"),
+                yaw_rad: 0.0,
+            };
+            let axis =
+                Vector3::new(number(row, "axis_east"), number(row, "axis_north"), number(row, "axis_up"));
+            assert!((axis - pose.antenna_axis()).norm() < 3e-6);
+            VehiclePlan { pose, tx_power_w: number(row, "tx_power_w") }
+        };
+        let vehicles = PerVehicle { i: vehicle("vehicle-i"), j: vehicle("vehicle-j") };
+        let scored = evaluate(&problem, &vehicles, &EvaluateOptions::default()).unwrap();
+        let stated = number(of("vehicle-i"), "secrecy_rate_bit_s_hz");
+        // Printed to 1 mm and 1e-6 rad: at J's null that alone is worth some 1e-2 bit/s/Hz.
+        assert!((scenario::per_hz(scored.secrecy_rate_bps) - stated).abs() < 0.02, "{name}: {stated}");
+        let tilted = Role::BOTH.iter().any(|role| vehicles[*role].pose.attitude().tilt_rad() > 1e-6);
+        assert_eq!(tilted, name != "conventional", "{name}");
+        if ["paper", "jammer-orientation"].contains(&name) {
+            let null = of("null-line-of-j-on-ground");
+            assert!(
+                number(null, "east_m").hypot(number(null, "north_m")) < 2e-3,
+                "J's null is not on the user"
+            );
+        }
+    }
+}
+
+#[test]
+fn val_figure_4_means_are_those_of_single_scenarios() {
+    for study in Study::ALL {
+        let rates = measure(study, &SETTINGS, &quiet).unwrap();
+        let rows = rows(&rates.csv());
+        assert_eq!(rows.len(), study.curves().len() * MAX_POWERS_W.len());
+        let power = 2;
+        for CurveRates { curve, rates: summaries, .. } in &rates.curves {
+            let single: Vec<f64> = (0..SETTINGS.scenarios)
+                .map(|index| {
+                    let seed = veilwing::planner::expectation::sobol::mix(SETTINGS.seed, index as u64);
+                    let problem = scenario::problem(
+                        &scenario::eavesdroppers(SETTINGS.seed, index),
+                        &study.conditions(MAX_POWERS_W[power]),
+                    );
+                    rate(curve.source, &problem, seed).unwrap()
+                })
+                .collect();
+            let mean = (single[0] + single[1]) / 2.0;
+            assert!((summaries[power].mean - mean).abs() < 1e-9, "{study:?} {}", curve.name);
+            let row = rows
+                .iter()
+                .find(|r| r["method"] == curve.name && number(r, "max_power_w") == MAX_POWERS_W[power])
+                .unwrap();
+            assert!((number(row, "mean_bit_s_hz") - mean).abs() < 1e-6);
+            let error = (single[0] - single[1]).abs() / 2.0;
+            assert!((number(row, "standard_error_bit_s_hz") - error).abs() < 1e-6);
+            assert_eq!(row["scenarios"], "2");
+        }
+    }
+}
+
+#[test]
+fn val_a_plan_of_figure_4_is_scored_by_evaluate() {
+    // Without anything random the evaluator is exact, so that the plan's own figure must be met.
+    let problem = scenario::problem(&scenario::eavesdroppers(1, 0), &Study::Plain.conditions(0.5));
+    let options = veilwing::planner::Options { seed: 9, ..Default::default() };
+    let plan = veilwing::planner::plan_slot(&problem, &options).unwrap();
+    let drawn = rate(Source::Planned(options.method), &problem, 9).unwrap();
+    assert!((drawn - scenario::per_hz(plan.secrecy_rate_bps)).abs() < 1e-9);
+    // With jitter and uncertain positions, within the errors of both.
+    let problem = scenario::problem(&scenario::eavesdroppers(1, 0), &Study::Uncertain.conditions(0.5));
+    let plan = veilwing::planner::plan_slot(&problem, &options).unwrap();
+    let drawn = rate(Source::Planned(options.method), &problem, 9).unwrap();
+    let scoring = EvaluateOptions { samples: 65_536, seed: 4, sequence: Sequence::Sobol };
+    let score = evaluate(&problem, &plan.vehicles, &scoring).unwrap();
+    // `rate` scores on an eighth of the samples.
+    let error = scenario::per_hz(score.standard_error_bps) * (1.0 + 8f64.sqrt());
+    assert!((drawn - scenario::per_hz(score.secrecy_rate_bps)).abs() < 5.0 * error, "{drawn}");
+}
+
+#[test]
+fn val_order_of_figure_4a_is_the_papers() {
+    let settings = Settings { scenarios: 24, ..SETTINGS };
+    let rates = measure(Study::Plain, &settings, &quiet).unwrap();
+    let rows = rows(&rates.csv());
+    let mean = |method: &str, power: f64| {
+        let row = rows.iter().find(|r| r["method"] == method && number(r, "max_power_w") == power).unwrap();
+        number(row, "mean_bit_s_hz")
+    };
+    for power in MAX_POWERS_W {
+        let ordered = ["cap", "veilwing", "paper", "interior-point", "conventional"].map(|m| mean(m, power));
+        assert!(ordered.is_sorted_by(|a, b| a > b), "{power} W: {ordered:?}");
+        let problem = scenario::problem(&scenario::eavesdroppers(1, 0), &Study::Plain.conditions(power));
+        assert!((mean("cap", power) - scenario::per_hz(cap(&problem).unwrap())).abs() < 1e-6);
+    }
+}
+
+#[test]
+fn prop_figures_do_not_depend_on_threads_and_are_sound() {
+    let one = all(&Settings { threads: 1, ..SETTINGS }, &quiet).unwrap();
+    let names: Vec<&str> = one.iter().map(|figure| figure.name).collect();
+    assert_eq!(names, ["figure-3", "figure-4a", "figure-4b", "figure-4c"]);
+    assert_eq!(one, all(&Settings { threads: 3, ..SETTINGS }, &quiet).unwrap());
+    for figure in &one {
+        let counts = elements(&figure.svg);
+        assert_eq!(counts["svg"], 1);
+        // A polygon at least for the band of every curve, but in figure 3.
+        assert!(figure.name == "figure-3" || counts["polygon"] >= 4, "{counts:?}");
+        assert!(counts["text"] > 10 && counts["polyline"] > 10, "{counts:?}");
+        for foreign in ["href", "<image", "<style", "@font-face", "NaN", "inf"] {
+            assert!(!figure.svg.contains(foreign), "{}: {foreign}", figure.name);
+        }
+    }
+    assert!(one[2].csv.lines().count() == 1 + 5 * MAX_POWERS_W.len());
+}
+
+#[test]
+fn val_no_scenarios_are_refused() {
+    let refused = all(&Settings { scenarios: 0, ..SETTINGS }, &quiet);
+    assert_eq!(refused.unwrap_err(), Failure::NoScenarios);
+}
+
+#[test]
+fn val_command_writes_all_files_and_refuses_bad_arguments() {
+    let out = Path::new(env!("CARGO_TARGET_TMPDIR")).join("figures");
+    let run = |arguments: &[&str]| {
+        Command::new(env!("CARGO_BIN_EXE_veilwing")).arg("figures").args(arguments).output().unwrap()
+    };
+    let done = run(&["--out", out.to_str().unwrap(), "--scenarios", "2", "--threads", "2", "--seed", "1"]);
+    assert_eq!(done.status.code(), Some(0), "{}", String::from_utf8_lossy(&done.stderr));
+    let stdout = String::from_utf8(done.stdout).unwrap();
+    let files: Vec<&str> = stdout.lines().collect();
+    assert_eq!(files.len(), 8, "{stdout}");
+    let expected = all(&SETTINGS, &quiet).unwrap();
+    for figure in &expected {
+        for (extension, text) in [("svg", &figure.svg), ("csv", &figure.csv)] {
+            let path = out.join(format!("{}.{extension}", figure.name));
+            assert!(files.contains(&path.to_str().unwrap()));
+            assert_eq!(&std::fs::read_to_string(path).unwrap(), text);
+        }
+    }
+    for arguments in [&["--scenarios", "1"][..], &["--threads", "0"], &["--scenarios", "many"]] {
+        assert_eq!(run(arguments).status.code(), Some(2), "{arguments:?}");
+    }
+}
