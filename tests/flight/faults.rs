@@ -43,6 +43,7 @@ fn dies_at_ten_points(dead: Role) {
     let (begin, end) = slot_times();
     let survivor = dead.peer();
     let mut while_on_air = 0;
+    let mut slowest = [Duration::ZERO; 2];
     for point in 0..10 {
         let at = begin + (end - begin).mul_f64((f64::from(point) + 0.5) / 10.0);
         let mut flight = Flight::new(Setup::default());
@@ -54,12 +55,15 @@ fn dies_at_ten_points(dead: Role) {
         for role in Role::BOTH {
             let after = flight.silent_after(role, at);
             assert!(after <= LEASE_AND_MARGIN, "{role} silent after {after:?}\n{}", flight.story());
+            slowest[index(role)] = slowest[index(role)].max(after);
         }
         let cause = cause(&flight, survivor);
         assert!(cause.contains(&format!("vehicle {dead}")), "{cause}");
         assert!(flight.landed(survivor), "{}", flight.story());
     }
     assert!(while_on_air >= 2, "{while_on_air} of ten deaths while both radiated");
+    let [i, j] = slowest;
+    println!("companion {dead} dies at ten points of a slot: I silent after {i:?} at most, J after {j:?}");
 }
 
 #[test]
@@ -127,7 +131,12 @@ fn reaction(flight: &Flight, role: Role, since: Duration, shows: impl Fn(&MavMes
     let evidence = flight.log.health.iter().find(|(at, who, m)| *who == role && *at >= since && shows(m));
     let evidence = evidence.map(|(at, ..)| *at).unwrap();
     let off = *flight.log.offs[role].iter().find(|off| **off > since).unwrap();
-    off.saturating_sub(evidence)
+    let reaction = off.saturating_sub(evidence);
+    println!(
+        "{role}: off {reaction:?} after the frame that shows the fault, {:?} after the fault",
+        off - since
+    );
+    reaction
 }
 
 #[test]

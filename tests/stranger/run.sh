@@ -10,7 +10,8 @@ speed=${SPEED:-5}
 port=${PORT:-14560}
 venv=${VENV:-$root/target/stranger-venv}
 
-cargo build --manifest-path "$root/Cargo.toml" --package veilwing-sitl --bin veilwing-sitl \
+# The profile of the tests: optimised, and built already where the tests have run.
+cargo build --profile test --manifest-path "$root/Cargo.toml" --package veilwing-sitl --bin veilwing-sitl \
     --package veilwing --bin veilwing
 vehicle=${CARGO_TARGET_DIR:-$root/target}/debug/veilwing-sitl
 [ -x "$venv/bin/python" ] || python3 -m venv "$venv"
