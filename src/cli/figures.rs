@@ -24,7 +24,7 @@ pub(super) struct Args {
     #[arg(long, default_value_t = 2, value_parser = clap::value_parser!(u16).range(1..=256))]
     threads: u16,
     /// Seed of the scenarios and of the planner.
-    #[arg(long, default_value_t = 8)]
+    #[arg(long, default_value_t = 6)]
     seed: u64,
 }
 

@@ -157,8 +157,8 @@ fn draw_view(svg: &mut Svg, poses: &Poses, panel: &Panel, view: View, axes: &Axe
     svg.marker(at(&poses.user_enu_m), Marker::OpenSquare, USER, 1.8 * MARKER_PT);
     labels.avoid(at(&poses.user_enu_m), 2.0 * MARKER_PT);
     for p in &poses.eavesdroppers_enu_m {
-        svg.marker(at(p), Marker::Cross, USER, MARKER_PT);
-        labels.avoid(at(p), 1.3 * MARKER_PT);
+        svg.marker(at(p), Marker::Cross, USER, 1.3 * MARKER_PT);
+        labels.avoid(at(p), 1.6 * MARKER_PT);
     }
     for role in Role::BOTH {
         let pose = &panel.vehicles[role].pose;
@@ -211,7 +211,7 @@ fn draw_legend(svg: &mut Svg) {
     let [y0, y1] = rows;
     svg.marker((x0 + 10.0, y0), Marker::OpenSquare, USER, 1.8 * MARKER_PT);
     text(svg, x0, y0, "user");
-    svg.marker((x0 + 10.0, y1), Marker::Cross, USER, MARKER_PT);
+    svg.marker((x0 + 10.0, y1), Marker::Cross, USER, 1.3 * MARKER_PT);
     text(svg, x0, y1, "eavesdropper");
     for (role, y, label) in
         [(Role::I, y0, "base station I, antenna axis"), (Role::J, y1, "jammer J, antenna axis")]
