@@ -396,3 +396,112 @@ fn prop_freeing_yaw_gains_under_euler_jitter() {
     assert_sound(&problem, &plan, "free yaw");
     assert!(plan.secrecy_rate_bps > bound + 1e5, "{} {bound}", plan.secrecy_rate_bps);
 }
+
+/// A sample of the reference scenarios; the example `reference` prints all of them.
+mod reference {
+    use super::*;
+
+    #[path = "../../examples/reference/data.rs"]
+    #[allow(dead_code)]
+    mod data;
+
+    #[test]
+    fn val_no_jitter_reaches_the_best_known() {
+        for row in data::no_jitter().unwrap().iter().step_by(23) {
+            let problem =
+                data::paper(&data::eavesdroppers(row.n).unwrap()[row.scenario], row.max_power_w, 0.0);
+            let rate = plan_slot(&problem, &Options::default()).unwrap().secrecy_rate_bps / 1e6;
+            assert!(
+                rate > row.best * (1.0 - 1e-4),
+                "N {} scenario {}: {rate} of {}",
+                row.n,
+                row.scenario,
+                row.best
+            );
+            assert!(rate <= row.cap + 1e-9 && (cap(&problem).unwrap() / 1e6 - row.cap).abs() < 1e-5);
+        }
+    }
+
+    #[test]
+    fn val_jitter_reaches_the_best_known_and_the_evaluator_agrees() {
+        for row in data::jitter().unwrap().iter().step_by(7) {
+            let problem =
+                data::paper(&data::eavesdroppers(row.n).unwrap()[row.scenario], 0.5, row.jitter_deg);
+            let score =
+                |v| evaluate(&problem, v, &EvaluateOptions::default()).unwrap().secrecy_rate_bps / 1e6;
+            // Two independent evaluators agree to 5e-4.
+            assert!(
+                (score(&row.plan) - row.best_clipped).abs() < 1e-3,
+                "N {} scenario {}",
+                row.n,
+                row.scenario
+            );
+            let rate = score(&plan_slot(&problem, &Options::default()).unwrap().vehicles);
+            assert!(rate > row.best_clipped * (1.0 - 1e-3), "N {} scenario {}: {rate}", row.n, row.scenario);
+            assert!(rate > row.paper);
+        }
+    }
+
+    #[test]
+    fn val_field_variants_reach_the_best_known() {
+        for variant in data::variants().unwrap().iter().step_by(3) {
+            let (name, problem) = (&variant.name, &variant.problem);
+            let score =
+                |v| evaluate(problem, v, &EvaluateOptions::default()).unwrap().objective_rate_bps / 1e6;
+            assert!((score(&variant.plan) - variant.best).abs() < 2e-3, "{name}: {}", score(&variant.plan));
+            let plan = plan_slot(problem, &Options::default()).unwrap();
+            assert_sound(problem, &plan, name);
+            assert!(
+                score(&plan.vehicles) > variant.best - 0.05,
+                "{name}: {} of {}",
+                score(&plan.vehicles),
+                variant.best
+            );
+        }
+    }
+
+    /// The order of the paper's own figure: paper > interior point > conventional.
+    #[test]
+    fn val_methods_are_in_the_papers_order() {
+        let scenarios = data::eavesdroppers(2).unwrap();
+        let mean = |method| {
+            let rates = scenarios.iter().step_by(4).map(|eavesdroppers| {
+                let problem = data::paper(eavesdroppers, 0.5, 0.0);
+                plan_slot(&problem, &Options { method, ..Options::default() }).unwrap().secrecy_rate_bps / 1e6
+            });
+            rates.sum::<f64>() / 25.0
+        };
+        let [ours, paper, interior, level] =
+            [Method::Veilwing, Method::Paper, Method::InteriorPoint, Method::Conventional].map(mean);
+        assert!(
+            ours > paper && paper > interior + 0.3 && interior > level + 3.0,
+            "{ours} {paper} {interior} {level}"
+        );
+        assert!((paper / 25.99 - 1.0).abs() < 5e-3, "{paper}");
+    }
+
+    #[test]
+    fn prop_planning_for_positions_pays() {
+        let scenarios = data::eavesdroppers(2).unwrap();
+        let mut sums = [[0.0; 3]; 4];
+        let objectives = [Objective::Nominal, Objective::Mean, Objective::Quantile, Objective::WorstCase];
+        for eavesdroppers in scenarios.iter().step_by(16) {
+            let mut problem = data::paper(eavesdroppers, 0.5, 2.0);
+            for e in &mut problem.eavesdroppers {
+                e.uncertainty = Uncertainty::Disc { radius_m: 50.0 };
+            }
+            for (planned, sums) in objectives.iter().zip(&mut sums) {
+                problem.objective = *planned;
+                let vehicles = plan_slot(&problem, &Options::default()).unwrap().vehicles;
+                for (scored, sum) in objectives[1..].iter().zip(sums) {
+                    problem.objective = *scored;
+                    let options = EvaluateOptions { samples: 16_384, ..EvaluateOptions::default() };
+                    *sum += evaluate(&problem, &vehicles, &options).unwrap().objective_rate_bps;
+                }
+            }
+        }
+        let [nominal, mean, quantile, worst] = sums;
+        assert!(mean[0] > nominal[0] && mean[1] > nominal[1]);
+        assert!(quantile[1] > mean[1] && worst[2] > quantile[2] && mean[0] > quantile[0]);
+    }
+}

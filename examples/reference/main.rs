@@ -4,7 +4,7 @@
 //! cargo run --release --no-default-features --example reference -- TABLE [--every K] [--threads N] [--starts N]
 //! ```
 //!
-//! TABLE is `no-jitter`, `methods`, `jitter`, `variants`, `robust`, `times` or `misses`; `--every K` takes every K-th scenario.
+//! TABLE is `no-jitter`, `methods`, `jitter`, `variants`, `robust`, `times`, `misses` or `plans` (CSV); `--every K` takes every K-th scenario.
 //! Rates are in bit/s/Hz (the scenarios' bandwidth is 1 MHz).
 
 mod data;
@@ -33,9 +33,10 @@ fn main() -> ExitCode {
         Some("robust") => tables::robust,
         Some("times") => tables::times,
         Some("misses") => misses::table,
+        Some("plans") => tables::plans,
         _ => {
             eprintln!(
-                "usage: reference no-jitter|methods|jitter|variants|robust|times|misses [--every K] [--threads N] [--starts N] [--seed N]"
+                "usage: reference no-jitter|methods|jitter|variants|robust|times|misses|plans [--every K] [--threads N] [--starts N] [--seed N]"
             );
             return ExitCode::from(2);
         }

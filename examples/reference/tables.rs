@@ -311,3 +311,31 @@ pub fn times(run: &Run) -> Result<(), Failure> {
     }
     Ok(())
 }
+
+/// Plans as CSV, for a comparison with other solvers: N = 2 and 5, without jitter and at 2 deg.
+pub fn plans(run: &Run) -> Result<(), Failure> {
+    println!(
+        "n,scenario,jitter_deg,rate_bit_s_hz,ms,i_x,i_y,i_z,i_roll,i_pitch,i_w,j_x,j_y,j_z,j_roll,j_pitch,j_w"
+    );
+    for (n, deg) in [(2, 0.0), (5, 0.0), (2, 2.0), (5, 2.0)] {
+        for (scenario, eavesdroppers) in data::eavesdroppers(n)?.iter().enumerate().step_by(run.every) {
+            let problem = data::paper(eavesdroppers, 0.5, deg);
+            let mut times = Times::new();
+            let mut plan = plan_slot(&problem, &run.options(Method::Veilwing))?;
+            for _ in 0..5 {
+                plan = times.time(|| plan_slot(&problem, &run.options(Method::Veilwing)))?;
+            }
+            let numbers: Vec<String> = [plan.vehicles.i, plan.vehicles.j]
+                .iter()
+                .flat_map(|v| {
+                    let p = v.pose.position_enu_m;
+                    [p.x, p.y, p.z, v.pose.roll_rad, v.pose.pitch_rad, v.tx_power_w]
+                })
+                .map(|v| format!("{v:.9}"))
+                .collect();
+            let rate = plan.secrecy_rate_bps / MHZ;
+            println!("{n},{scenario},{deg},{rate:.6},{:.3},{}", times.median_ms(), numbers.join(","));
+        }
+    }
+    Ok(())
+}

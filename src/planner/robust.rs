@@ -14,7 +14,8 @@
 
 use nalgebra::Vector3;
 
-use super::expectation::kernel::{Beams, Raw};
+use super::expectation::beams::Beams;
+use super::expectation::kernel::Raw;
 use super::expectation::samples::Samples;
 use super::expectation::sobol;
 use super::model::{Local, Memory, Solver, Target};

@@ -21,6 +21,7 @@
 
 use nalgebra::Vector3;
 
+use super::attitude::{Axes, Desired};
 use super::samples::{LANES, Lane, Noise, Samples};
 use crate::radio::link::NEAREST_M;
 
@@ -76,68 +77,6 @@ pub struct Scene {
 #[derive(Debug, Clone, Default)]
 pub struct Workspace {
     nodes: Vec<Node>,
-}
-
-/// Axes of one vehicle in a block: Y, and the axes about which roll and pitch turn it.
-struct Axes {
-    y: [Lane; 3],
-    roll: [Lane; 3],
-    pitch: [Lane; 3],
-}
-
-/// Sine and cosine of one vehicle's desired angles, and its rotation.
-struct Desired {
-    trig: [[f64; 2]; 3],
-    rotation: [[f64; 3]; 3],
-}
-
-impl Desired {
-    fn new(angles: &[f64]) -> Self {
-        let trig = [0, 1, 2].map(|i: usize| [angles[i].cos(), angles[i].sin()]);
-        let [[cr, sr], [cp, sp], [cy, sy]] = trig;
-        let rotation = [
-            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-            [-sp, cp * sr, cp * cr],
-        ];
-        Self { trig, rotation }
-    }
-
-    #[inline(always)]
-    fn axes(&self, noise: &Noise) -> Axes {
-        let mut out = Axes { y: [[0.0; LANES]; 3], roll: [[0.0; LANES]; 3], pitch: [[0.0; LANES]; 3] };
-        match noise {
-            Noise::Euler(w) => {
-                let [[cr, sr], [cp, sp], [cy, sy]] = self.trig;
-                for l in 0..LANES {
-                    let (c, s) = (cr * w[0][0][l] - sr * w[0][1][l], sr * w[0][0][l] + cr * w[0][1][l]);
-                    let (cp, sp) = (cp * w[1][0][l] - sp * w[1][1][l], sp * w[1][0][l] + cp * w[1][1][l]);
-                    let (cy, sy) = (cy * w[2][0][l] - sy * w[2][1][l], sy * w[2][0][l] + cy * w[2][1][l]);
-                    out.y[0][l] = cy * c * sp + sy * s;
-                    out.y[1][l] = sy * c * sp - cy * s;
-                    out.y[2][l] = c * cp;
-                    out.roll[0][l] = cy * cp;
-                    out.roll[1][l] = sy * cp;
-                    out.roll[2][l] = -sp;
-                    out.pitch[0][l] = -sy;
-                    out.pitch[1][l] = cy;
-                }
-            }
-            Noise::Body(n) => {
-                let r = &self.rotation;
-                let [_, _, [cy, sy]] = self.trig;
-                for l in 0..LANES {
-                    for axis in 0..3 {
-                        out.y[axis][l] = r[axis][0] * n[0][l] + r[axis][1] * n[1][l] + r[axis][2] * n[2][l];
-                        out.roll[axis][l] = r[axis][0];
-                    }
-                    out.pitch[0][l] = -sy;
-                    out.pitch[1][l] = cy;
-                }
-            }
-        }
-        out
-    }
 }
 
 /// A node's link to one vehicle for each sample of a block.
@@ -200,8 +139,9 @@ struct Strongest {
 }
 
 /// `k (1 - t^2)` per lane.
+#[must_use]
 #[inline(always)]
-fn power(link: &Link, y: &[Lane; 3]) -> Lane {
+pub fn power(link: &Link, y: &[Lane; 3]) -> Lane {
     let mut out = [0.0; LANES];
     for l in 0..LANES {
         let t = link.u[0] * y[0][l] + link.u[1] * y[1][l] + link.u[2] * y[2][l];
@@ -449,63 +389,6 @@ impl Workspace {
             turn(&mut sums[vehicle], &axes[vehicle], &force);
         }
         ratio
-    }
-}
-
-/// Both antennas of a configuration at every sample of a shared set: what a search over a node's position needs.
-#[derive(Debug, Clone)]
-pub struct Beams {
-    axes: Vec<[[Lane; 3]; 2]>,
-    raw: Raw,
-    scene: Scene,
-}
-
-impl Beams {
-    /// The antennas of `raw`.
-    #[must_use]
-    pub fn new(scene: &Scene, samples: &Samples, raw: &Raw) -> Self {
-        let desired = desired(raw);
-        let blocks = samples.draws().next().map(|(_, blocks)| blocks).unwrap_or_default();
-        let axes = blocks.iter().map(|noise| [0, 1].map(|v: usize| desired[v].axes(&noise[v]).y)).collect();
-        Self { axes, raw: *raw, scene: scene.clone() }
-    }
-
-    /// Number of samples.
-    #[must_use]
-    pub fn len(&self) -> usize {
-        self.axes.len() * LANES
-    }
-
-    /// Whether there are none.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.axes.is_empty()
-    }
-
-    /// Appends the SINR at `node` for every sample.
-    pub fn sinr(&self, node: &Vector3<f64>, out: &mut Vec<f64>) {
-        let node = [node.x, node.y, node.z];
-        let link = [POWER, VEHICLE + POWER].map(|at| {
-            let vehicle = &self.raw[at - POWER..];
-            Link::new(vehicle, &node, self.scene.budget_m2_w * self.raw[at].max(0.0))
-        });
-        for y in &self.axes {
-            let (a, b) = (power(&link[0], &y[0]), power(&link[1], &y[1]));
-            let mut sinr = [0.0; LANES];
-            for l in 0..LANES {
-                sinr[l] = a[l] / (1.0 + b[l]);
-            }
-            out.extend_from_slice(&sinr);
-        }
-    }
-
-    /// E ln(1 + Gamma_0) in nats per hertz.
-    #[must_use]
-    pub fn user_mean(&self) -> f64 {
-        let [x, y, z] = self.scene.user;
-        let mut sinr = Vec::with_capacity(self.len());
-        self.sinr(&Vector3::new(x, y, z), &mut sinr);
-        sinr.iter().map(|s| s.ln_1p()).sum::<f64>() / self.len().max(1) as f64
     }
 }
 

@@ -1,5 +1,7 @@
 //! E[R]: scrambled Sobol samples of attitude noise and positions, the objective on them, and the evaluator of a plan.
 
+pub mod attitude;
+pub mod beams;
 pub mod exact;
 pub mod kernel;
 pub mod normal;
