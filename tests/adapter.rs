@@ -1,0 +1,234 @@
+//! The adapter and the transmitter against the software vehicle, in MAVLink bytes and virtual time: a second opinion
+//! on frames, signs and manners, for both firmware faces. Home, local origin and heading all differ from the
+//! mission's.
+
+#![allow(clippy::unwrap_used)] // helpers of tests
+
+use std::time::Duration;
+
+use mavlink::dialects::ardupilotmega::{MavMessage, MavSeverity};
+use mavlink::{MavHeader, MavlinkVersion, Message};
+use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use veilwing::autopilot::{Actuation, Autopilot, Event, Mode, Setpoint, Settings, Verdict};
+use veilwing::geo::{Attitude, Enu, Geodetic};
+use veilwing::time::Instant;
+use veilwing::transmitter::{self, Transmitter};
+use veilwing_sitl::{Airframe, Firmware, JitterConfig, Origin, Role, Vehicle, VehicleConfig};
+
+const MISSION: Geodetic = Geodetic { lat_deg: 50.0755, lon_deg: 14.4378, alt_m: 200.0 };
+const OWN: (u8, u8) = (1, 191);
+const STEP: Duration = Duration::from_millis(5);
+const EPOCH_US: u64 = 1_790_000_000_000_000;
+
+struct World {
+    now: Duration,
+    vehicle: Vehicle,
+    autopilot: Autopilot,
+    transmitter: Transmitter,
+    setpoint: Option<Setpoint>,
+    events: Vec<Event>,
+    sequence: u8,
+}
+
+impl World {
+    fn new(firmware: Firmware, actuation: Actuation) -> Self {
+        let config = VehicleConfig {
+            home_enu_m: [-20.0, 35.0, 4.0],
+            heading_rad: 0.7,
+            local_origin_offset_enu_m: [150.0, -90.0, 6.0],
+            airframe: Airframe::Omnidirectional,
+            firmware,
+            ready_after_s: 12.0,
+            ..VehicleConfig::new(Role::I)
+        };
+        let mission =
+            Origin { lat_deg: MISSION.lat_deg, lon_deg: MISSION.lon_deg, alt_amsl_m: MISSION.alt_m };
+        let mut settings = Settings::new(OWN, MISSION);
+        settings.autopilot_system = Some(1);
+        settings.actuation = actuation;
+        settings.tilt_rate_rad_s = 0.5;
+        Self {
+            now: Duration::ZERO,
+            vehicle: Vehicle::new(config, JitterConfig::default(), mission, EPOCH_US, 3),
+            autopilot: Autopilot::new(settings, Instant::ZERO),
+            transmitter: Transmitter::new(
+                transmitter::Settings {
+                    own: OWN,
+                    target: (1, 68),
+                    kind: transmitter::Kind::Leased { command: 31010 },
+                },
+                Instant::ZERO,
+            ),
+            setpoint: None,
+            events: Vec::new(),
+            sequence: 0,
+        }
+    }
+
+    fn send(&mut self, message: &MavMessage) {
+        let header = MavHeader { system_id: OWN.0.into(), component_id: OWN.1, sequence: self.sequence };
+        self.sequence = self.sequence.wrapping_add(1);
+        let mut bytes = Vec::new();
+        mavlink::write_v2_msg(&mut bytes, header, message).unwrap();
+        self.vehicle.handle(0, &bytes, self.now);
+    }
+
+    fn step(&mut self) {
+        self.now += STEP;
+        let now = Instant::from_start(self.now);
+        self.vehicle.advance(self.now);
+        while let Some((_, frame)) = self.vehicle.poll_transmit() {
+            let id = u32::from_le_bytes([frame[7], frame[8], frame[9], 0]);
+            let payload = &frame[10..10 + usize::from(frame[1])];
+            let message = MavMessage::parse(MavlinkVersion::V2, id, payload).unwrap();
+            let header = MavHeader { system_id: frame[5].into(), component_id: frame[6], sequence: frame[4] };
+            self.autopilot.handle_message(header, &message, now);
+            self.transmitter.handle_message(header, &message, now);
+        }
+        if let Some(setpoint) = self.setpoint {
+            self.autopilot.set_setpoint(setpoint, now);
+        }
+        if self.now.as_millis().is_multiple_of(1000) {
+            self.send(&veilwing::autopilot::heartbeat(
+                mavlink::dialects::ardupilotmega::MavState::MAV_STATE_ACTIVE,
+            ));
+        }
+        while self.autopilot.poll_timeout().is_some_and(|(at, _)| at <= now) {
+            self.autopilot.handle_timeout(now);
+        }
+        while self.transmitter.poll_timeout().is_some_and(|(at, _)| at <= now) {
+            self.transmitter.handle_timeout(now);
+        }
+        while let Some(message) = self.autopilot.poll_transmit().or_else(|| self.transmitter.poll_transmit())
+        {
+            self.send(&message);
+        }
+        self.events.extend(std::iter::from_fn(|| self.autopilot.poll_event()));
+    }
+
+    fn run(&mut self, seconds: f64) {
+        let end = self.now + Duration::from_secs_f64(seconds);
+        while self.now < end {
+            self.step();
+        }
+    }
+
+    fn until(&mut self, seconds: f64, wanted: impl Fn(&Event) -> bool) {
+        let end = self.now + Duration::from_secs_f64(seconds);
+        let seen = self.events.len();
+        while !self.events[seen..].iter().any(&wanted) {
+            assert!(self.now < end, "not within {seconds} s: {:#?}", self.events);
+            self.step();
+        }
+    }
+
+    fn now(&self) -> Instant {
+        Instant::from_start(self.now)
+    }
+
+    fn place(&mut self, position_enu_m: Enu, attitude: Attitude) {
+        self.setpoint = Some(Setpoint { position_enu_m, velocity_enu_m_s: Vector3::zeros(), attitude });
+    }
+
+    /// Found, ready, in control, armed, at 20 m.
+    fn launch(&mut self) {
+        self.until(5.0, |event| matches!(event, Event::Discovered { .. }));
+        self.run(6.0);
+        let state = self.autopilot.state();
+        let (position, attitude) = (state.position_enu_m.unwrap().value, state.attitude.unwrap().value);
+        // On the ground, the estimate is the truth: through the autopilot's own origin and heading.
+        assert!((position - Enu::new(-20.0, 35.0, 4.0)).norm() < 0.05, "{position}");
+        assert!(attitude.angle_to(&Attitude::from_euler(0.0, 0.0, 0.7)) < 1e-3, "{:?}", attitude.euler());
+        self.place(position, attitude);
+        let now = self.now();
+        self.autopilot.take_control(now);
+        self.until(10.0, |event| *event == Event::ControlTaken);
+        let now = self.now();
+        self.autopilot.arm(now);
+        self.until(20.0, |event| *event == Event::Armed);
+        let now = self.now();
+        self.autopilot.take_off(20.0, now);
+        self.place(position + Vector3::z() * 20.0, attitude);
+        self.until(60.0, |event| *event == Event::Airborne);
+        self.run(5.0);
+    }
+
+    fn truth(&self) -> (Enu, Attitude) {
+        let snapshot = self.vehicle.snapshot();
+        let [w, x, y, z] = snapshot.nominal_attitude_wxyz;
+        let attitude = UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z));
+        (Enu::from(snapshot.position_enu_m), Attitude::from_rotation(attitude))
+    }
+}
+
+#[test]
+fn val_both_faces_fly_where_the_mission_says_and_land() {
+    for (firmware, actuation) in [
+        (Firmware::Px4, Actuation::Pose),
+        (Firmware::Px4, Actuation::Position),
+        (Firmware::ArduCopter, Actuation::Position),
+    ] {
+        let mut world = World::new(firmware, actuation);
+        world.launch();
+        assert!(
+            world.events.iter().any(|event| matches!(event, Event::NotReady { .. })),
+            "readiness took 12 s"
+        );
+        let failed: Vec<_> = world
+            .autopilot
+            .preflight(world.now())
+            .into_iter()
+            .filter(|check| check.result == Verdict::Fail)
+            .collect();
+        assert!(failed.is_empty(), "{firmware:?}: {failed:?}");
+        let attitude = Attitude::from_euler(0.9, -0.4, 0.0);
+        let position = Enu::new(40.0, -10.0, 50.0);
+        world.place(position, attitude);
+        world.run(60.0);
+        let (there, turned) = world.truth();
+        assert!((there - position).norm() < 0.1, "{firmware:?} {actuation:?}: {there}");
+        let wanted = if actuation == Actuation::Pose { attitude } else { Attitude::level() };
+        assert!(turned.angle_to(&wanted) < 0.02, "{firmware:?} {actuation:?}: {:?}", turned.euler());
+        assert!(world.autopilot.in_control());
+
+        world.autopilot.statustext(MavSeverity::MAV_SEVERITY_INFO, "landing");
+        let now = world.now();
+        world.autopilot.land(now);
+        world.until(5.0, |event| matches!(event, Event::HandedOver { .. }));
+        world.until(120.0, |event| *event == Event::Disarmed);
+        assert_eq!(world.autopilot.state().mode(), Some(Mode::Land));
+        let lost = world.events.iter().any(|event| {
+            matches!(
+                event,
+                Event::ControlLost { .. }
+                    | Event::EstimatorFailure(_)
+                    | Event::Refused { .. }
+                    | Event::LinkLost { .. }
+            )
+        });
+        assert!(!lost, "{:#?}", world.events);
+        let utc_us = world.autopilot.utc(world.now()).unwrap().unix_us as i64;
+        assert!((utc_us - (EPOCH_US + world.now.as_micros() as u64) as i64).abs() < 10_000);
+    }
+}
+
+#[test]
+fn val_the_radio_does_what_is_leased_and_no_more() {
+    let mut world = World::new(Firmware::Px4, Actuation::Pose);
+    world.run(3.0);
+    assert_eq!(world.transmitter.supports_expiry(), Some(true));
+    assert!((world.transmitter.limit_w().unwrap() - 1.0).abs() < 1e-6);
+    assert!(world.transmitter.preflight().iter().all(|check| check.result == Verdict::Pass));
+    let now = world.now();
+    world.transmitter.radiate(0.25, 7, now + Duration::from_millis(300), now);
+    world.run(0.05);
+    let snapshot = world.vehicle.snapshot();
+    let power_w = snapshot.tx_power_w.unwrap();
+    assert!(power_w <= 0.25 && power_w > 0.2498, "{power_w}");
+    assert_eq!(snapshot.slot, Some(7));
+    let lease = world.transmitter.acknowledged().unwrap();
+    assert!((lease.power_w - power_w).abs() < 1e-9 && lease.expires_at <= now + Duration::from_millis(300));
+    world.run(0.3);
+    assert_eq!(world.vehicle.snapshot().tx_power_w, None);
+    assert!(world.transmitter.is_off(world.now()));
+}
