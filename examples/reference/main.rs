@@ -4,7 +4,7 @@
 //! cargo run --release --no-default-features --example reference -- TABLE [--every K] [--threads N] [--starts N]
 //! ```
 //!
-//! TABLE is `no-jitter`, `methods`, `jitter`, `variants`, `robust`, `times`, `misses` or `plans` (CSV); `--every K` takes every K-th scenario.
+//! TABLE is `no-jitter`, `methods`, `methods-jitter`, `jitter`, `variants`, `robust`, `times`, `misses` or `plans` (CSV); `--every K` takes every K-th scenario.
 //! Rates are in bit/s/Hz (the scenarios' bandwidth is 1 MHz).
 
 mod data;
@@ -28,6 +28,7 @@ fn main() -> ExitCode {
     let table = match arguments.first().map(String::as_str) {
         Some("no-jitter") => tables::no_jitter,
         Some("methods") => tables::methods,
+        Some("methods-jitter") => tables::methods_jitter,
         Some("jitter") => tables::jitter,
         Some("variants") => tables::variants,
         Some("robust") => tables::robust,
@@ -36,7 +37,7 @@ fn main() -> ExitCode {
         Some("plans") => tables::plans,
         _ => {
             eprintln!(
-                "usage: reference no-jitter|methods|jitter|variants|robust|times|misses|plans [--every K] [--threads N] [--starts N] [--seed N]"
+                "usage: reference no-jitter|methods|methods-jitter|jitter|variants|robust|times|misses|plans [--every K] [--threads N] [--starts N] [--seed N]"
             );
             return ExitCode::from(2);
         }

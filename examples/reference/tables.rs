@@ -150,6 +150,31 @@ pub fn methods(run: &Run) -> Result<(), Failure> {
     Ok(())
 }
 
+/// All methods under jitter, N = 2, Pmax 0.5 W, beside MODEL's means; `--starts 40` for the paper's with multi-start.
+pub fn methods_jitter(run: &Run) -> Result<(), Failure> {
+    let known: [(Method, &str, &str); 4] = [
+        (Method::Veilwing, "veilwing", "best known 21.63 19.54 16.03 12.97"),
+        (Method::Paper, "paper", "multi-start 20.72 18.62 15.14 12.23, one start 20.48 18.33 15.04 11.79"),
+        (Method::InteriorPoint, "interior-point", ""),
+        (Method::Conventional, "conventional", "multi-start 11.99 10.01 7.28 5.26"),
+    ];
+    let scenarios = data::eavesdroppers(2)?;
+    println!("mean rate under jitter of 1, 2, 5, 10 deg, N = 2, Pmax 0.5 W");
+    for (method, name, model) in known {
+        let mut means = Vec::new();
+        for deg in [1.0, 2.0, 5.0, 10.0] {
+            let rates = scenarios.iter().step_by(run.every).map(|eavesdroppers| {
+                let problem = data::paper(eavesdroppers, 0.5, deg);
+                score(&problem, &plan_slot(&problem, &run.options(method))?.vehicles)
+            });
+            means.push(mean(&rates.collect::<Result<Vec<_>, Failure>>()?));
+        }
+        let line = means.iter().map(|v| format!("{v:7.2}")).collect::<Vec<_>>().join(" ");
+        println!("{name:16} {line}   MODEL: {model}");
+    }
+    Ok(())
+}
+
 /// Scores by 65,536 points.
 pub fn score(
     problem: &Problem,
