@@ -22,7 +22,7 @@ fn regress_every_slot_is_served_on_a_good_link() {
     let seen = world::run(quiet(1, 20));
     assert_eq!(seen.violations, Vec::<String>::new());
     assert_eq!((seen.slots, seen.served), (20, 20));
-    assert!(seen.airtime > world::AIRTIME.mul_f64(0.95 * 20.0), "{:?}", seen.airtime);
+    assert!(seen.airtime > world::AIRTIME.mul_f64(0.9 * 20.0), "{:?}", seen.airtime);
 }
 
 #[test]
@@ -30,7 +30,7 @@ fn regress_a_sample_of_the_sweep() {
     for row in sweep::rows(20, 1) {
         assert_eq!(row.seen.violations, Vec::<String>::new(), "replay: {}", row.replay());
         if row.must_serve() {
-            assert_eq!(row.seen.served, row.seen.slots, "replay: {}", row.replay());
+            assert_eq!(row.seen.served, row.seen.slots, "{:?} replay: {}", row.seen.aborts, row.replay());
         }
     }
 }

@@ -140,7 +140,7 @@ fn tell(
             });
             pair.set_vouch(lease.map(|lease| Vouch {
                 transmitter_expires_at: lease.expires_at,
-                round_trip: interlock.transmitter().round_trip().unwrap_or_default(),
+                round_trip: interlock.round_trip(),
                 closes_at: course.closes_at,
             }));
         }

@@ -159,6 +159,9 @@ pub struct Interlock {
     lease: Duration,
     authorised: bool,
     killed: bool,
+    /// The shortest round trip to the transmitter measured so far. Not the last: an answer that may belong to an
+    /// older, lost command is counted for it, and looks late by as much.
+    round_trip: Option<Duration>,
     standing: Option<(Permit, Instant)>,
 }
 
@@ -172,7 +175,7 @@ impl Interlock {
         lease: Duration,
         authorised: bool,
     ) -> Self {
-        Self { role, transmitter, ceilings, lease, authorised, killed: false, standing: None }
+        Self { role, transmitter, ceilings, lease, authorised, killed: false, round_trip: None, standing: None }
     }
 
     /// Radio kill, latched until the process restarts.
@@ -227,8 +230,7 @@ impl Interlock {
         }
         let limit_w = self.transmitter.limit_w().unwrap_or(f64::INFINITY);
         let limit_w = limit_w.min(self.ceilings.mission_w).min(self.ceilings.vehicle_w);
-        let round_trip = self.transmitter.round_trip().unwrap_or_default();
-        decide(self.role, facts, limit_w, self.lease, round_trip, now)
+        decide(self.role, facts, limit_w, self.lease, self.round_trip(), now)
     }
 
     /// Whether the transmitter is known to be off: never commanded on since it last acknowledged off, or every
@@ -264,6 +266,15 @@ impl Interlock {
         now: Instant,
     ) {
         self.transmitter.handle_message(header, message, now);
+        if let Some(measured) = self.transmitter.round_trip() {
+            self.round_trip = Some(self.round_trip.map_or(measured, |shortest| shortest.min(measured)));
+        }
+    }
+
+    /// The time to allow for a command to the transmitter and back: twice the shortest measured.
+    #[must_use]
+    pub fn round_trip(&self) -> Duration {
+        2 * self.round_trip.unwrap_or_default()
     }
 
     /// The next message for the autopilot link.

@@ -204,7 +204,6 @@ impl Companion {
         };
         let course = self.course.as_ref();
         let change = drive(self.role, course, &health, &mut self.interlock, &mut self.pair, now);
-        let _: Option<Change> = change;
         debug_assert!(!matches!(change, Some(Change::Off(Silence::NoPower))));
         let local = Local {
             home_enu_m: Some(Vector3::zeros()),

@@ -45,6 +45,8 @@ pub struct Seen {
     pub served: usize,
     pub airtime: Duration,
     pub violations: Vec<String>,
+    /// Why missions were given up.
+    pub aborts: Vec<String>,
     /// Longest time that I radiated without J, after a fault of J's.
     pub exposed: Duration,
     /// Longest time that a radio stayed on after its companion's death.
@@ -193,7 +195,7 @@ impl Observer {
             return;
         }
         let since = *self.bare_since.get_or_insert(t);
-        let excused = self.j_fault_at.is_some_and(|at| t <= at + EXCUSE) && self.was_on.i;
+        let excused = self.j_fault_at.is_some_and(|at| t <= at + EXCUSE);
         self.seen.exposed = self.seen.exposed.max(t - since);
         if !excused {
             self.violate(t, format!("S3: I radiates without J in slot {}", i.slot));
@@ -450,7 +452,14 @@ impl World {
         let aborted = |c: &Option<Companion>| c.as_ref().is_none_or(|c| c.phase == Phase::Aborted);
         let any = Role::BOTH.into_iter().any(|role| aborted(&self.companions[role]));
         match self.revive_at {
-            None if any => self.revive_at = Some(self.t + Duration::from_secs(4)),
+            None if any => {
+                let causes = Role::BOTH.map(|role| {
+                    let cause = self.companions[role].as_ref().and_then(|c| c.aborted_by.clone());
+                    cause.map_or(String::new(), |cause| format!("{role}: {cause}"))
+                });
+                self.observer.seen.aborts.push(format!("{:.3} s {}", self.t.as_secs_f64(), causes.concat()));
+                self.revive_at = Some(self.t + Duration::from_secs(4));
+            }
             Some(at) if self.t >= at && self.companions.i.is_some() && self.companions.j.is_some() => {
                 self.revive_at = None;
                 let t = self.t;
