@@ -24,8 +24,9 @@ use crate::schedule::transit::{Router, TransitError};
 use crate::time::Instant;
 use crate::transmitter::Transmitter;
 
+use super::course::{self, AgreementTime, Change, Health};
 use super::flight::Phase;
-use super::interlock::{Ceilings, Facts, Interlock, Permit, Silence};
+use super::interlock::{Ceilings, Interlock, Silence};
 use super::slot::SlotRun;
 
 const HEARTBEAT_EVERY: Duration = Duration::from_secs(1);
@@ -135,6 +136,9 @@ pub struct Executive {
     pub(super) table_zero: Option<Instant>,
     pub(super) home_enu_m: Option<Enu>,
     pub(super) started: bool,
+    /// By the operator's order.
+    pub(super) paused: bool,
+    pub(super) agreement_time: AgreementTime,
     pub(super) abort_cause: Option<String>,
     /// J: an abort that waits until I is off (S3).
     pub(super) pending_abort: Option<String>,
@@ -145,7 +149,6 @@ pub struct Executive {
     shutting_down: Option<Instant>,
     next_tick: Instant,
     next_heartbeat: Instant,
-    radiated: Option<Silence>,
     notices: VecDeque<Notice>,
     /// Messages of our own for the autopilot link.
     pub(super) outbox: VecDeque<MavMessage>,
@@ -178,6 +181,8 @@ impl Executive {
             table_zero: None,
             home_enu_m: None,
             started: settings.start_unasked,
+            paused: false,
+            agreement_time: AgreementTime::default(),
             abort_cause: None,
             pending_abort: None,
             stop_wanted: false,
@@ -186,7 +191,6 @@ impl Executive {
             shutting_down: None,
             next_tick: now,
             next_heartbeat: now,
-            radiated: None,
             notices: VecDeque::new(),
             outbox: VecDeque::new(),
             settings,
@@ -361,50 +365,35 @@ impl Executive {
             self.step(now);
         }
         self.watch_pose();
-        let facts = self.facts(now);
-        let decision = self.interlock.apply(&facts, now);
-        self.report_decision(decision, now);
+        self.drive(now);
         self.tell_pair(now);
     }
 
-    pub(super) fn facts(&self, now: Instant) -> Facts {
-        let estimator_ok = self.estimator_ok();
-        let base = Facts {
-            window: None,
+    /// Lets the course of the slot decide, and says when the transmitter goes on and off, and why.
+    fn drive(&mut self, now: Instant) {
+        let health = Health {
             state_fresh: self.autopilot.fresh(now),
             in_control: self.autopilot.in_control() && self.shutting_down.is_none(),
-            estimator_ok,
-            pose_ok: false,
-            jam_lease: self.pair.lease(now),
-            peer_on_station: false,
-            leases_outstanding: self.pair.leases_outstanding(now),
+            estimator_ok: self.estimator_ok(),
+            pose_ok: self.pose_ok(now),
         };
-        self.slot.as_ref().map_or(base, |slot| self.slot_facts(slot, base, now))
-    }
-
-    /// Says when the transmitter goes on and off, and why; an off out of turn is told to the peer at once.
-    fn report_decision(&mut self, decision: Result<Permit, Silence>, now: Instant) {
-        let was_on = self.radiated.is_none();
-        match decision {
-            Ok(permit) if !was_on || self.slot.as_ref().is_some_and(|slot| !slot.announced) => {
-                self.radiated = None;
+        if let Some(slot) = self.slot.as_mut() {
+            slot.course.closing |= self.stop_wanted || self.pending_abort.is_some();
+        }
+        let course = self.slot.as_ref().map(|slot| &slot.course);
+        let role = self.settings.role;
+        match course::drive(role, course, &health, &mut self.interlock, &mut self.pair, now) {
+            Some(Change::On(permit)) => {
                 if let Some(slot) = self.slot.as_mut() {
                     slot.announced = true;
                 }
                 let power = crate::units::Watts(permit.power_w);
                 self.notice(MavSeverity::MAV_SEVERITY_INFO, format!("slot {}: on, {power}", permit.slot));
             }
-            Ok(_) => {}
-            Err(silence) => {
-                let announced = self.slot.as_ref().is_some_and(|slot| slot.announced);
-                if was_on && announced && silence != Silence::NoSlot {
-                    self.notice(MavSeverity::MAV_SEVERITY_WARNING, format!("silent: {silence}"));
-                    if let Some(reason) = super::slot::silence_reason(silence) {
-                        self.pair.silent(reason, now);
-                    }
-                }
-                self.radiated = Some(silence);
+            Some(Change::Off(silence)) if silence != Silence::NoSlot => {
+                self.notice(MavSeverity::MAV_SEVERITY_WARNING, format!("silent: {silence}"));
             }
+            Some(Change::Off(_)) | None => {}
         }
     }
 
@@ -437,10 +426,10 @@ impl Executive {
             radiating: !self.interlock.is_off(now),
             ended: self.phase.is_ending(),
             returning: self.phase.is_returning(),
+            paused: self.paused,
             landed: state.is_airborne() == Some(false),
         };
         self.pair.set_local(local, now);
-        self.tell_pair_of_slot(now);
     }
 
     /// No word against the estimate: an autopilot that does not report its health is judged by its state's freshness.

@@ -19,8 +19,6 @@ use super::homing::HOLD;
 const ARRIVED_M: f64 = 1.0;
 /// After a climb or a return should have ended, how long the vehicle may still take.
 const LATE: Duration = Duration::from_secs(30);
-/// Between a proposal and the start of its transit: time for the agreement.
-const AGREE: Duration = Duration::from_secs(1);
 
 /// See the module.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -216,19 +214,24 @@ impl Executive {
         let Some(entry) = self.entry(self.next_slot) else { return self.finish(now) };
         let lead = entry.opens.saturating_sub(entry.transit_starts);
         let opens = entry.opens;
+        if self.paused {
+            return self.pair.set_readiness(None);
+        }
         match self.settings.role {
             Role::J => self.pair.set_readiness(Some(Readiness { next_slot: self.next_slot, needs: lead })),
             Role::I => {
-                let peer_ready = self.pair.peer().says(VeilwingFlags::VEILWING_FLAGS_AIRBORNE);
+                let peer = self.pair.peer();
+                let peer_ready = peer.says(VeilwingFlags::VEILWING_FLAGS_AIRBORNE)
+                    && !peer.says(VeilwingFlags::VEILWING_FLAGS_PAUSED);
                 if !peer_ready || self.pair.is_proposing() || now < propose_at {
                     return;
                 }
-                let earliest = now + AGREE + lead;
+                let earliest = now + self.agreement_time.time(&self.pair) + lead;
                 let opens_at = self.table_zero.map_or(earliest, |zero| (zero + opens).max(earliest));
                 self.table_zero = Some(opens_at - opens);
                 if let Some(utc) = self.autopilot.utc(now) {
                     let opens: Utc = utc + opens_at.saturating_since(now);
-                    self.pair.propose(self.next_slot, opens, now);
+                    self.pair.propose(self.next_slot, opens, lead, now);
                 }
             }
         }
@@ -237,14 +240,14 @@ impl Executive {
     /// A slot's time is over, served or not.
     fn end_slot(&mut self, now: Instant) {
         if let Some(slot) = self.slot.take() {
-            self.next_slot = slot.commitment.slot + 1;
+            self.next_slot = slot.course.commitment.slot + 1;
             let (severity, how) = if slot.announced {
                 (MavSeverity::MAV_SEVERITY_INFO, "over")
             } else {
-                self.note_abort(format!("slot {} was not served", slot.commitment.slot));
+                self.note_abort(format!("slot {} was not served", slot.course.commitment.slot));
                 (MavSeverity::MAV_SEVERITY_WARNING, "not served")
             };
-            self.notice(severity, format!("slot {} for {}: {how}", slot.commitment.slot, slot.user));
+            self.notice(severity, format!("slot {} for {}: {how}", slot.course.commitment.slot, slot.user));
         }
         self.pair.release(now);
         self.enter(Phase::Ready { refused_since: None, propose_at: now }, now);
@@ -253,7 +256,7 @@ impl Executive {
     /// The peer ends its mission while ours goes on.
     fn watch_peer_ending(&mut self, now: Instant) {
         let last = usize::from(self.next_slot) + 1 >= self.table.as_ref().map_or(0, |t| t.entries.len());
-        let winding_up = last && self.slot.as_ref().is_none_or(|slot| now >= slot.radiate_until);
+        let winding_up = last && self.slot.as_ref().is_none_or(|slot| now >= slot.course.radiate_until);
         if self.pair.peer().says(VeilwingFlags::VEILWING_FLAGS_ENDED) && !winding_up {
             self.abort(format!("vehicle {} has ended its mission", self.settings.role.peer()), now);
         }

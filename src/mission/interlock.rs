@@ -13,8 +13,8 @@ use crate::units::Watts;
 
 /// A standing permission is renewed this often.
 const RENEW_EVERY: Duration = Duration::from_millis(100);
-/// I's command reaches its radio this much later than it is given, at most; beyond it the jam lease's own margin
-/// (pair::lease) covers.
+/// I's command reaches its radio this much later than it is given, or a measured round trip if that is longer: the
+/// radio counts its expiry from then. Beyond it the jam lease's own margin (pair::lease) covers.
 const COMMAND_LATENCY: Duration = Duration::from_millis(20);
 
 /// What the decision rests on, all as known at one instant.
@@ -106,7 +106,7 @@ pub enum Silence {
     NoPower,
 }
 
-/// The decision.
+/// The decision. `round_trip`: of a command to the transmitter, as last measured.
 ///
 /// # Errors
 /// The first reason for silence.
@@ -115,6 +115,7 @@ pub fn decide(
     facts: &Facts,
     power_limit_w: f64,
     lease: Duration,
+    round_trip: Duration,
     now: Instant,
 ) -> Result<Permit, Silence> {
     let window = facts.window.filter(|w| w.from <= now && now < w.until).ok_or(Silence::NoSlot)?;
@@ -134,7 +135,7 @@ pub fn decide(
     let expires_at = match role {
         Role::I => {
             let lease_end = facts.jam_lease.ok_or(Silence::NoLease)?;
-            longest.min(lease_end - COMMAND_LATENCY)
+            longest.min(lease_end - COMMAND_LATENCY.max(round_trip))
         }
         Role::J if facts.peer_on_station || facts.leases_outstanding => longest,
         Role::J => return Err(Silence::NoPeer),
@@ -150,7 +151,7 @@ pub fn decide(
 }
 
 /// Owns the transmitter and applies the decisions.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Interlock {
     role: Role,
     transmitter: Transmitter,
@@ -158,6 +159,9 @@ pub struct Interlock {
     lease: Duration,
     authorised: bool,
     killed: bool,
+    /// The shortest round trip to the transmitter measured so far. Not the last: an answer that may belong to an
+    /// older, lost command is counted for it, and looks late by as much.
+    round_trip: Option<Duration>,
     standing: Option<(Permit, Instant)>,
 }
 
@@ -171,7 +175,7 @@ impl Interlock {
         lease: Duration,
         authorised: bool,
     ) -> Self {
-        Self { role, transmitter, ceilings, lease, authorised, killed: false, standing: None }
+        Self { role, transmitter, ceilings, lease, authorised, killed: false, round_trip: None, standing: None }
     }
 
     /// Radio kill, latched until the process restarts.
@@ -226,7 +230,7 @@ impl Interlock {
         }
         let limit_w = self.transmitter.limit_w().unwrap_or(f64::INFINITY);
         let limit_w = limit_w.min(self.ceilings.mission_w).min(self.ceilings.vehicle_w);
-        decide(self.role, facts, limit_w, self.lease, now)
+        decide(self.role, facts, limit_w, self.lease, self.round_trip(), now)
     }
 
     /// Whether the transmitter is known to be off: never commanded on since it last acknowledged off, or every
@@ -268,6 +272,15 @@ impl Interlock {
         now: Instant,
     ) {
         self.transmitter.handle_message(header, message, now);
+        if let Some(measured) = self.transmitter.round_trip() {
+            self.round_trip = Some(self.round_trip.map_or(measured, |shortest| shortest.min(measured)));
+        }
+    }
+
+    /// The time to allow for a command to the transmitter and back: twice the shortest measured.
+    #[must_use]
+    pub fn round_trip(&self) -> Duration {
+        2 * self.round_trip.unwrap_or_default()
     }
 
     /// The next message for the autopilot link.

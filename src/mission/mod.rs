@@ -1,5 +1,6 @@
 //! The executive of one vehicle: the mission's phases, the interlock (S1-S6) and the failsafe (F1-F3). No I/O.
 
+pub mod course;
 pub mod executive;
 mod flight;
 mod homing;

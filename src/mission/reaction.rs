@@ -124,9 +124,21 @@ impl Executive {
                 );
                 self.notice(MavSeverity::MAV_SEVERITY_ERROR, text);
             }
-            PairEvent::Refused(slot, answer) => self.on_refused(slot, answer_in_words(answer), now),
+            PairEvent::Refused(slot, answer) => {
+                self.agreement_time.refused(answer);
+                self.on_refused(slot, answer_in_words(answer), now);
+            }
+            PairEvent::PeerLeft => {
+                // Later in a slot the leases decide, and the clocks may differ at its end.
+                let on_the_way = self.slot.as_ref().is_some_and(|s| now < s.course.commitment.opens_at);
+                let paused = self.paused || self.pair.peer().says(VeilwingFlags::VEILWING_FLAGS_PAUSED);
+                if on_the_way && !paused {
+                    self.abort(format!("vehicle {peer} is not on its way to the agreed slot"), now);
+                }
+            }
             PairEvent::Committed(commitment) => {
-                if matches!(self.phase, Phase::Ready { .. }) {
+                if matches!(self.phase, Phase::Ready { .. }) && !self.paused {
+                    self.agreement_time.agreed();
                     self.pair.set_readiness(None);
                     self.begin_slot(commitment, now);
                 } else {

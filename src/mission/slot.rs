@@ -1,47 +1,25 @@
-//! The course of one committed slot: transit, on station, jam first, transmit second, stop in the reverse order.
+//! A committed slot: transit, on station; `course` has what concerns power.
 
 use std::time::Duration;
 
-use crate::pair::wire::{VeilwingFlags, VeilwingSilence};
-use crate::pair::{Commitment, Vouch};
-use crate::role::Role;
+use mavlink::dialects::ardupilotmega::MavSeverity;
+
+use crate::pair::Commitment;
 use crate::time::Instant;
 
+use super::course::Course;
 use super::executive::{Executive, Motion};
 use super::flight::Phase;
-use super::interlock::{Facts, Silence, Window};
 use super::pose_monitor::{PoseMonitor, Tolerance};
-
-/// I asks for leases this long before it may radiate, so that it holds one when its time comes.
-const ASK_EARLY: Duration = Duration::from_millis(200);
 
 /// A committed slot.
 #[derive(Debug, Clone)]
 pub(super) struct SlotRun {
-    pub commitment: Commitment,
+    pub course: Course,
     pub monitor: PoseMonitor,
-    pub power_w: f64,
     pub user: String,
-    /// I may radiate from here ...
-    pub radiate_from: Instant,
-    /// ... to here; J from the opening until I is off, at most to the close.
-    pub radiate_until: Instant,
-    pub closes_at: Instant,
     /// The switching on has been said.
     pub announced: bool,
-}
-
-/// What the peer is told of a silence out of turn; `None` for those that are its own news or in turn.
-pub(super) fn silence_reason(silence: Silence) -> Option<VeilwingSilence> {
-    match silence {
-        Silence::Killed | Silence::NotAuthorised => Some(VeilwingSilence::VEILWING_SILENCE_OPERATOR),
-        Silence::Stale => Some(VeilwingSilence::VEILWING_SILENCE_LINK),
-        Silence::NotInControl => Some(VeilwingSilence::VEILWING_SILENCE_CONTROL),
-        Silence::Estimator => Some(VeilwingSilence::VEILWING_SILENCE_ESTIMATOR),
-        Silence::Pose => Some(VeilwingSilence::VEILWING_SILENCE_POSE),
-        Silence::NoPower => Some(VeilwingSilence::VEILWING_SILENCE_TRANSMITTER),
-        Silence::NoSlot | Silence::NoLease | Silence::NoPeer => None,
-    }
 }
 
 impl Executive {
@@ -57,13 +35,16 @@ impl Executive {
             starts_at: commitment.opens_at - entry.opens.saturating_sub(entry.transit_starts),
         };
         let slot = SlotRun {
-            commitment,
+            course: Course {
+                commitment,
+                power_w: vehicle.tx_power_w,
+                radiate_from: after_opening(entry.radiate_from),
+                radiate_until: after_opening(entry.radiate_until),
+                closes_at: after_opening(entry.closes),
+                closing: false,
+            },
             monitor: PoseMonitor::new(vehicle.pose, Tolerance::for_jitter(self.settings.jitter_rad)),
-            power_w: vehicle.tx_power_w,
             user: planned.user.clone(),
-            radiate_from: after_opening(entry.radiate_from),
-            radiate_until: after_opening(entry.radiate_until),
-            closes_at: after_opening(entry.closes),
             announced: false,
         };
         let opens_in = commitment.opens_at.saturating_since(now).as_secs_f64();
@@ -71,12 +52,18 @@ impl Executive {
         self.motion = Some(motion);
         self.slot = Some(slot);
         self.enter(Phase::Slot, now);
-        self.notice(mavlink::dialects::ardupilotmega::MavSeverity::MAV_SEVERITY_INFO, text);
+        self.notice(MavSeverity::MAV_SEVERITY_INFO, text);
     }
 
-    /// Whether the slot's time is over.
+    /// Whether the slot's time is over, or it was ended early and all is quiet: silent, and the transit flown to its
+    /// end, where the next one begins.
     pub(super) fn slot_over(&self, now: Instant) -> bool {
-        self.slot.as_ref().is_none_or(|slot| now >= slot.closes_at)
+        let quiet = self.interlock.is_off(now) && self.has_arrived(now);
+        self.slot.as_ref().is_none_or(|slot| now >= slot.course.closes_at || slot.course.closing && quiet)
+    }
+
+    fn has_arrived(&self, now: Instant) -> bool {
+        self.motion.as_ref().is_some_and(|motion| now >= motion.ends_at())
     }
 
     /// Feeds the pose monitor with the newest state.
@@ -92,56 +79,8 @@ impl Executive {
         }
     }
 
-    /// The interlock's facts while a slot is committed.
-    pub(super) fn slot_facts(&self, slot: &SlotRun, base: Facts, now: Instant) -> Facts {
-        let arrived = self.motion.as_ref().is_some_and(|motion| now >= motion.ends_at());
-        let (from, until) = match self.settings.role {
-            Role::I => (slot.radiate_from, slot.radiate_until),
-            // Once I has said that it is off and holds nothing, J has no more to protect.
-            Role::J if now >= slot.radiate_until && !base.leases_outstanding => {
-                (slot.commitment.opens_at, now)
-            }
-            Role::J => (slot.commitment.opens_at, slot.closes_at),
-        };
-        let peer = self.pair.peer();
-        Facts {
-            window: Some(Window { slot: slot.commitment.slot, from, until, power_w: slot.power_w }),
-            pose_ok: arrived && slot.monitor.check().is_ok(),
-            peer_on_station: peer.heard_within(self.settings.pair.lease, now)
-                && peer.committed == Some(slot.commitment.proposal)
-                && peer.says(VeilwingFlags::VEILWING_FLAGS_ON_STATION),
-            ..base
-        }
-    }
-
-    /// I: asks for leases while it could use one. J: vouches while its transmitter is acknowledged on and its own
-    /// interlock agrees.
-    pub(super) fn tell_pair_of_slot(&mut self, now: Instant) {
-        let Some(slot) = &self.slot else {
-            self.pair.want_lease(false, now);
-            self.pair.set_vouch(None);
-            return;
-        };
-        let facts = self.facts(now);
-        match self.settings.role {
-            Role::I => {
-                let in_time = slot.radiate_from <= now + ASK_EARLY && now < slot.radiate_until;
-                let able = facts.pose_ok && facts.state_fresh && facts.in_control && facts.estimator_ok;
-                let allowed = self.interlock.may_radiate();
-                self.pair.want_lease(in_time && able && allowed, now);
-            }
-            Role::J => {
-                let lease = self.interlock.transmitter().acknowledged().filter(|lease| {
-                    lease.slot == slot.commitment.slot && lease.power_w >= 0.99 * slot.power_w
-                });
-                let ending = self.pending_abort.is_some() || self.stop_wanted;
-                let on = self.interlock.is_on() && now < slot.radiate_until && !ending;
-                self.pair.set_vouch(lease.filter(|_| on).map(|lease| Vouch {
-                    transmitter_expires_at: lease.expires_at,
-                    round_trip: self.interlock.transmitter().round_trip().unwrap_or_default(),
-                    closes_at: slot.closes_at,
-                }));
-            }
-        }
+    /// Whether own pose is the slot's, and meant to be.
+    pub(super) fn pose_ok(&self, now: Instant) -> bool {
+        self.has_arrived(now) && self.slot.as_ref().is_some_and(|slot| slot.monitor.check().is_ok())
     }
 }

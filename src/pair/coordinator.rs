@@ -4,31 +4,30 @@
 //! The executive tells it local facts (`set_*`), hands it messages and time, and reads commitments and leases from
 //! it. Nothing here raises a power: that is the interlock's (mission::interlock), which reads `lease` and `peer`.
 
+mod agreement;
+mod messages;
+
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use crate::geo::{Enu, Pose};
+use crate::geo::Enu;
 use crate::planner::plan::VehiclePlan;
 use crate::role::{PerVehicle, Role};
 use crate::time::{Instant, Utc};
 
 use super::clock::{ClockFilter, Offset};
 use super::lease::{Book, Holder};
-use super::peer::Boot;
 use super::peer::Peer;
-use super::wire::{
-    self, MavMessage, VeilwingAnswer, VeilwingFlags, VeilwingOrder, VeilwingRole, VeilwingSilence,
-};
+use super::wire::{self, MavMessage, VeilwingAnswer, VeilwingOrder, VeilwingSilence};
+use agreement::Proposal;
 
 const HELLO_EVERY: Duration = Duration::from_millis(500);
 const STATUS_EVERY: Duration = Duration::from_millis(100);
-const PROPOSE_EVERY: Duration = Duration::from_millis(200);
+/// A hello that calls for an answer gets it at once, but no more often than this.
+const HELLO_AT_MOST: Duration = Duration::from_millis(50);
 const REQUEST_EVERY: Duration = Duration::from_millis(50);
 const CLOCK_EVERY: Duration = Duration::from_millis(1000);
 const ORDER_EVERY: Duration = Duration::from_millis(200);
-/// Poses and powers travel as f32: what is equal in f64 differs by this much relative to its size after the trip.
-const WIRE_TOLERANCE: f64 = 1e-6;
-
 /// What does not change while the companion runs.
 #[derive(Debug, Clone)]
 pub struct Settings {
@@ -76,6 +75,8 @@ pub struct Local {
     pub landed: bool,
     /// Flying home under our control, or about to.
     pub returning: bool,
+    /// Holding by the operator's order.
+    pub paused: bool,
 }
 
 /// What J needs to judge a proposal.
@@ -96,6 +97,17 @@ pub struct Commitment {
     pub slot: u16,
     /// When it opens, on our monotonic clock; frozen here, so that a step of UTC cannot move a running slot.
     pub opens_at: Instant,
+    /// When the transit to it begins.
+    pub leaves_at: Instant,
+}
+
+/// How far I's proposal has come.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Stage {
+    /// Awaits J's answer (on J's side: I's commit).
+    Proposed,
+    /// Accepted; awaits J's word that it is committed.
+    Committing,
 }
 
 /// J's vouching: what a lease may rest on.
@@ -124,21 +136,16 @@ pub enum Event {
     PlanDiffers,
     /// Both companions are configured for the same role.
     SameRole,
-    /// Our proposal of this slot was refused.
+    /// Our proposal of this slot was refused, or not agreed on in time.
     Refused(u16, VeilwingAnswer),
     /// A slot is agreed.
     Committed(Commitment),
+    /// The peer is not, or no longer, committed to the slot that we are committed to.
+    PeerLeft,
     /// The peer fell silent out of turn.
     PeerSilent(VeilwingSilence),
     /// An operator's order that came through the peer.
     Ordered(VeilwingOrder),
-}
-
-#[derive(Debug, Clone, Copy)]
-struct Proposal {
-    commitment: Commitment,
-    opens: Utc,
-    next_send: Instant,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -149,7 +156,7 @@ struct PendingOrder {
 }
 
 /// See the module.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Coordinator {
     settings: Settings,
     plan: Option<PlanTerms>,
@@ -159,9 +166,13 @@ pub struct Coordinator {
     peer: Peer,
     clock: ClockFilter,
     proposals: u32,
-    /// I: awaiting an answer. J: accepted, awaiting the commit.
+    /// I: awaiting an answer, then J's commitment. J: accepted, awaiting the commit.
     proposal: Option<Proposal>,
     commitment: Option<Commitment>,
+    /// The peer said that it is committed to our commitment ...
+    peer_went_along: bool,
+    /// ... and that it is not, or not in time.
+    peer_left: bool,
     /// J: proposals up to this one of I's present boot are over.
     finished: u32,
     wants_lease: bool,
@@ -175,6 +186,7 @@ pub struct Coordinator {
     status_sequence: u32,
     lost_reported: bool,
     mismatch_reported: bool,
+    hello_sent: Option<Instant>,
     next_hello: Instant,
     next_status: Instant,
     next_request: Instant,
@@ -198,6 +210,8 @@ impl Coordinator {
             proposals: 0,
             proposal: None,
             commitment: None,
+            peer_went_along: false,
+            peer_left: false,
             finished: 0,
             wants_lease: false,
             vouch: None,
@@ -210,6 +224,7 @@ impl Coordinator {
             status_sequence: 0,
             lost_reported: false,
             mismatch_reported: false,
+            hello_sent: None,
             next_hello: now,
             next_status: now,
             next_request: now,
@@ -227,15 +242,22 @@ impl Coordinator {
 
     /// Local facts; a change of what the peer acts on is told at once.
     pub fn set_local(&mut self, local: Local, now: Instant) {
-        let acts_on = |l: &Local| (l.airborne, l.on_station, l.radiating, l.ended, l.landed, l.returning);
+        let acts_on = |l: &Local| (l.airborne, l.on_station, l.radiating, l.ended, l.landed, l.returning, l.paused);
         if acts_on(&local) != acts_on(&self.local) {
             self.next_status = now;
         }
         self.local = local;
     }
 
-    /// UTC at `now`, from our autopilot.
+    /// UTC at `now`, from our autopilot. A step of it makes every comparison with the peer's clock void.
     pub fn set_utc(&mut self, utc: Option<Utc>, now: Instant) {
+        if let (Some(expected), Some(utc)) = (self.utc_at(now), utc) {
+            let step = Duration::from_micros(expected.unix_us.abs_diff(utc.unix_us));
+            if step > self.settings.clock_tolerance / 2 {
+                self.clock.reset();
+                self.next_clock = now;
+            }
+        }
         self.utc = utc.map(|utc| (utc, now));
     }
 
@@ -244,28 +266,20 @@ impl Coordinator {
         self.readiness = readiness;
     }
 
-    /// I: proposes that `slot` opens at `opens`. Replaces a proposal not yet answered. Needs our UTC and plan;
-    /// without them nothing is proposed.
-    pub fn propose(&mut self, slot: u16, opens: Utc, now: Instant) {
-        let Some(opens_at) = self.instant_of(opens) else { return };
-        if self.plan.is_none() {
-            return;
-        }
-        self.proposals += 1;
-        let commitment = Commitment { proposal: self.proposals, slot, opens_at };
-        self.proposal = Some(Proposal { commitment, opens, next_send: now });
-        self.commitment = None;
-    }
-
     /// The committed slot is over, served or not.
     pub fn release(&mut self, now: Instant) {
         if let Some(commitment) = self.commitment.take() {
             self.finished = self.finished.max(commitment.proposal);
         }
-        self.proposal = None;
+        if let Some(proposal) = self.proposal.take().filter(|_| !self.leads()) {
+            self.finished = self.finished.max(proposal.commitment.proposal);
+        }
+        self.peer_went_along = false;
+        self.peer_left = false;
         self.wants_lease = false;
         self.vouch = None;
         self.holder.give_up(now);
+        self.next_status = now;
     }
 
     /// I: whether leases are asked for.
@@ -288,13 +302,13 @@ impl Coordinator {
     pub fn silent(&mut self, reason: VeilwingSilence, now: Instant) {
         self.holder.give_up(now);
         self.vouch = None;
-        let slot = self.commitment.unwrap_or(Commitment { proposal: 0, slot: 0, opens_at: Instant::ZERO });
+        let (proposal, slot) = self.commitment.map_or((0, 0), |c| (c.proposal, c.slot));
         self.silences += 1;
         let message = wire::VEILWING_SILENT_DATA {
             boot_id: self.settings.boot_id,
             number: self.silences,
-            proposal: slot.proposal,
-            slot: slot.slot,
+            proposal,
+            slot,
             reason,
         };
         self.transmit.extend((0..3).map(|_| MavMessage::VEILWING_SILENT(message.clone())));
@@ -310,6 +324,12 @@ impl Coordinator {
     #[must_use]
     pub fn lease(&self, now: Instant) -> Option<Instant> {
         self.commitment.and_then(|_| self.holder.held(now))
+    }
+
+    /// The longest lease J grants.
+    #[must_use]
+    pub fn longest_lease(&self) -> Duration {
+        self.settings.lease
     }
 
     /// J: whether I may hold a lease.
@@ -372,7 +392,8 @@ impl Coordinator {
         };
         consider(Some(self.next_status), "status");
         consider(Some(self.next_clock), "clock exchange");
-        consider(self.proposal.filter(|_| self.leads()).map(|p| p.next_send), "proposal");
+        let proposal = self.proposal.filter(|_| self.leads());
+        consider(proposal.map(|p| p.next_send.min(p.commitment.leaves_at)), "proposal");
         consider(self.order.map(|o| o.next_send), "order");
         consider(
             (self.wants_lease && self.commitment.is_some()).then_some(self.next_request),
@@ -387,7 +408,9 @@ impl Coordinator {
     pub fn handle_timeout(&mut self, now: Instant) {
         if self.next_hello <= now {
             self.next_hello = now + HELLO_EVERY;
-            self.transmit.push_back(self.hello());
+            self.hello_sent = Some(now);
+            let hello = self.hello(now);
+            self.transmit.push_back(hello);
         }
         if self.next_status <= now {
             self.next_status = now + STATUS_EVERY;
@@ -397,12 +420,13 @@ impl Coordinator {
         if self.next_clock <= now {
             self.next_clock = now + CLOCK_EVERY;
             if let Some(utc) = self.utc_at(now) {
+                self.clock.ask(utc.unix_us);
                 let request =
                     wire::VEILWING_CLOCK_DATA { originate_us: utc.unix_us, receive_us: 0, transmit_us: 0 };
                 self.transmit.push_back(MavMessage::VEILWING_CLOCK(request));
             }
         }
-        self.send_proposal(now);
+        self.advance_proposal(now);
         if let Some(order) = self.order.as_mut().filter(|order| order.next_send <= now) {
             order.next_send = now + ORDER_EVERY;
             self.transmit.push_back(MavMessage::VEILWING_ORDER_RELAY(wire::VEILWING_ORDER_RELAY_DATA {
@@ -414,7 +438,7 @@ impl Coordinator {
         if let Some(commitment) = self.commitment.filter(|_| self.wants_lease && self.next_request <= now) {
             self.next_request = now + REQUEST_EVERY;
             self.transmit.push_back(MavMessage::VEILWING_LEASE_REQUEST(wire::VEILWING_LEASE_REQUEST_DATA {
-                time_us: micros(now),
+                time_us: messages::micros(now),
                 boot_id: self.settings.boot_id,
                 proposal: commitment.proposal,
                 slot: commitment.slot,
@@ -435,8 +459,9 @@ impl Coordinator {
             MavMessage::VEILWING_HELLO(hello) => self.take_hello(hello, now),
             MavMessage::VEILWING_STATUS(status) => {
                 if self.peer.is_boot(status.boot_id) && self.peer.take_status(status, now) {
-                    self.heard();
+                    self.lost_reported = false;
                     self.book.returned(status.released_us);
+                    self.compare_commitments(now);
                 }
             }
             MavMessage::VEILWING_PROPOSE(propose) => self.take_proposal(propose, now),
@@ -473,7 +498,8 @@ impl Coordinator {
         self.settings.role == Role::I
     }
 
-    fn heard(&mut self) {
+    fn heard(&mut self, now: Instant) {
+        self.peer.last_heard = Some(now);
         self.lost_reported = false;
     }
 
@@ -490,307 +516,8 @@ impl Coordinator {
         }
     }
 
-    fn flags(&self) -> VeilwingFlags {
-        let mut flags = VeilwingFlags::empty();
-        flags.set(VeilwingFlags::VEILWING_FLAGS_PLANNED, self.plan.is_some());
-        flags.set(VeilwingFlags::VEILWING_FLAGS_HOME, self.local.home_enu_m.is_some());
-        flags.set(VeilwingFlags::VEILWING_FLAGS_PREFLIGHT_OK, self.local.preflight_ok);
-        flags.set(VeilwingFlags::VEILWING_FLAGS_AIRBORNE, self.local.airborne);
-        flags.set(VeilwingFlags::VEILWING_FLAGS_ON_STATION, self.local.on_station);
-        flags.set(VeilwingFlags::VEILWING_FLAGS_RADIATING, self.local.radiating);
-        flags.set(VeilwingFlags::VEILWING_FLAGS_COMMITTED, self.commitment.is_some());
-        flags.set(VeilwingFlags::VEILWING_FLAGS_ENDED, self.local.ended);
-        flags.set(VeilwingFlags::VEILWING_FLAGS_LANDED, self.local.landed);
-        flags.set(VeilwingFlags::VEILWING_FLAGS_RETURNING, self.local.returning);
-        flags
-    }
-
-    fn hello(&self) -> MavMessage {
-        MavMessage::VEILWING_HELLO(wire::VEILWING_HELLO_DATA {
-            boot_id: self.settings.boot_id,
-            flags: self.flags(),
-            role: wire_role(self.settings.role),
-            mission_digest: self.settings.mission_digest,
-            plan_digest: self.plan.as_ref().map_or([0; 32], |plan| plan.digest),
-            home_enu_m: self.local.home_enu_m.unwrap_or_default().into(),
-        })
-    }
-
-    fn status(&mut self, now: Instant) -> MavMessage {
-        self.status_sequence += 1;
-        let commitment =
-            self.commitment.unwrap_or(Commitment { proposal: 0, slot: 0, opens_at: Instant::ZERO });
-        let position = self.local.position_enu_m.map_or([f32::NAN; 3], narrow);
-        let holds_nothing = !self.wants_lease && !self.local.radiating;
-        MavMessage::VEILWING_STATUS(wire::VEILWING_STATUS_DATA {
-            released_us: if holds_nothing { micros(now) } else { 0 },
-            boot_id: self.settings.boot_id,
-            sequence: self.status_sequence,
-            proposal: commitment.proposal,
-            position_enu_m: position,
-            slot: commitment.slot,
-            flags: self.flags(),
-        })
-    }
-
-    fn take_hello(&mut self, hello: &wire::VEILWING_HELLO_DATA, now: Instant) {
-        if hello.role == wire_role(self.settings.role) {
-            if !self.mismatch_reported {
-                self.mismatch_reported = true;
-                self.events.push_back(Event::SameRole);
-            }
-            return;
-        }
-        match self.peer.take_hello(hello, now) {
-            Boot::Old => return,
-            Boot::Known => {}
-            Boot::First => self.events.push_back(Event::PeerFound),
-            Boot::Restarted => {
-                self.release(now);
-                self.finished = 0;
-                self.orders_taken = None;
-                self.clock.reset();
-                self.mismatch_reported = false;
-                self.events.push_back(Event::PeerRestarted);
-            }
-        }
-        self.heard();
-        if self.mismatch_reported {
-            return;
-        }
-        let plans = (self.plan.as_ref().map(|plan| plan.digest), self.peer.plan_digest);
-        if hello.mission_digest != self.settings.mission_digest {
-            self.mismatch_reported = true;
-            self.events.push_back(Event::MissionDiffers);
-        } else if let (Some(ours), Some(theirs)) = plans
-            && ours != theirs
-        {
-            self.mismatch_reported = true;
-            self.events.push_back(Event::PlanDiffers);
-        }
-    }
-
-    fn send_proposal(&mut self, now: Instant) {
-        if !self.leads() {
-            return;
-        }
-        if let Some(commitment) = self.commitment {
-            if self.peer.committed == Some(commitment.proposal) {
-                self.proposal = None;
-            } else if let Some(proposal) = self.proposal.as_mut().filter(|proposal| proposal.next_send <= now)
-            {
-                proposal.next_send = now + PROPOSE_EVERY;
-                self.transmit.push_back(self.commit(commitment));
-            }
-            return;
-        }
-        let (Some(plan), Some(proposal)) = (&self.plan, self.proposal.as_mut()) else { return };
-        let slot = proposal.commitment.slot;
-        let Some(terms) = plan.slots.get(usize::from(slot)).filter(|_| proposal.next_send <= now) else {
-            return;
-        };
-        proposal.next_send = now + PROPOSE_EVERY;
-        let euler = |pose: &Pose| narrow([pose.roll_rad, pose.pitch_rad, pose.yaw_rad].into());
-        self.transmit.push_back(MavMessage::VEILWING_PROPOSE(wire::VEILWING_PROPOSE_DATA {
-            opens_utc_us: proposal.opens.unix_us,
-            boot_id: self.settings.boot_id,
-            proposal: proposal.commitment.proposal,
-            i_position_enu_m: narrow(terms.i.pose.position_enu_m),
-            i_euler_rad: euler(&terms.i.pose),
-            i_power_w: terms.i.tx_power_w as f32,
-            j_position_enu_m: narrow(terms.j.pose.position_enu_m),
-            j_euler_rad: euler(&terms.j.pose),
-            j_power_w: terms.j.tx_power_w as f32,
-            slot,
-            plan_digest: wire::short(&plan.digest),
-        }));
-    }
-
-    fn commit(&self, commitment: Commitment) -> MavMessage {
-        MavMessage::VEILWING_COMMIT(wire::VEILWING_COMMIT_DATA {
-            boot_id: self.settings.boot_id,
-            proposal: commitment.proposal,
-            slot: commitment.slot,
-        })
-    }
-
-    fn take_proposal(&mut self, propose: &wire::VEILWING_PROPOSE_DATA, now: Instant) {
-        if self.leads() || !self.peer.is_boot(propose.boot_id) || propose.proposal <= self.finished {
-            return;
-        }
-        let answer = match self.commitment {
-            Some(commitment) if commitment.proposal == propose.proposal => {
-                VeilwingAnswer::VEILWING_ANSWER_ACCEPTED
-            }
-            // A late copy of an earlier proposal must not displace the slot that is being flown.
-            Some(commitment) if commitment.proposal > propose.proposal => return,
-            _ => self.judge(propose, now),
-        };
-        let opens = Utc { unix_us: propose.opens_utc_us };
-        let newer = self.proposal.is_none_or(|known| known.commitment.proposal < propose.proposal);
-        if answer == VeilwingAnswer::VEILWING_ANSWER_ACCEPTED
-            && newer
-            && let Some(opens_at) = self.instant_of(opens)
-        {
-            let commitment = Commitment { proposal: propose.proposal, slot: propose.slot, opens_at };
-            self.proposal = Some(Proposal { commitment, opens, next_send: now });
-        }
-        self.transmit.push_back(MavMessage::VEILWING_ANSWER(wire::VEILWING_ANSWER_DATA {
-            boot_id: propose.boot_id,
-            proposal: propose.proposal,
-            answer,
-        }));
-    }
-
-    /// J judges a proposal by its own plan, readiness and clock.
-    fn judge(&self, propose: &wire::VEILWING_PROPOSE_DATA, now: Instant) -> VeilwingAnswer {
-        let (Some(plan), Some(readiness)) = (&self.plan, self.readiness) else {
-            return VeilwingAnswer::VEILWING_ANSWER_NOT_READY;
-        };
-        if propose.plan_digest != wire::short(&plan.digest) {
-            return VeilwingAnswer::VEILWING_ANSWER_WRONG_PLAN;
-        }
-        let Some(terms) =
-            plan.slots.get(usize::from(propose.slot)).filter(|_| propose.slot >= readiness.next_slot)
-        else {
-            return VeilwingAnswer::VEILWING_ANSWER_WRONG_SLOT;
-        };
-        let close = |wire: &[f32], ours: &[f64]| {
-            wire.iter()
-                .zip(ours)
-                .all(|(&w, &o)| (f64::from(w) - o).abs() <= WIRE_TOLERANCE * o.abs().max(1.0))
-        };
-        let same = |position: &[f32; 3], euler: &[f32; 3], power_w: f32, own: &VehiclePlan| {
-            close(position, own.pose.position_enu_m.as_slice())
-                && close(euler, &[own.pose.roll_rad, own.pose.pitch_rad, own.pose.yaw_rad])
-                && close(&[power_w], &[own.tx_power_w])
-        };
-        if !same(&propose.i_position_enu_m, &propose.i_euler_rad, propose.i_power_w, &terms.i)
-            || !same(&propose.j_position_enu_m, &propose.j_euler_rad, propose.j_power_w, &terms.j)
-        {
-            return VeilwingAnswer::VEILWING_ANSWER_WRONG_PLAN;
-        }
-        let certain_difference = |offset: Offset| {
-            Duration::from_micros(offset.offset_us.unsigned_abs()).saturating_sub(offset.uncertainty)
-        };
-        let clocks_agree =
-            self.clock.offset().is_some_and(|o| certain_difference(o) <= self.settings.clock_tolerance);
-        let Some(opens_at) = self.instant_of(Utc { unix_us: propose.opens_utc_us }).filter(|_| clocks_agree)
-        else {
-            return VeilwingAnswer::VEILWING_ANSWER_CLOCK;
-        };
-        if opens_at < now + readiness.needs {
-            return VeilwingAnswer::VEILWING_ANSWER_TOO_LATE;
-        }
-        VeilwingAnswer::VEILWING_ANSWER_ACCEPTED
-    }
-
-    fn take_answer(&mut self, answer: &wire::VEILWING_ANSWER_DATA, now: Instant) {
-        let Some(proposal) = self.proposal.as_mut().filter(|p| p.commitment.proposal == answer.proposal)
-        else {
-            return;
-        };
-        if self.settings.role != Role::I
-            || answer.boot_id != self.settings.boot_id
-            || self.commitment.is_some()
-        {
-            return;
-        }
-        let commitment = proposal.commitment;
-        if answer.answer == VeilwingAnswer::VEILWING_ANSWER_ACCEPTED {
-            proposal.next_send = now + PROPOSE_EVERY;
-            self.commitment = Some(commitment);
-            self.transmit.push_back(self.commit(commitment));
-            self.events.push_back(Event::Committed(commitment));
-        } else {
-            self.proposal = None;
-            self.events.push_back(Event::Refused(commitment.slot, answer.answer));
-        }
-    }
-
-    fn take_commit(&mut self, commit: &wire::VEILWING_COMMIT_DATA, now: Instant) {
-        if self.leads() || !self.peer.is_boot(commit.boot_id) {
-            return;
-        }
-        let Some(proposal) = self.proposal.filter(|p| p.commitment.proposal == commit.proposal) else {
-            return;
-        };
-        self.proposal = None;
-        self.commitment = Some(proposal.commitment);
-        // Said at once: I repeats the commit until it hears so.
-        let status = self.status(now);
-        self.transmit.push_back(status);
-        self.events.push_back(Event::Committed(proposal.commitment));
-    }
-
-    fn take_request(&mut self, request: &wire::VEILWING_LEASE_REQUEST_DATA, now: Instant) {
-        let (Some(commitment), Some(vouch), Some(plan)) = (self.commitment, self.vouch, &self.plan) else {
-            return;
-        };
-        if self.leads() || !self.peer.is_boot(request.boot_id) || request.proposal != commitment.proposal {
-            return;
-        }
-        self.peer.last_heard = Some(now);
-        let granted = self.book.grant(
-            request.time_us,
-            vouch.transmitter_expires_at,
-            vouch.round_trip,
-            self.settings.lease,
-            vouch.closes_at,
-            now,
-        );
-        let Some(duration_ms) = granted.and_then(|d| u16::try_from(d.as_millis()).ok()) else { return };
-        self.transmit.push_back(MavMessage::VEILWING_LEASE_GRANT(wire::VEILWING_LEASE_GRANT_DATA {
-            time_us: request.time_us,
-            boot_id: request.boot_id,
-            proposal: commitment.proposal,
-            slot: commitment.slot,
-            duration_ms,
-            plan_digest: wire::short(&plan.digest),
-        }));
-    }
-
-    fn take_grant(&mut self, grant: &wire::VEILWING_LEASE_GRANT_DATA, now: Instant) {
-        let (Some(commitment), Some(plan)) = (self.commitment, &self.plan) else { return };
-        if self.leads()
-            && self.wants_lease
-            && grant.boot_id == self.settings.boot_id
-            && grant.proposal == commitment.proposal
-            && grant.slot == commitment.slot
-            && grant.plan_digest == wire::short(&plan.digest)
-        {
-            self.peer.last_heard = Some(now);
-            let asked_at = Instant::from_start(Duration::from_micros(grant.time_us));
-            self.holder.take(asked_at, Duration::from_millis(grant.duration_ms.into()), now);
-        }
-    }
-
-    fn take_clock(&mut self, clock: &wire::VEILWING_CLOCK_DATA, now: Instant) {
-        let Some(utc) = self.utc_at(now) else { return };
-        if clock.receive_us == 0 {
-            let reply = wire::VEILWING_CLOCK_DATA {
-                receive_us: utc.unix_us,
-                transmit_us: utc.unix_us,
-                ..clock.clone()
-            };
-            self.transmit.push_back(MavMessage::VEILWING_CLOCK(reply));
-        } else {
-            self.clock.take(clock.originate_us, clock.receive_us, clock.transmit_us, utc.unix_us);
-        }
-    }
-}
-
-fn wire_role(role: Role) -> VeilwingRole {
-    match role {
-        Role::I => VeilwingRole::VEILWING_ROLE_I,
-        Role::J => VeilwingRole::VEILWING_ROLE_J,
-    }
 }
 
 fn narrow(v: nalgebra::Vector3<f64>) -> [f32; 3] {
     [v.x as f32, v.y as f32, v.z as f32]
-}
-
-fn micros(at: Instant) -> u64 {
-    u64::try_from(at.since_start().as_micros()).unwrap_or(u64::MAX)
 }

@@ -53,8 +53,9 @@ pub struct Book {
 }
 
 impl Book {
-    /// The length of a lease that may be granted at `now` to the request of `request_us`, and records it: to the end of J's own transmitter lease
-    /// less a margin, no longer than `longest`, no later than `closes_at`. `None` if nothing is left to grant.
+    /// The length of a lease that may be granted at `now` to the request of `request_us`, and records it: to the
+    /// end of J's own transmitter lease less a margin, no longer than `longest`, no later than `closes_at`. `None`
+    /// if nothing is left to grant.
     pub fn grant(
         &mut self,
         request_us: u64,
@@ -80,6 +81,11 @@ impl Book {
     #[must_use]
     pub fn outstanding(&self, now: Instant) -> bool {
         self.outstanding_until.is_some_and(|until| until > now)
+    }
+
+    /// The peer restarted: its clock begins anew. What it may hold from before still runs out in its own time.
+    pub fn new_boot(&mut self) {
+        self.last_request_us = 0;
     }
 
     /// I is silent and has given up every lease it asked for up to `released_us` of its clock. A word sent before
@@ -141,6 +147,17 @@ mod tests {
         book.returned(699);
         assert!(book.outstanding(at(1100)));
         book.returned(700);
+        assert!(!book.outstanding(at(1100)));
+    }
+
+    #[test]
+    fn val_after_a_restart_of_i_its_clock_counts_anew() {
+        let mut book = Book::default();
+        book.grant(9_000_000, at(1500), Duration::ZERO, Duration::from_secs(1), at(9000), at(1000)).unwrap();
+        book.new_boot();
+        assert!(book.outstanding(at(1100)), "the dead boot's radio may still be on");
+        // The new boot has found its radio off.
+        book.returned(50_000);
         assert!(!book.outstanding(at(1100)));
     }
 

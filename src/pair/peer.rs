@@ -1,6 +1,5 @@
 //! What is known of the other companion.
 
-use std::collections::VecDeque;
 use std::time::Duration;
 
 use nalgebra::Vector3;
@@ -10,14 +9,15 @@ use crate::time::Instant;
 
 use super::wire::{VEILWING_HELLO_DATA, VEILWING_STATUS_DATA, VeilwingFlags};
 
-/// How many earlier boots of the peer are remembered, so that their late messages are not taken for a new one.
-const OLD_BOOTS: usize = 8;
-
 /// The other companion, as its messages describe it.
 #[derive(Debug, Clone)]
 pub struct Peer {
     boot_id: Option<u32>,
-    old_boots: VecDeque<u32>,
+    /// Our monotonic clock when this boot was taken in, microseconds.
+    known_since_us: u64,
+    hello_us: u64,
+    /// The last hello heard, to be echoed: its boot and its sender's clock.
+    heard_hello: (u32, u64),
     status_sequence: Option<u32>,
     silences: u32,
     /// When the last valid message came.
@@ -40,7 +40,9 @@ impl Default for Peer {
     fn default() -> Self {
         Self {
             boot_id: None,
-            old_boots: VecDeque::new(),
+            known_since_us: 0,
+            hello_us: 0,
+            heard_hello: (0, 0),
             status_sequence: None,
             silences: 0,
             last_heard: None,
@@ -60,8 +62,10 @@ pub(super) enum Boot {
     First,
     Known,
     Restarted,
-    /// A late message of an earlier boot: to be ignored.
-    Old,
+    /// A late message of an earlier boot, or one that has not heard us yet: to be ignored.
+    Unproven,
+    /// An older hello of the boot that is known.
+    Late,
 }
 
 impl Peer {
@@ -82,21 +86,43 @@ impl Peer {
         self.flags.contains(flag)
     }
 
-    pub(super) fn take_hello(&mut self, hello: &VEILWING_HELLO_DATA, now: Instant) -> Boot {
+    /// What our hello echoes: boot and time of the last hello heard.
+    pub(super) fn echo(&self) -> (u32, u64) {
+        self.heard_hello
+    }
+
+    /// Takes a hello. Another boot than the known one is believed only if it echoes a hello that this boot of ours
+    /// sent after the known one was taken in: a dead boot's late messages echo older ones, since it died before its
+    /// successor was born. `own_boot` and `now_us` are ours.
+    pub(super) fn take_hello(
+        &mut self,
+        hello: &VEILWING_HELLO_DATA,
+        own_boot: u32,
+        now_us: u64,
+        now: Instant,
+    ) -> Boot {
+        let known = self.boot_id == Some(hello.boot_id);
+        if known && hello.time_us < self.hello_us {
+            return Boot::Late;
+        }
+        let alive = hello.echo_boot_id == own_boot && hello.echo_us <= now_us;
         let boot = match self.boot_id {
-            _ if self.old_boots.contains(&hello.boot_id) => return Boot::Old,
-            None => Boot::First,
-            Some(known) if known == hello.boot_id => Boot::Known,
-            Some(known) => {
-                if self.old_boots.len() == OLD_BOOTS {
-                    self.old_boots.pop_front();
-                }
-                self.old_boots.push_back(known);
-                let old_boots = std::mem::take(&mut self.old_boots);
-                *self = Self { old_boots, ..Self::default() };
+            Some(_) if known => Boot::Known,
+            None if alive => Boot::First,
+            Some(_) if alive && hello.echo_us > self.known_since_us => {
+                *self = Self::default();
                 Boot::Restarted
             }
+            _ => {
+                self.heard_hello = (hello.boot_id, hello.time_us);
+                return Boot::Unproven;
+            }
         };
+        if boot != Boot::Known {
+            self.known_since_us = now_us;
+        }
+        self.heard_hello = (hello.boot_id, hello.time_us);
+        self.hello_us = hello.time_us;
         self.boot_id = Some(hello.boot_id);
         self.last_heard = Some(now);
         self.mission_digest = Some(hello.mission_digest);

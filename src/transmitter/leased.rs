@@ -43,7 +43,7 @@ impl Unanswered {
 }
 
 /// The driver of a leased transmitter.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(super) struct Leased {
     command: MavCmd,
     own: (u8, u8),

@@ -75,7 +75,7 @@ pub struct Lease {
 }
 
 /// What both ways of setting the power have in common, towards [`Transmitter`].
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 enum Driver {
     Leased(Leased),
     Parameter(parameter::ByParameter),
@@ -83,7 +83,7 @@ enum Driver {
 }
 
 /// The companion's side of one transmitter.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Transmitter {
     settings: Settings,
     driver: Driver,
@@ -93,7 +93,7 @@ pub struct Transmitter {
 }
 
 /// The largest power, asked for at the start.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 struct Limit {
     limit_w: Option<f64>,
     asked: u8,

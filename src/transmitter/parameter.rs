@@ -105,7 +105,7 @@ enum Wanted {
 }
 
 /// The driver of a transmitter with a power parameter.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(super) struct ByParameter {
     parameter: PowerParameter,
     target: (u8, u8),

@@ -1,0 +1,481 @@
+//! Two companions, two radios, a network and faults, in virtual time from one seed; and an observer of the truth.
+
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+use std::time::Duration;
+
+use mavlink::dialects::ardupilotmega::{COMMAND_INT_DATA, MavMessage as RadioMessage};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use veilwing::pair::wire::MavMessage;
+use veilwing::role::{PerVehicle, Role};
+
+use super::companion::{CAP_W, Clocks, Companion, GUARD, LEASE, PLANNED_W, Phase, SLOT};
+use super::radio::Radio;
+
+/// What goes wrong beside the network's usual ways.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum FaultKind {
+    None,
+    /// The pair link is cut, one way or both, for 0.2 to 6 s.
+    Partition,
+    /// A companion dies and is back 0.05 to 5 s later.
+    Restart,
+    /// A vehicle is out of its pose for 0.1 to 2 s.
+    Pose,
+    /// A vehicle's UTC jumps by up to 5 s, and back 10 s later.
+    Clock,
+}
+
+#[derive(Debug, Clone, Copy)]
+pub struct Case {
+    pub loss: f64,
+    /// Longest way of a datagram; the shortest is half of it.
+    pub delay: Duration,
+    pub duplication: f64,
+    pub fault: FaultKind,
+    pub slots: usize,
+    pub seed: u64,
+}
+
+/// What the observer saw.
+#[derive(Debug, Clone, Default)]
+pub struct Seen {
+    pub slots: usize,
+    pub served: usize,
+    pub airtime: Duration,
+    pub violations: Vec<String>,
+    /// Why missions were given up.
+    pub aborts: Vec<String>,
+    /// Longest time that I radiated without J, after a fault of J's.
+    pub exposed: Duration,
+    /// Longest time that a radio stayed on after its companion's death.
+    pub dead: Duration,
+    /// Longest time that a radio stayed on out of pose.
+    pub out_of_pose: Duration,
+}
+
+enum Event {
+    Pair(Role, Box<MavMessage>),
+    Command(Role, Box<COMMAND_INT_DATA>),
+    Answer(Role, Box<RadioMessage>),
+    Expiry,
+    Fault,
+    Heal(Role, Heal),
+    Revive,
+}
+
+enum Heal {
+    Pose,
+    Clock(i64),
+}
+
+struct Queued {
+    at: Duration,
+    number: u64,
+    event: Event,
+}
+
+impl PartialEq for Queued {
+    fn eq(&self, other: &Self) -> bool {
+        self.number == other.number
+    }
+}
+impl Eq for Queued {}
+impl PartialOrd for Queued {
+    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
+        Some(self.cmp(other))
+    }
+}
+impl Ord for Queued {
+    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
+        (self.at, self.number).cmp(&(other.at, other.number))
+    }
+}
+
+struct World {
+    case: Case,
+    rng: ChaCha8Rng,
+    t: Duration,
+    numbers: u64,
+    queue: BinaryHeap<Reverse<Queued>>,
+    companions: PerVehicle<Option<Companion>>,
+    clocks: PerVehicle<Clocks>,
+    radios: PerVehicle<Radio>,
+    boots: u32,
+    /// Until when datagrams of this sender are lost.
+    cut_until: PerVehicle<Duration>,
+    revive_at: Option<Duration>,
+    observer: Observer,
+}
+
+/// Sees true powers and true faults.
+#[derive(Default)]
+struct Observer {
+    seen: Seen,
+    /// J's grants: the slot, and until when J promised to jam, in true time.
+    granted: Option<(u16, Duration)>,
+    served_now: bool,
+    since: Duration,
+    i_protected: bool,
+    bare_since: Option<Duration>,
+    j_fault_at: Option<Duration>,
+    died_at: PerVehicle<Option<Duration>>,
+    pose_lost_at: PerVehicle<Option<Duration>>,
+    was_on: PerVehicle<bool>,
+}
+
+/// A fault of J excuses I's lack of protection for the longest lease and the wire.
+const EXCUSE: Duration = Duration::from_millis(520);
+/// S4: own pose; a tick and the radio's wire on top of nothing, since evidence is immediate here.
+const POSE_REACTION: Duration = Duration::from_millis(100);
+/// Longest way of a command to a radio.
+const RADIO_WAY_MS: f64 = 15.0;
+
+impl Observer {
+    /// Looks at the state that holds from `t` on.
+    fn look(&mut self, t: Duration, world: &PerVehicle<Option<Companion>>, radios: &PerVehicle<Radio>) {
+        let on = PerVehicle::from_fn(|role| radios[role].emission(t));
+        if self.i_protected {
+            self.seen.airtime += t - self.since;
+        }
+        self.since = t;
+        for role in Role::BOTH {
+            let Some(emission) = on[role] else { continue };
+            let cap = PLANNED_W[role].min(CAP_W[role]);
+            if emission.power_w > cap * (1.0 + 1e-9) {
+                self.violate(t, format!("S6: {role} radiates {} W, {cap} W is allowed", emission.power_w));
+            }
+            match (&world[role], self.died_at[role]) {
+                (Some(companion), _) if !self.was_on[role] => {
+                    let slot = companion.course.as_ref().map(|c| i32::from(c.commitment.slot));
+                    if slot != Some(emission.slot) {
+                        let name = if role == Role::I { "S1" } else { "S2" };
+                        self.violate(t, format!("{name}: {role} goes on in slot {} but committed to {slot:?}", emission.slot));
+                    }
+                    if companion.pose_lost {
+                        self.violate(t, format!("S1/S2: {role} goes on out of its pose"));
+                    }
+                }
+                _ => {}
+            }
+            if let Some(died) = self.died_at[role] {
+                self.seen.dead = self.seen.dead.max(t - died);
+                if t > died + LEASE + Duration::from_millis(20) {
+                    self.violate(t, format!("S5: {role} radiates {:?} after its companion died", t - died));
+                }
+            }
+            if let Some(lost) = self.pose_lost_at[role] {
+                self.seen.out_of_pose = self.seen.out_of_pose.max(t - lost);
+                let dead = self.died_at[role].is_some();
+                if t > lost + POSE_REACTION && !dead {
+                    self.violate(t, format!("S4: {role} radiates {:?} after it left its pose", t - lost));
+                }
+            }
+        }
+        self.order(t, on.i, on.j);
+        self.was_on = on.map(|emission| emission.is_some());
+    }
+
+    /// S1 and S3 on true powers.
+    fn order(&mut self, t: Duration, i: Option<super::radio::Emission>, j: Option<super::radio::Emission>) {
+        let protected = i.is_some_and(|i| j.is_some_and(|j| i.slot == j.slot));
+        self.i_protected = protected;
+        self.served_now |= protected;
+        let Some(i) = i else {
+            self.bare_since = None;
+            return;
+        };
+        let lease = self.granted.filter(|(slot, until)| i32::from(*slot) == i.slot && t < *until);
+        if lease.is_none() {
+            self.violate(t, format!("S1: I radiates in slot {} on no lease of J: {:?}", i.slot, self.granted));
+        }
+        if protected {
+            self.bare_since = None;
+            return;
+        }
+        let since = *self.bare_since.get_or_insert(t);
+        let excused = self.j_fault_at.is_some_and(|at| t <= at + EXCUSE);
+        self.seen.exposed = self.seen.exposed.max(t - since);
+        if !excused {
+            self.violate(t, format!("S3: I radiates without J in slot {}", i.slot));
+        }
+    }
+
+    fn violate(&mut self, t: Duration, what: String) {
+        if self.seen.violations.len() < 20 {
+            self.seen.violations.push(format!("{:.4} s: {what}", t.as_secs_f64()));
+        }
+    }
+}
+
+/// Runs a case.
+pub fn run(case: Case) -> Seen {
+    run_with(case, |_, _| {})
+}
+
+/// Runs a case with a hand on every datagram at its delivery: receiver's local clock in microseconds, message.
+pub fn run_with(case: Case, mut meddle: impl FnMut(u64, &mut MavMessage)) -> Seen {
+    let mut rng = ChaCha8Rng::seed_from_u64(case.seed);
+    let clocks = PerVehicle::from_fn(|_| Clocks {
+        started: Duration::ZERO,
+        rate: 1.0 + rng.random_range(-50e-6..50e-6),
+        utc_error_us: rng.random_range(-100_000..100_000),
+    });
+    let companions = PerVehicle::from_fn(|role| {
+        let boot = if role == Role::I { 1 } else { 2 };
+        Some(Companion::new(role, boot, clocks[role]))
+    });
+    let mut world = World {
+        case,
+        rng,
+        t: Duration::ZERO,
+        numbers: 0,
+        queue: BinaryHeap::new(),
+        companions,
+        clocks,
+        radios: PerVehicle::default(),
+        boots: 2,
+        cut_until: PerVehicle::default(),
+        revive_at: None,
+        observer: Observer::default(),
+    };
+    if case.fault != FaultKind::None {
+        world.push(Duration::from_secs(8), Event::Fault);
+    }
+    // A slot takes about six seconds; whoever has agreed on nothing for this long never will.
+    let longest = Duration::from_secs(60) * (case.slots as u32 + 5);
+    while world.observer.seen.slots < case.slots && world.t < longest {
+        world.step(&mut meddle);
+    }
+    if world.observer.seen.slots < case.slots {
+        world.observer.violate(world.t, "the simulation stood still".into());
+    }
+    world.observer.seen
+}
+
+impl World {
+    fn push(&mut self, at: Duration, event: Event) {
+        self.numbers += 1;
+        self.queue.push(Reverse(Queued { at, number: self.numbers, event }));
+    }
+
+    fn step(&mut self, meddle: &mut impl FnMut(u64, &mut MavMessage)) {
+        let wakes = PerVehicle::from_fn(|role| self.companions[role].as_ref().map(Companion::wake_at));
+        let wake = Role::BOTH.into_iter().filter_map(|role| wakes[role].map(|at| (at, role))).min();
+        let queued = self.queue.peek().map(|q| q.0.at);
+        match (wake, queued) {
+            (Some((at, role)), queued) if queued.is_none_or(|q| at < q) => {
+                self.t = self.t.max(at);
+                if let Some(companion) = self.companions[role].as_mut() {
+                    companion.handle_timeout(self.t);
+                }
+                self.flush(role);
+            }
+            _ => {
+                let Some(Reverse(next)) = self.queue.pop() else { return };
+                self.t = self.t.max(next.at);
+                self.handle(next.event, meddle);
+            }
+        }
+        self.observer.look(self.t, &self.companions, &self.radios);
+        self.account();
+    }
+
+    fn handle(&mut self, event: Event, meddle: &mut impl FnMut(u64, &mut MavMessage)) {
+        match event {
+            Event::Pair(to, mut message) => {
+                if let Some(companion) = self.companions[to].as_mut() {
+                    let local = companion.clocks.local(self.t).since_start().as_micros() as u64;
+                    meddle(local, &mut message);
+                    companion.handle_pair(&message, self.t);
+                }
+                self.flush(to);
+            }
+            Event::Command(role, command) => {
+                let answer = self.radios[role].command(&command, self.t);
+                if let Some(until) = self.radios[role].expires_at() {
+                    self.push(until, Event::Expiry);
+                }
+                let back = self.t + self.radio_way();
+                self.push(back, Event::Answer(role, Box::new(answer)));
+            }
+            Event::Answer(role, answer) => {
+                if let Some(companion) = self.companions[role].as_mut() {
+                    companion.handle_radio(&answer, self.t);
+                }
+                self.flush(role);
+            }
+            Event::Expiry => {}
+            Event::Fault => self.fault(),
+            Event::Heal(role, heal) => {
+                match heal {
+                    Heal::Pose => self.observer.pose_lost_at[role] = None,
+                    Heal::Clock(back_us) => self.clocks[role].utc_error_us += back_us,
+                }
+                let utc_error_us = self.clocks[role].utc_error_us;
+                if let Some(companion) = self.companions[role].as_mut() {
+                    companion.pose_lost &= !matches!(heal, Heal::Pose);
+                    companion.clocks.utc_error_us = utc_error_us;
+                }
+            }
+            Event::Revive => self.revive(),
+        }
+    }
+
+    /// A serial line: quick and in order.
+    fn radio_way(&mut self) -> Duration {
+        Duration::from_secs_f64(RADIO_WAY_MS * 0.5e-3)
+    }
+
+    fn flush(&mut self, role: Role) {
+        while let Some(message) = self.companions[role].as_mut().and_then(|c| c.interlock.poll_transmit()) {
+            // The limit's request is not answered: the caps alone hold. One command in a hundred is lost.
+            if let RadioMessage::COMMAND_INT(command) = message
+                && !self.rng.random_bool(0.01)
+            {
+                let at = self.t + self.radio_way();
+                self.push(at, Event::Command(role, Box::new(command)));
+            }
+        }
+        while let Some(message) = self.companions[role].as_mut().and_then(|c| c.pair.poll_transmit()) {
+            if let (MavMessage::VEILWING_LEASE_GRANT(grant), Some(companion)) =
+                (&message, &self.companions[role])
+            {
+                let local = companion.clocks.local(self.t) + Duration::from_millis(grant.duration_ms.into());
+                let until = companion.clocks.true_time(local);
+                let before = self.observer.granted.filter(|(slot, _)| *slot == grant.slot);
+                let until = before.map_or(until, |(_, earlier)| earlier.max(until));
+                self.observer.granted = Some((grant.slot, until));
+            }
+            self.send(role, message);
+        }
+    }
+
+    fn send(&mut self, from: Role, message: MavMessage) {
+        let copies = if self.rng.random_bool(self.case.duplication) { 2 } else { 1 };
+        for copy in 0..copies {
+            if self.rng.random_bool(self.case.loss) || self.t < self.cut_until[from] {
+                continue;
+            }
+            let mut way = self.case.delay.mul_f64(self.rng.random_range(0.5..=1.0));
+            if copy > 0 {
+                // A copy may be seconds late: from before a restart, or from another slot.
+                way += Duration::from_secs_f64(self.rng.random_range(0.0..4.0));
+            }
+            let way = way.max(Duration::from_micros(200));
+            self.push(self.t + way, Event::Pair(from.peer(), Box::new(message.clone())));
+        }
+    }
+
+    fn fault(&mut self) {
+        let again = self.t + Duration::from_secs_f64(self.rng.random_range(4.0..20.0));
+        self.push(again, Event::Fault);
+        let role = if self.rng.random_bool(0.5) { Role::I } else { Role::J };
+        match self.case.fault {
+            FaultKind::None => {}
+            FaultKind::Partition => {
+                let until = self.t + Duration::from_secs_f64(self.rng.random_range(0.2..6.0));
+                let both = self.rng.random_bool(0.5);
+                self.cut_until[role] = until;
+                if both {
+                    self.cut_until[role.peer()] = until;
+                }
+            }
+            FaultKind::Restart => self.kill(role),
+            FaultKind::Pose => {
+                let Some(companion) = self.companions[role].as_mut() else { return };
+                companion.pose_lost = true;
+                self.observer.pose_lost_at[role] = Some(self.t);
+                if role == Role::J {
+                    self.observer.j_fault_at = Some(self.t);
+                }
+                let back = self.t + Duration::from_secs_f64(self.rng.random_range(0.1..2.0));
+                self.push(back, Event::Heal(role, Heal::Pose));
+            }
+            FaultKind::Clock => {
+                let jump_us = self.rng.random_range(-5_000_000..5_000_000);
+                self.clocks[role].utc_error_us += jump_us;
+                let utc_error_us = self.clocks[role].utc_error_us;
+                if let Some(companion) = self.companions[role].as_mut() {
+                    companion.clocks.utc_error_us = utc_error_us;
+                }
+                self.push(self.t + Duration::from_secs(10), Event::Heal(role, Heal::Clock(-jump_us)));
+            }
+        }
+    }
+
+    fn kill(&mut self, role: Role) {
+        if let Some(companion) = self.companions[role].take() {
+            self.observer.died_at[role] = Some(self.t);
+            if role == Role::J {
+                self.observer.j_fault_at = Some(self.t);
+            }
+            if role == Role::I && companion.course.is_some() {
+                self.count();
+            }
+            self.boots += 1;
+            let back = self.t + Duration::from_secs_f64(self.rng.random_range(0.05..5.0));
+            self.clocks[role].started = back;
+            self.push(back, Event::Revive);
+        }
+    }
+
+    fn revive(&mut self) {
+        for role in Role::BOTH {
+            if self.companions[role].is_none() && self.clocks[role].started <= self.t {
+                self.observer.died_at[role] = None;
+                if role == Role::J {
+                    self.observer.j_fault_at = Some(self.t);
+                }
+                let mut born = Companion::new(role, self.boots, self.clocks[role]);
+                // In flight it takes nothing over.
+                born.phase = Phase::Aborted;
+                self.companions[role] = Some(born);
+            }
+        }
+    }
+
+    fn count(&mut self) {
+        let observer = &mut self.observer;
+        observer.seen.slots += 1;
+        observer.seen.served += usize::from(observer.served_now);
+        observer.served_now = false;
+    }
+
+    /// Counts the slots that I has behind it; starts the mission again after an abort.
+    fn account(&mut self) {
+        let finished = self.companions.i.as_mut().map(|i| std::mem::take(&mut i.finished)).unwrap_or_default();
+        for _ in finished {
+            self.count();
+        }
+        let aborted = |c: &Option<Companion>| c.as_ref().is_none_or(|c| c.phase == Phase::Aborted);
+        let any = Role::BOTH.into_iter().any(|role| aborted(&self.companions[role]));
+        match self.revive_at {
+            None if any => {
+                let causes = Role::BOTH.map(|role| {
+                    let cause = self.companions[role].as_ref().and_then(|c| c.aborted_by.clone());
+                    cause.map_or(String::new(), |cause| format!("{role}: {cause}"))
+                });
+                self.observer.seen.aborts.push(format!("{:.3} s {}", self.t.as_secs_f64(), causes.concat()));
+                self.revive_at = Some(self.t + Duration::from_secs(4));
+            }
+            Some(at) if self.t >= at && self.companions.i.is_some() && self.companions.j.is_some() => {
+                self.revive_at = None;
+                let t = self.t;
+                for role in Role::BOTH {
+                    if let Some(companion) = self.companions[role].as_mut() {
+                        companion.course = None;
+                        companion.pair.release(companion.clocks.local(t));
+                        companion.begin(t);
+                        companion.react(t);
+                    }
+                }
+            }
+            _ => {}
+        }
+    }
+}
+
+/// The airtime of one slot.
+pub const AIRTIME: Duration = Duration::from_secs(SLOT.as_secs() - GUARD.as_secs());
