@@ -50,7 +50,9 @@ pub(super) struct Leased {
     target: (u8, u8),
     wanted: Wanted,
     unanswered: VecDeque<Unanswered>,
+    /// When the off that is unanswered was sent, if it was sent once.
     off_sent_at: Option<Instant>,
+    off_unanswered: bool,
     lease: Option<Lease>,
     /// The latest instant at which the radio can still be on by any command sent so far.
     on_until: Option<Instant>,
@@ -69,6 +71,7 @@ impl Leased {
             wanted,
             unanswered: VecDeque::new(),
             off_sent_at: None,
+            off_unanswered: false,
             lease: None,
             on_until: None,
             round_trip: None,
@@ -131,6 +134,7 @@ impl Leased {
             (MavResult::MAV_RESULT_ACCEPTED, OFF) => {
                 self.supported = Some(true);
                 self.refusal = None;
+                self.off_unanswered = false;
                 if let Some(sent_at) = self.off_sent_at.take() {
                     self.round_trip = Some(now.saturating_since(sent_at));
                 }
@@ -256,7 +260,9 @@ impl Leased {
     }
 
     fn send_off(&mut self, now: Instant, out: &mut VecDeque<MavMessage>) {
-        self.off_sent_at.get_or_insert(now);
+        // An answer to a repeated command may be to any of its copies: it measures nothing (Karn's algorithm).
+        self.off_sent_at = if self.off_unanswered { None } else { Some(now) };
+        self.off_unanswered = true;
         out.push_back(self.message(f32::NEG_INFINITY, 0, 0));
     }
 

@@ -31,7 +31,12 @@ impl Row {
         let c = &self.case;
         format!(
             "cargo run --release --example pair_sweep -- --loss {} --delay-ms {} --duplication {} --fault {:?} --slots {} --seed {}",
-            c.loss, c.delay.as_millis(), c.duplication, c.fault, c.slots, c.seed
+            c.loss,
+            c.delay.as_millis(),
+            c.duplication,
+            c.fault,
+            c.slots,
+            c.seed
         )
     }
 }
@@ -57,7 +62,8 @@ pub fn rows(slots: usize, seed: u64) -> impl Iterator<Item = Row> {
     cases(slots, seed).into_iter().map(|case| Row { case, seen: run(case) })
 }
 
-pub const HEADER: &str = "fault      loss  delay   dup  slots served airtime  exposed    dead out-of-pose violations";
+pub const HEADER: &str =
+    "fault      loss  delay   dup  slots served airtime  exposed    dead out-of-pose violations";
 
 pub fn print(row: &Row) -> String {
     let (c, s) = (&row.case, &row.seen);

@@ -151,7 +151,13 @@ impl Observer {
                     let slot = companion.course.as_ref().map(|c| i32::from(c.commitment.slot));
                     if slot != Some(emission.slot) {
                         let name = if role == Role::I { "S1" } else { "S2" };
-                        self.violate(t, format!("{name}: {role} goes on in slot {} but committed to {slot:?}", emission.slot));
+                        self.violate(
+                            t,
+                            format!(
+                                "{name}: {role} goes on in slot {} but committed to {slot:?}",
+                                emission.slot
+                            ),
+                        );
                     }
                     if companion.pose_lost {
                         self.violate(t, format!("S1/S2: {role} goes on out of its pose"));
@@ -188,7 +194,10 @@ impl Observer {
         };
         let lease = self.granted.filter(|(slot, until)| i32::from(*slot) == i.slot && t < *until);
         if lease.is_none() {
-            self.violate(t, format!("S1: I radiates in slot {} on no lease of J: {:?}", i.slot, self.granted));
+            self.violate(
+                t,
+                format!("S1: I radiates in slot {} on no lease of J: {:?}", i.slot, self.granted),
+            );
         }
         if protected {
             self.bare_since = None;
@@ -445,7 +454,8 @@ impl World {
 
     /// Counts the slots that I has behind it; starts the mission again after an abort.
     fn account(&mut self) {
-        let finished = self.companions.i.as_mut().map(|i| std::mem::take(&mut i.finished)).unwrap_or_default();
+        let finished =
+            self.companions.i.as_mut().map(|i| std::mem::take(&mut i.finished)).unwrap_or_default();
         for _ in finished {
             self.count();
         }

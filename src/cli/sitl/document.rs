@@ -114,7 +114,8 @@ impl FlightDocument {
             "(rates in bit/s/Hz; on: seconds radiated; unprot: I on without J; errors are rms, jitter included)"
         )?;
         if mission.eavesdroppers.iter().any(|e| e.node.uncertainty != Uncertainty::None) {
-            let text_uncertain = "the plan is for uncertain eavesdropper positions; this flight drew them once from the seed";
+            let text_uncertain =
+                "the plan is for uncertain eavesdropper positions; this flight drew them once from the seed";
             writeln!(text, "({text_uncertain}, so achieved may differ from planned)")?;
         }
         for role in Role::BOTH {
