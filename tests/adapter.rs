@@ -56,6 +56,7 @@ impl World {
                     own: OWN,
                     target: (1, 68),
                     kind: transmitter::Kind::Leased { command: 31010 },
+                    first_off_after: Duration::ZERO,
                 },
                 Instant::ZERO,
             ),

@@ -67,7 +67,12 @@ pub fn transmitter_settings(vehicle: &Vehicle) -> transmitter::Settings {
         (TransmitterKind::Parameter, Some(parameter)) => Kind::Parameter(power_parameter(parameter)),
         (TransmitterKind::Parameter, None) | (TransmitterKind::None, _) => Kind::None,
     };
-    transmitter::Settings { own, target: (own.0, t.component_id), kind }
+    // J may have promised to jam before its companion died; its radio's own lease ends that promise.
+    let first_off_after = match vehicle.role {
+        Role::I => Duration::ZERO,
+        Role::J => LEASE,
+    };
+    transmitter::Settings { own, target: (own.0, t.component_id), kind, first_off_after }
 }
 
 /// What the slot table demands of each vehicle.

@@ -54,7 +54,7 @@ impl Executive {
                     self.pair.silent(VeilwingSilence::VEILWING_SILENCE_ESTIMATOR, now);
                     self.abort(format!("estimator: {fault}"), now);
                 }
-                _ => {}
+                _ => self.notice(MavSeverity::MAV_SEVERITY_WARNING, format!("estimator: {fault}")),
             },
             AutopilotEvent::Refused { what, result, statustext } => {
                 let answer = result.map_or("no answer".to_owned(), |result| format!("{result:?}"));

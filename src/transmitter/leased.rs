@@ -62,8 +62,8 @@ pub(super) struct Leased {
 }
 
 impl Leased {
-    pub(super) fn new(command: MavCmd, own: (u8, u8), target: (u8, u8)) -> Self {
-        let wanted = Wanted::Off { since: Instant::ZERO, confirmed: false, repeat_at: Instant::ZERO };
+    pub(super) fn new(command: MavCmd, own: (u8, u8), target: (u8, u8), off_at: Instant) -> Self {
+        let wanted = Wanted::Off { since: off_at, confirmed: false, repeat_at: off_at };
         Self {
             command,
             own,

@@ -61,6 +61,9 @@ pub struct Settings {
     pub target: (u8, u8),
     /// How its power is set.
     pub kind: Kind,
+    /// How long after the start the first off is sent, if nothing else is commanded before. Not at once where a
+    /// companion that died and came back may have promised the peer to radiate until its lease runs out (S3).
+    pub first_off_after: Duration,
 }
 
 /// A power that the radio has acknowledged.
@@ -101,12 +104,18 @@ struct Limit {
 }
 
 impl Transmitter {
-    /// A transmitter that is told to be silent first of all: the companion may have died and come back.
+    /// A transmitter that is told to be silent first of all (see [`Settings::first_off_after`]): the companion may have
+    /// died and come back.
     #[must_use]
     pub fn new(settings: Settings, now: Instant) -> Self {
         let driver = match &settings.kind {
             Kind::Leased { command } => MavCmd::from_u16(*command).map_or(Driver::None, |command| {
-                Driver::Leased(Leased::new(command, settings.own, settings.target))
+                Driver::Leased(Leased::new(
+                    command,
+                    settings.own,
+                    settings.target,
+                    now + settings.first_off_after,
+                ))
             }),
             Kind::Parameter(parameter) => {
                 Driver::Parameter(parameter::ByParameter::new(parameter.clone(), settings.target))
@@ -116,15 +125,20 @@ impl Transmitter {
         let limit = Limit { ask_at: matches!(driver, Driver::Leased(_)).then_some(now), ..Limit::default() };
         let mut transmitter =
             Self { settings, driver, outbox: std::collections::VecDeque::new(), heard_at: None, limit };
-        transmitter.silence(now);
+        // A power set by parameter never runs out by itself.
+        let runs_out = matches!(transmitter.driver, Driver::Leased(_));
+        if !runs_out || transmitter.settings.first_off_after.is_zero() {
+            transmitter.silence(now);
+        }
         transmitter
     }
 
     /// Everything aboard shares the autopilot's MAVLink system, which is known once the autopilot is found. Starts
     /// over, silent.
     pub fn adopt_system(&mut self, system: u8, now: Instant) {
-        let Settings { own, target, kind } = self.settings.clone();
-        *self = Self::new(Settings { own: (system, own.1), target: (system, target.1), kind }, now);
+        let settings = self.settings.clone();
+        let (own, target) = ((system, settings.own.1), (system, settings.target.1));
+        *self = Self::new(Settings { own, target, ..settings }, now);
     }
 
     /// Commands this power in watts, or renews it. From `expires_at` on the radio must be off; what expires within a

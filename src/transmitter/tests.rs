@@ -66,7 +66,12 @@ impl World {
     fn new(wire: impl FnMut() -> Vec<Duration> + 'static) -> Self {
         let now = Instant::from_start(Duration::from_secs(5));
         let transmitter = Transmitter::new(
-            Settings { own: OWN, target: (OWN.0, 68), kind: Kind::Leased { command: 31010 } },
+            Settings {
+                own: OWN,
+                target: (OWN.0, 68),
+                kind: Kind::Leased { command: 31010 },
+                first_off_after: Duration::ZERO,
+            },
             now,
         );
         Self {
@@ -362,7 +367,10 @@ fn val_strangers_and_answers_to_others_change_nothing() {
 /// Settings of a radio that is driven by a parameter, and what it last was set to.
 fn by_parameter(unit: Unit, protocol: Protocol) -> Transmitter {
     let kind = Kind::Parameter(PowerParameter { name: "TX_POWER".into(), protocol, unit, off_value: 0.0 });
-    Transmitter::new(Settings { own: OWN, target: RADIO, kind }, Instant::ZERO)
+    Transmitter::new(
+        Settings { own: OWN, target: RADIO, kind, first_off_after: Duration::ZERO },
+        Instant::ZERO,
+    )
 }
 
 fn give(transmitter: &mut Transmitter, message: &MavMessage, now: Instant) {
@@ -475,7 +483,12 @@ fn val_extended_parameters_carry_their_own_type_and_unit() {
 #[test]
 fn val_an_adopted_system_is_the_one_commanded_and_the_first_word_is_off() {
     let now = Instant::from_start(Duration::from_secs(5));
-    let settings = Settings { own: OWN, target: (OWN.0, 68), kind: Kind::Leased { command: 31010 } };
+    let settings = Settings {
+        own: OWN,
+        target: (OWN.0, 68),
+        kind: Kind::Leased { command: 31010 },
+        first_off_after: Duration::ZERO,
+    };
     let mut transmitter = Transmitter::new(settings, now);
     while transmitter.poll_transmit().is_some() {}
     transmitter.adopt_system(OWN.0 + 6, now);

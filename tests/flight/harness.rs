@@ -137,9 +137,13 @@ struct Companion {
 
 impl Companion {
     fn instant(&self, now: Duration) -> Instant {
-        // A process's time does not begin at zero either.
-        Instant::from_start(now.saturating_sub(self.began) + Duration::from_secs(1))
+        instant(self.began, now)
     }
+}
+
+/// The instant of `now` on the clock of a process that began at `began`. A process's time does not begin at zero either.
+fn instant(began: Duration, now: Duration) -> Instant {
+    Instant::from_start(now.saturating_sub(began) + Duration::from_secs(1))
 }
 
 /// What a flight left behind, all in simulation time.
@@ -229,11 +233,12 @@ impl Flight {
         let settings = settings(&given.mission, &vehicle, boot_id, self.setup.start_unasked);
         // J's clock reads 7 s when I's reads 1 s.
         let began = self.now.saturating_sub(Duration::from_secs(6 * index(role) as u64));
+        let started = instant(began, self.now);
         let mut companion = Companion {
             executive: Executive::new(
                 settings,
-                Transmitter::new(transmitter_settings(&vehicle), Instant::ZERO),
-                Instant::ZERO,
+                Transmitter::new(transmitter_settings(&vehicle), started),
+                started,
             ),
             encoder: Encoder::default(),
             from_vehicle: Decoder::default(),

@@ -122,6 +122,7 @@ impl Companion {
                 own: (system, 191),
                 target: (system, 68),
                 kind: Kind::Leased { command: 31010 },
+                first_off_after: if role == Role::J { LEASE } else { Duration::ZERO },
             },
             now,
         );
