@@ -54,7 +54,14 @@ fn main() -> std::process::ExitCode {
                 }
             };
             let delay = Duration::from_millis(args.delay_ms);
-            vec![Case { loss, delay, duplication: args.duplication, fault, slots: args.slots, seed: args.seed }]
+            vec![Case {
+                loss,
+                delay,
+                duplication: args.duplication,
+                fault,
+                slots: args.slots,
+                seed: args.seed,
+            }]
         }
     };
     let (mut slots, mut served, mut violations, mut unserved) = (0, 0, 0, 0);
@@ -77,7 +84,11 @@ fn main() -> std::process::ExitCode {
         dead = dead.max(row.seen.dead);
         out = out.max(row.seen.out_of_pose);
     }
-    println!("{slots} slots, {served} served; {violations} violations; {unserved} slots not served that had to be");
-    println!("longest: I without J after a fault of J's {exposed:?}; on after its companion's death {dead:?}; on out of pose {out:?}");
+    println!(
+        "{slots} slots, {served} served; {violations} violations; {unserved} slots not served that had to be"
+    );
+    println!(
+        "longest: I without J after a fault of J's {exposed:?}; on after its companion's death {dead:?}; on out of pose {out:?}"
+    );
     u8::from(violations + unserved > 0).into()
 }

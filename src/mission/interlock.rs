@@ -175,7 +175,16 @@ impl Interlock {
         lease: Duration,
         authorised: bool,
     ) -> Self {
-        Self { role, transmitter, ceilings, lease, authorised, killed: false, round_trip: None, standing: None }
+        Self {
+            role,
+            transmitter,
+            ceilings,
+            lease,
+            authorised,
+            killed: false,
+            round_trip: None,
+            standing: None,
+        }
     }
 
     /// Radio kill, latched until the process restarts.

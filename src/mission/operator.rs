@@ -24,7 +24,9 @@ impl Executive {
         let order = match command {
             MavCmd::MAV_CMD_MISSION_START => Some(VeilwingOrder::VEILWING_ORDER_START),
             MavCmd::MAV_CMD_DO_PAUSE_CONTINUE if param1 == 0.0 => Some(VeilwingOrder::VEILWING_ORDER_PAUSE),
-            MavCmd::MAV_CMD_DO_PAUSE_CONTINUE if param1 == 1.0 => Some(VeilwingOrder::VEILWING_ORDER_CONTINUE),
+            MavCmd::MAV_CMD_DO_PAUSE_CONTINUE if param1 == 1.0 => {
+                Some(VeilwingOrder::VEILWING_ORDER_CONTINUE)
+            }
             MavCmd::MAV_CMD_NAV_RETURN_TO_LAUNCH => Some(VeilwingOrder::VEILWING_ORDER_RETURN),
             MavCmd::MAV_CMD_USER_2 => Some(VeilwingOrder::VEILWING_ORDER_RADIO_KILL),
             _ => None,

@@ -242,7 +242,8 @@ impl Coordinator {
 
     /// Local facts; a change of what the peer acts on is told at once.
     pub fn set_local(&mut self, local: Local, now: Instant) {
-        let acts_on = |l: &Local| (l.airborne, l.on_station, l.radiating, l.ended, l.landed, l.returning, l.paused);
+        let acts_on =
+            |l: &Local| (l.airborne, l.on_station, l.radiating, l.ended, l.landed, l.returning, l.paused);
         if acts_on(&local) != acts_on(&self.local) {
             self.next_status = now;
         }
@@ -515,7 +516,6 @@ impl Coordinator {
             Some(at - Duration::from_micros(known.unix_us - utc.unix_us))
         }
     }
-
 }
 
 fn narrow(v: nalgebra::Vector3<f64>) -> [f32; 3] {

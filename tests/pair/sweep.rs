@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use super::world::{AIRTIME, Case, FaultKind, Seen, run};
+use super::world::{AIRTIME, Case, FaultKind, Seen};
 
 const LOSSES: [f64; 4] = [0.0, 0.1, 0.3, 0.6];
 const DELAYS_MS: [u64; 5] = [0, 20, 100, 400, 2000];
@@ -31,7 +31,12 @@ impl Row {
         let c = &self.case;
         format!(
             "cargo run --release --example pair_sweep -- --loss {} --delay-ms {} --duplication {} --fault {:?} --slots {} --seed {}",
-            c.loss, c.delay.as_millis(), c.duplication, c.fault, c.slots, c.seed
+            c.loss,
+            c.delay.as_millis(),
+            c.duplication,
+            c.fault,
+            c.slots,
+            c.seed
         )
     }
 }
@@ -53,11 +58,8 @@ pub fn cases(slots: usize, seed: u64) -> Vec<Case> {
     cases
 }
 
-pub fn rows(slots: usize, seed: u64) -> impl Iterator<Item = Row> {
-    cases(slots, seed).into_iter().map(|case| Row { case, seen: run(case) })
-}
-
-pub const HEADER: &str = "fault      loss  delay   dup  slots served airtime  exposed    dead out-of-pose violations";
+pub const HEADER: &str =
+    "fault      loss  delay   dup  slots served airtime  exposed    dead out-of-pose violations";
 
 pub fn print(row: &Row) -> String {
     let (c, s) = (&row.case, &row.seen);

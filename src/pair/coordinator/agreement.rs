@@ -53,8 +53,7 @@ impl Coordinator {
             return;
         }
         self.proposals += 1;
-        let commitment =
-            Commitment { proposal: self.proposals, slot, opens_at, leaves_at: opens_at - needs };
+        let commitment = Commitment { proposal: self.proposals, slot, opens_at, leaves_at: opens_at - needs };
         self.proposal =
             Some(Proposal { commitment, opens, stage: Stage::Proposed, first_sent: now, next_send: now });
     }
@@ -208,7 +207,9 @@ impl Coordinator {
         let commitment = proposal.commitment;
         let took = now.saturating_since(proposal.first_sent);
         let refused = match answer.answer {
-            VeilwingAnswer::VEILWING_ANSWER_ACCEPTED if now + took + COMMIT_MARGIN <= commitment.leaves_at => {
+            VeilwingAnswer::VEILWING_ANSWER_ACCEPTED
+                if now + took + COMMIT_MARGIN <= commitment.leaves_at =>
+            {
                 proposal.stage = Stage::Committing;
                 proposal.next_send = now;
                 return self.advance_proposal(now);

@@ -111,7 +111,9 @@ impl Coordinator {
     }
 
     pub(super) fn take_request(&mut self, request: &wire::VEILWING_LEASE_REQUEST_DATA, now: Instant) {
-        let (Some(commitment), Some(vouch), Some(plan_digest)) = (self.commitment, self.vouch, self.plan_digest()) else {
+        let (Some(commitment), Some(vouch), Some(plan_digest)) =
+            (self.commitment, self.vouch, self.plan_digest())
+        else {
             return;
         };
         if self.leads() || !self.peer.is_boot(request.boot_id) || request.proposal != commitment.proposal {
