@@ -11,6 +11,7 @@ mod world;
 
 use std::time::Duration;
 
+use veilwing::pair::wire::MavMessage;
 use world::{Case, FaultKind};
 
 fn quiet(seed: u64, slots: usize) -> Case {
@@ -25,12 +26,67 @@ fn regress_every_slot_is_served_on_a_good_link() {
     assert!(seen.airtime > world::AIRTIME.mul_f64(0.9 * 20.0), "{:?}", seen.airtime);
 }
 
+/// The stored table is the one that `cargo run --release --example pair_sweep -- --slots 20` prints.
 #[test]
 fn regress_a_sample_of_the_sweep() {
-    for row in sweep::rows(20, 1) {
+    let mut table = sweep::HEADER.to_owned() + "\n";
+    for case in sweep::cases(20, 1) {
+        let row = sweep::Row { case, seen: world::run(case) };
         assert_eq!(row.seen.violations, Vec::<String>::new(), "replay: {}", row.replay());
         if row.must_serve() {
             assert_eq!(row.seen.served, row.seen.slots, "{:?} replay: {}", row.seen.aborts, row.replay());
         }
+        table += &(sweep::print(&row) + "\n");
     }
+    let stored = include_str!("pair/sweep_20.txt");
+    for (new, old) in table.lines().zip(stored.lines()) {
+        assert_eq!(new, old, "if this is meant: store the new table");
+    }
+    assert_eq!(table.lines().count(), stored.lines().count());
+}
+
+fn violated(seen: &world::Seen, invariant: &str) -> bool {
+    seen.violations.iter().any(|violation| violation.contains(invariant))
+}
+
+/// A bug put in on purpose must be found, or the observer sees nothing.
+#[test]
+fn regress_a_grant_counted_from_its_receipt_is_found() {
+    let case = Case { loss: 0.3, delay: Duration::from_millis(400), ..quiet(7, 40) };
+    assert_eq!(world::run(case).violations, Vec::<String>::new());
+    let seen = world::run_with(case, |now_us, message| {
+        if let MavMessage::VEILWING_LEASE_GRANT(grant) = message {
+            grant.time_us = now_us;
+        }
+    });
+    assert!(violated(&seen, "S1") || violated(&seen, "S3"), "{seen:?}");
+}
+
+#[test]
+fn regress_a_lease_that_never_expires_is_found() {
+    let case = Case { loss: 0.3, fault: FaultKind::Restart, ..quiet(8, 40) };
+    assert_eq!(world::run(case).violations, Vec::<String>::new());
+    let forever = Duration::from_secs(60);
+    let seen = world::run_with_lease(case, forever, &mut |_, message: &mut MavMessage| {
+        if let MavMessage::VEILWING_LEASE_GRANT(grant) = message {
+            grant.duration_ms = 60_000;
+        }
+    });
+    assert!(violated(&seen, "S1"), "{seen:?}");
+}
+
+#[test]
+fn regress_j_off_before_i_is_found() {
+    // Where J's clock is ahead of I's, J is done first and must wait for I.
+    let found = (9..17).filter(|&seed| {
+        let case = Case { delay: Duration::from_millis(20), ..quiet(seed, 10) };
+        assert_eq!(world::run(case).violations, Vec::<String>::new());
+        let seen = world::run_with(case, |_, message| {
+            if let MavMessage::VEILWING_STATUS(status) = message {
+                status.released_us = u64::MAX;
+            }
+        });
+        violated(&seen, "S3")
+    });
+    assert!(found.count() >= 1);
 }

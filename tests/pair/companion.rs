@@ -103,13 +103,13 @@ pub fn plan() -> PlanTerms {
 }
 
 impl Companion {
-    pub fn new(role: Role, boot_id: u32, clocks: Clocks) -> Self {
+    pub fn new(role: Role, boot_id: u32, clocks: Clocks, lease: Duration) -> Self {
         let now = Instant::ZERO;
         let settings = Settings {
             role,
             boot_id,
             mission_digest: [3; 32],
-            lease: LEASE,
+            lease,
             peer_timeout: Duration::from_secs(3),
             clock_tolerance: GUARD / 4,
         };
@@ -133,7 +133,7 @@ impl Companion {
             role,
             clocks,
             pair,
-            interlock: Interlock::new(role, transmitter, ceilings, LEASE, true),
+            interlock: Interlock::new(role, transmitter, ceilings, lease, true),
             course: None,
             phase: Phase::Ready,
             next_slot: 0,

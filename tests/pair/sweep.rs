@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use super::world::{AIRTIME, Case, FaultKind, Seen, run};
+use super::world::{AIRTIME, Case, FaultKind, Seen};
 
 const LOSSES: [f64; 4] = [0.0, 0.1, 0.3, 0.6];
 const DELAYS_MS: [u64; 5] = [0, 20, 100, 400, 2000];
@@ -56,10 +56,6 @@ pub fn cases(slots: usize, seed: u64) -> Vec<Case> {
         }
     }
     cases
-}
-
-pub fn rows(slots: usize, seed: u64) -> impl Iterator<Item = Row> {
-    cases(slots, seed).into_iter().map(|case| Row { case, seen: run(case) })
 }
 
 pub const HEADER: &str =

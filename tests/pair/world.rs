@@ -122,7 +122,7 @@ struct Observer {
     j_fault_at: Option<Duration>,
     died_at: PerVehicle<Option<Duration>>,
     pose_lost_at: PerVehicle<Option<Duration>>,
-    was_on: PerVehicle<bool>,
+    uncommitted_since: PerVehicle<Option<Duration>>,
 }
 
 /// A fault of J excuses I's lack of protection for the longest lease and the wire.
@@ -141,29 +141,27 @@ impl Observer {
         }
         self.since = t;
         for role in Role::BOTH {
-            let Some(emission) = on[role] else { continue };
+            let Some(emission) = on[role] else {
+                self.uncommitted_since[role] = None;
+                continue;
+            };
             let cap = PLANNED_W[role].min(CAP_W[role]);
             if emission.power_w > cap * (1.0 + 1e-9) {
                 self.violate(t, format!("S6: {role} radiates {} W, {cap} W is allowed", emission.power_w));
             }
-            match (&world[role], self.died_at[role]) {
-                (Some(companion), _) if !self.was_on[role] => {
-                    let slot = companion.course.as_ref().map(|c| i32::from(c.commitment.slot));
-                    if slot != Some(emission.slot) {
-                        let name = if role == Role::I { "S1" } else { "S2" };
-                        self.violate(
-                            t,
-                            format!(
-                                "{name}: {role} goes on in slot {} but committed to {slot:?}",
-                                emission.slot
-                            ),
-                        );
-                    }
-                    if companion.pose_lost {
-                        self.violate(t, format!("S1/S2: {role} goes on out of its pose"));
-                    }
+            // What was commanded before a fault or an abort is on its way, or on: off follows within S4's time.
+            let slot = world[role].as_ref().and_then(|c| c.course.as_ref()).map(|c| c.commitment.slot.into());
+            if world[role].is_none() || slot == Some(emission.slot) {
+                self.uncommitted_since[role] = None;
+            } else {
+                let since = *self.uncommitted_since[role].get_or_insert(t);
+                if t > since + POSE_REACTION {
+                    let name = if role == Role::I { "S1" } else { "S2" };
+                    self.violate(
+                        t,
+                        format!("{name}: {role} radiates in slot {}, committed to {slot:?}", emission.slot),
+                    );
                 }
-                _ => {}
             }
             if let Some(died) = self.died_at[role] {
                 self.seen.dead = self.seen.dead.max(t - died);
@@ -180,7 +178,6 @@ impl Observer {
             }
         }
         self.order(t, on.i, on.j);
-        self.was_on = on.map(|emission| emission.is_some());
     }
 
     /// S1 and S3 on true powers.
@@ -225,6 +222,11 @@ pub fn run(case: Case) -> Seen {
 
 /// Runs a case with a hand on every datagram at its delivery: receiver's local clock in microseconds, message.
 pub fn run_with(case: Case, mut meddle: impl FnMut(u64, &mut MavMessage)) -> Seen {
+    run_with_lease(case, LEASE, &mut meddle)
+}
+
+/// Runs a case in which I believes in leases as long as this, whatever J's may be.
+pub fn run_with_lease(case: Case, i_lease: Duration, meddle: &mut impl FnMut(u64, &mut MavMessage)) -> Seen {
     let mut rng = ChaCha8Rng::seed_from_u64(case.seed);
     let clocks = PerVehicle::from_fn(|_| Clocks {
         started: Duration::ZERO,
@@ -233,7 +235,8 @@ pub fn run_with(case: Case, mut meddle: impl FnMut(u64, &mut MavMessage)) -> See
     });
     let companions = PerVehicle::from_fn(|role| {
         let boot = if role == Role::I { 1 } else { 2 };
-        Some(Companion::new(role, boot, clocks[role]))
+        let lease = if role == Role::I { i_lease } else { LEASE };
+        Some(Companion::new(role, boot, clocks[role], lease))
     });
     let mut world = World {
         case,
@@ -255,7 +258,7 @@ pub fn run_with(case: Case, mut meddle: impl FnMut(u64, &mut MavMessage)) -> See
     // A slot takes about six seconds; whoever has agreed on nothing for this long never will.
     let longest = Duration::from_secs(60) * (case.slots as u32 + 5);
     while world.observer.seen.slots < case.slots && world.t < longest {
-        world.step(&mut meddle);
+        world.step(meddle);
     }
     if world.observer.seen.slots < case.slots {
         world.observer.violate(world.t, "the simulation stood still".into());
@@ -437,7 +440,7 @@ impl World {
                 if role == Role::J {
                     self.observer.j_fault_at = Some(self.t);
                 }
-                let mut born = Companion::new(role, self.boots, self.clocks[role]);
+                let mut born = Companion::new(role, self.boots, self.clocks[role], LEASE);
                 // In flight it takes nothing over.
                 born.phase = Phase::Aborted;
                 self.companions[role] = Some(born);
