@@ -142,6 +142,10 @@ impl Observer {
         self.since = t;
         for role in Role::BOTH {
             let Some(emission) = on[role] else {
+                // What a companion that died left on is over; from here on its successor answers for the radio.
+                if world[role].is_some() {
+                    self.died_at[role] = None;
+                }
                 self.uncommitted_since[role] = None;
                 continue;
             };
@@ -151,7 +155,7 @@ impl Observer {
             }
             // What was commanded before a fault or an abort is on its way, or on: off follows within S4's time.
             let slot = world[role].as_ref().and_then(|c| c.course.as_ref()).map(|c| c.commitment.slot.into());
-            if world[role].is_none() || slot == Some(emission.slot) {
+            if world[role].is_none() || self.died_at[role].is_some() || slot == Some(emission.slot) {
                 self.uncommitted_since[role] = None;
             } else {
                 let since = *self.uncommitted_since[role].get_or_insert(t);
@@ -436,7 +440,6 @@ impl World {
     fn revive(&mut self) {
         for role in Role::BOTH {
             if self.companions[role].is_none() && self.clocks[role].started <= self.t {
-                self.observer.died_at[role] = None;
                 if role == Role::J {
                     self.observer.j_fault_at = Some(self.t);
                 }
