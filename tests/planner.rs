@@ -1,5 +1,8 @@
 //! The planner from outside: what a user of the library relies on.
 
+// Helpers of tests fail as tests do.
+#![allow(clippy::unwrap_used, clippy::panic)]
+
 use nalgebra::{Rotation3, Vector2, Vector3};
 use proptest::prelude::*;
 use veilwing::geo::Pose;
