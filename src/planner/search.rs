@@ -25,7 +25,7 @@ const SCREEN_SHARPNESS: [f64; 2] = [15.0, 200.0];
 const POLISH_SHARPNESS: [f64; 3] = [2e3, 2e4, 2e5];
 /// Starts: without jitter, with, and with where tilt is limited.
 const EXACT_STARTS: usize = 24;
-const SAMPLED_STARTS: usize = 48;
+const SAMPLED_STARTS: usize = 36;
 const RESTRICTED_STARTS: usize = 96;
 /// Candidates that are polished without jitter.
 const EXACT_POLISHED: usize = 4;
