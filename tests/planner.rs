@@ -1,5 +1,8 @@
 //! The planner from outside: what a user of the library relies on.
 
+// Helpers of tests fail as tests do.
+#![allow(clippy::unwrap_used, clippy::panic)]
+
 use nalgebra::{Rotation3, Vector2, Vector3};
 use proptest::prelude::*;
 use veilwing::geo::Pose;
@@ -65,6 +68,20 @@ fn prop_two_threads_equal_one_bit_for_bit() {
                 );
             }
         }
+    }
+}
+
+#[test]
+fn prop_threads_do_not_matter_over_uncertain_positions() {
+    for objective in [Objective::Nominal, Objective::Mean, Objective::Quantile, Objective::WorstCase] {
+        let mut problem = problem(&[[120.0, -40.0], [-300.0, 210.0]], 2.0);
+        problem.objective = objective;
+        problem.eavesdroppers[0].uncertainty = Uncertainty::Disc { radius_m: 40.0 };
+        problem.eavesdroppers[1].uncertainty = Uncertainty::Gaussian { std_m: 15.0 };
+        let options = Options { starts: Some(12), ..Options::default() };
+        let one = plan_slot(&problem, &options).unwrap();
+        assert_sound(&problem, &one, &format!("{objective:?}"));
+        assert_eq!(one, plan_slot(&problem, &Options { threads: 3, ..options }).unwrap(), "{objective:?}");
     }
 }
 

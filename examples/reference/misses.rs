@@ -3,7 +3,9 @@
 use nalgebra::{Vector2, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use veilwing::planner::problem::{Airframe, JitterAxes, JitterModel, Method, Problem};
+use veilwing::planner::problem::{
+    Airframe, JitterAxes, JitterModel, Method, Objective, Problem, Uncertainty,
+};
 use veilwing::planner::{Options, plan_slot};
 use veilwing::role::PerVehicle;
 
@@ -13,7 +15,7 @@ use crate::tables::{Run, score};
 type Kind = (&'static str, usize, f64, fn(&mut Problem, &mut ChaCha8Rng));
 
 /// Name, eavesdroppers, jitter in degrees, and what else differs from the paper's setup.
-const KINDS: [Kind; 25] = [
+const KINDS: [Kind; 29] = [
     ("plain", 2, 0.0, |_, _| {}),
     ("plain", 10, 0.0, |_, _| {}),
     ("jitter 1", 2, 1.0, |_, _| {}),
@@ -44,12 +46,25 @@ const KINDS: [Kind; 25] = [
         p.vehicles.i.airframe = Airframe::Conventional;
         p.vehicles.j.airframe = Airframe::Conventional;
     }),
+    ("discs, mean", 2, 2.0, |p, _| uncertain(p, Objective::Mean, Uncertainty::Disc { radius_m: 50.0 })),
+    ("discs, mean", 3, 0.0, |p, _| uncertain(p, Objective::Mean, Uncertainty::Disc { radius_m: 50.0 })),
+    ("discs, worst case", 2, 2.0, |p, _| {
+        uncertain(p, Objective::WorstCase, Uncertainty::Disc { radius_m: 50.0 })
+    }),
+    ("Gaussian, quantile", 10, 2.0, |p, _| {
+        uncertain(p, Objective::Quantile, Uncertainty::Gaussian { std_m: 20.0 })
+    }),
     ("unequal powers", 3, 2.0, |p, _| p.radio.max_power_w = PerVehicle { i: 1.0, j: 0.1 }),
 ];
 
 fn tilt(problem: &mut Problem, limit_deg: f64) {
     problem.vehicles.i.max_tilt_rad = limit_deg.to_radians();
     problem.vehicles.j.max_tilt_rad = limit_deg.to_radians();
+}
+
+fn uncertain(problem: &mut Problem, objective: Objective, uncertainty: Uncertainty) {
+    problem.objective = objective;
+    problem.eavesdroppers.iter_mut().for_each(|e| e.uncertainty = uncertainty);
 }
 
 fn user_off(problem: &mut Problem, rng: &mut ChaCha8Rng) {

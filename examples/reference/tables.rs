@@ -323,6 +323,24 @@ pub fn times(run: &Run) -> Result<(), Failure> {
             );
         }
     }
+    for n in [2, 10] {
+        for objective in [Objective::Mean, Objective::Quantile, Objective::WorstCase] {
+            let mut times = Times::new();
+            for eavesdroppers in data::eavesdroppers(n)?.iter().step_by(run.every).take(30) {
+                let mut problem = data::paper(eavesdroppers, 0.5, 2.0);
+                problem.objective = objective;
+                problem
+                    .eavesdroppers
+                    .iter_mut()
+                    .for_each(|e| e.uncertainty = Uncertainty::Disc { radius_m: 50.0 });
+                times.time(|| plan_slot(&problem, &run.options(Method::Veilwing)))?;
+            }
+            let (wall, processor) = (times.median_ms(), times.processor_ms());
+            println!(
+                "N = {n:3}, 2 deg, discs, {objective:?}: median {wall:7.2} ms, mean of processor time {processor:7.2} ms"
+            );
+        }
+    }
     for variant in data::variants()?.iter().filter(|v| v.problem.eavesdroppers.len() >= 30) {
         let mut times = Times::new();
         let options = Options { threads: 1, ..run.options(Method::Veilwing) };

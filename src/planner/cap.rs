@@ -9,7 +9,7 @@ use super::setup::Setup;
 ///
 /// Without jitter a tilt limit t of I counts: at horizontal distance r and height h below or above I the gain is at most
 /// `sin^2(min(b + t, 90 deg))`, tan b = r/h, and gain over distance squared falls with h; over r it is largest at
-/// `b = 45 deg - t/2`. Under jitter the gain is at most one, and E[R] at most the rate without it.
+/// `b = 45 deg - t/2`. Under jitter the limit does not hold for the gain, which is then at most one.
 ///
 /// # Errors
 /// [`PlanError`] for a problem without meaning.

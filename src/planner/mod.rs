@@ -53,7 +53,7 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Self { method: Method::Veilwing, seed: 0, threads: 1, starts: None, score_samples: 4096 }
+        Self { method: Method::Veilwing, seed: 0, threads: 1, starts: None, score_samples: 2048 }
     }
 }
 

@@ -19,7 +19,7 @@ pub struct SlotPlan {
     pub status: Status,
     /// Both vehicles' poses and powers.
     pub vehicles: PerVehicle<VehiclePlan>,
-    /// E[R] with [.]^+ inside, bit/s, under the problem's jitter and position uncertainty.
+    /// `E[R]` with `[.]^+` inside, bit/s, under the problem's jitter and position uncertainty.
     pub secrecy_rate_bps: f64,
     /// Standard error of `secrecy_rate_bps` as an estimate, bit/s.
     pub standard_error_bps: f64,

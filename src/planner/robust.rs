@@ -27,10 +27,14 @@ use super::variables::Chart;
 /// The quantile that is maximised.
 pub const QUANTILE: f64 = 0.05;
 
-/// Draws and samples per draw, stage by stage, of the quantile.
-const QUANTILE_STAGES: [(usize, usize); 2] = [(64, 32), (128, 64)];
-/// Samples of the cutting planes, stage by stage, and rounds of each.
-const WORST_STAGES: [(usize, usize); 2] = [(64, 8), (256, 4)];
+/// How finely an objective over draws is resolved.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Resolution {
+    /// To compare candidates.
+    Coarse,
+    /// For the plan.
+    Fine,
+}
 /// Sharpness of the soft minimum, per nat.
 const SHARPNESS: [f64; 2] = [30.0, 1000.0];
 /// A worst case this near to the set's own, in nats, is settled.
@@ -124,16 +128,17 @@ pub fn maximise_quantile(
     chart: &Chart,
     start: Local,
     seed: u64,
+    resolution: Resolution,
     memory: &mut Memory,
 ) -> Local {
-    let mut best = start;
-    for (draws, count) in QUANTILE_STAGES {
-        let positions = Samples::positions(setup.problem, draws, sobol::mix(seed, 2));
-        let samples = Samples::shared(setup.problem, count, positions, sobol::mix(seed, 1));
-        let target = Target::OverDraws { samples: &samples, combination: Combination::Quantile };
-        best = memory.maximise(setup, chart, target, &best.raw, &settings(60)).unwrap_or(best);
-    }
-    best
+    let (draws, count) = match resolution {
+        Resolution::Coarse => (64, 32),
+        Resolution::Fine => (256, 64),
+    };
+    let positions = Samples::positions(setup.problem, draws, sobol::mix(seed, 2));
+    let samples = Samples::shared(setup.problem, count, positions, sobol::mix(seed, 1));
+    let target = Target::OverDraws { samples: &samples, combination: Combination::Quantile };
+    memory.maximise(setup, chart, target, &start.raw, &settings(60)).unwrap_or(start)
 }
 
 fn settings(iterations: usize) -> Solver {
@@ -146,35 +151,36 @@ pub fn maximise_worst_case(
     chart: &Chart,
     start: Local,
     seed: u64,
+    resolution: Resolution,
     memory: &mut Memory,
 ) -> Local {
+    let (count, rounds) = match resolution {
+        Resolution::Coarse => (64, 6),
+        Resolution::Fine => (256, 10),
+    };
     let estimates: Vec<_> = setup.problem.eavesdroppers.iter().map(|e| e.position_enu_m).collect();
     let mut known = vec![estimates];
-    let mut best = start;
-    for (count, rounds) in WORST_STAGES {
-        let mut samples = Samples::shared(setup.problem, count, known.clone(), sobol::mix(seed, 1));
-        let (worst, value) = worst_positions(setup, &best.raw, &samples, &known);
-        best.value = value;
+    let mut samples = Samples::shared(setup.problem, count, known.clone(), sobol::mix(seed, 1));
+    let (worst, value) = worst_positions(setup, &start.raw, &samples, &known);
+    samples.push_draw(worst.clone());
+    known.push(worst);
+    let mut best = Local { value, ..start };
+    let mut at = best;
+    for _ in 0..rounds {
+        for q in SHARPNESS {
+            let target = Target::OverDraws { samples: &samples, combination: Combination::SoftMinimum(q) };
+            at = memory.maximise(setup, chart, target, &at.raw, &settings(40)).unwrap_or(at);
+        }
+        let (worst, value) = worst_positions(setup, &at.raw, &samples, &known);
+        let promised = at.value;
+        if value > best.value {
+            best = Local { value, ..at };
+        }
+        if value >= promised - SETTLED {
+            break;
+        }
         samples.push_draw(worst.clone());
         known.push(worst);
-        let mut at = best;
-        for _ in 0..rounds {
-            for q in SHARPNESS {
-                let target =
-                    Target::OverDraws { samples: &samples, combination: Combination::SoftMinimum(q) };
-                at = memory.maximise(setup, chart, target, &at.raw, &settings(40)).unwrap_or(at);
-            }
-            let (worst, value) = worst_positions(setup, &at.raw, &samples, &known);
-            let promised = at.value;
-            if value > best.value {
-                best = Local { value, ..at };
-            }
-            if value >= promised - SETTLED {
-                break;
-            }
-            samples.push_draw(worst.clone());
-            known.push(worst);
-        }
     }
     best
 }

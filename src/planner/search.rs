@@ -13,6 +13,7 @@ use super::expectation::samples::{Samples, Sequence};
 use super::expectation::sobol;
 use super::model::{Local, Memory, Solver, Target};
 use super::problem::Objective;
+use super::robust::Resolution;
 use super::setup::Setup;
 use super::solver::active_set;
 use super::variables::{AxisChart, Chart, PowerChart};
@@ -24,7 +25,7 @@ const SCREEN_SHARPNESS: [f64; 2] = [15.0, 200.0];
 const POLISH_SHARPNESS: [f64; 3] = [2e3, 2e4, 2e5];
 /// Starts: without jitter, with, and with where tilt is limited.
 const EXACT_STARTS: usize = 24;
-const SAMPLED_STARTS: usize = 48;
+const SAMPLED_STARTS: usize = 36;
 const RESTRICTED_STARTS: usize = 96;
 /// Candidates that are polished without jitter.
 const EXACT_POLISHED: usize = 4;
@@ -33,7 +34,7 @@ const SCREEN_SAMPLES: usize = 64;
 /// Samples, candidates and tolerance of the polishing, stage by stage.
 const POLISH_SAMPLES: [(usize, usize, f64); 3] = [(256, 6, 1e-4), (512, 3, 1e-5), (2048, 1, 1e-7)];
 /// Candidates that are improved for a quantile or a worst case.
-const OVER_DRAWS: usize = 3;
+const OVER_DRAWS: [(Resolution, usize); 2] = [(Resolution::Coarse, 4), (Resolution::Fine, 1)];
 /// Samples that share a draw of uncertain positions.
 const SAMPLES_PER_DRAW: usize = 16;
 /// Least P_J over its cap, as a logarithm.
@@ -127,19 +128,23 @@ fn polish(setup: &Setup, options: &Options, mut best: Vec<Local>) -> Vec<Local> 
     best
 }
 
-/// Another objective over uncertain positions, from the best ends for the mean.
+/// Another objective over uncertain positions, from the best ends for the mean: coarsely from several, finely from the
+/// best of those.
 fn over_draws(
     setup: &Setup,
     options: &Options,
-    maximise: impl Fn(&Setup, &Chart, Local, u64, &mut Memory) -> Local + Sync,
+    maximise: impl Fn(&Setup, &Chart, Local, u64, Resolution, &mut Memory) -> Local + Sync,
 ) -> Vec<Local> {
     let mut best = screen(setup, options);
-    best.truncate(OVER_DRAWS);
     let chart = chart(setup, false, false);
-    let ends = parallel::map(options.threads, best.len(), |memory: &mut Memory, index| {
-        Some(maximise(setup, &chart, best[index], options.seed, memory))
-    });
-    distinct(setup, ends, 1)
+    for (resolution, candidates) in OVER_DRAWS {
+        best.truncate(candidates);
+        let ends = parallel::map(options.threads, best.len(), |memory: &mut Memory, index| {
+            Some(maximise(setup, &chart, best[index], options.seed, resolution, memory))
+        });
+        best = distinct(setup, ends, candidates);
+    }
+    best
 }
 
 /// The best ends, best first, no two of them the same configuration.

@@ -1,4 +1,4 @@
-//! E[R]: scrambled Sobol samples of attitude noise and positions, the objective on them, and the evaluator of a plan.
+//! The expected rate: scrambled Sobol samples of attitude noise and positions, the objective on them, and the evaluator of a plan.
 
 pub mod attitude;
 pub mod beams;
@@ -37,7 +37,7 @@ impl Default for EvaluateOptions {
 /// What poses and powers are worth.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Evaluation {
-    /// E[R] with [.]^+ inside, bit/s, under the problem's jitter and position uncertainty.
+    /// `E[R]` with `[.]^+` inside, bit/s, under the problem's jitter and position uncertainty.
     pub secrecy_rate_bps: f64,
     /// Standard error of `secrecy_rate_bps`, from independent scrambles; 0 without anything random.
     pub standard_error_bps: f64,
