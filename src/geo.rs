@@ -211,3 +211,120 @@ impl Pose {
         Point3::from(self.position_enu_m)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use std::f64::consts::{FRAC_PI_2, PI};
+
+    const PRAGUE: Geodetic = Geodetic { lat_deg: 50.0755, lon_deg: 14.4378, alt_m: 200.0 };
+
+    /// The attitude MAVLink carries, applied to FRD's up: the antenna axis in NED.
+    fn axis_ned_from_wire([w, x, y, z]: [f64; 4]) -> Ned {
+        UnitQuaternion::new_unchecked(nalgebra::Quaternion::new(w, x, y, z)) * Vector3::new(0.0, 0.0, -1.0)
+    }
+
+    /// Roll, pitch, yaw of the aerospace sequence from a body-to-NED quaternion, written out by hand.
+    fn frd_euler([w, x, y, z]: [f64; 4]) -> (f64, f64, f64) {
+        (
+            (2.0 * (w * x + y * z)).atan2(1.0 - 2.0 * (x * x + y * y)),
+            (2.0 * (w * y - z * x)).clamp(-1.0, 1.0).asin(),
+            (2.0 * (w * z + x * y)).atan2(1.0 - 2.0 * (y * y + z * z)),
+        )
+    }
+
+    #[test]
+    fn val_level_points_east() {
+        let (roll, pitch, yaw) = frd_euler(Attitude::level().to_mavlink());
+        assert!(roll.abs() < 1e-15 && pitch.abs() < 1e-15 && (yaw - FRAC_PI_2).abs() < 1e-15);
+    }
+
+    #[test]
+    fn val_mavlink_angles_at_zero_yaw() {
+        // MODEL section 1: NED yaw = 90 deg, FRD roll = phi, FRD pitch = -theta.
+        for (phi, theta) in [(0.3, 0.0), (0.0, 0.4), (-0.7, 1.1), (1.2, -0.2)] {
+            let (roll, pitch, yaw) = frd_euler(Attitude::from_euler(phi, theta, 0.0).to_mavlink());
+            assert!(
+                (roll - phi).abs() < 1e-12
+                    && (pitch + theta).abs() < 1e-12
+                    && (yaw - FRAC_PI_2).abs() < 1e-12
+            );
+        }
+    }
+
+    #[test]
+    fn val_quaternions_that_are_no_rotation() {
+        for q in [[0.0; 4], [f64::NAN, 0.0, 0.0, 0.0], [f64::INFINITY, 0.0, 0.0, 1.0], [1e-9, 0.0, 0.0, 0.0]]
+        {
+            assert_eq!(Attitude::from_mavlink(q), None, "{q:?}");
+        }
+        let scaled = Attitude::from_mavlink([2.0, 0.0, 0.0, 2.0]).unwrap();
+        assert!(scaled.angle_to(&Attitude::level()) < 1e-12);
+    }
+
+    #[test]
+    fn val_one_degree_north_at_prague() {
+        // A degree of meridian at 50.58 deg is 111.239 km (WGS 84 series 111132.954 - 559.822 cos 2l + 1.175 cos 4l);
+        // the chord and the tangent plane take 1.4e-5 from it, and the earth falls away by 970 m.
+        let north = Geodetic { lat_deg: PRAGUE.lat_deg + 1.0, ..PRAGUE }.to_enu(PRAGUE);
+        assert!(north.x.abs() < 1e-6);
+        assert!((north.y - 111_240.0).abs() < 12.0, "{north}");
+        assert!((north.z + 971.0).abs() < 3.0, "{north}");
+    }
+
+    #[test]
+    fn val_axes_swap() {
+        assert_eq!(swap_enu_ned(Vector3::new(1.0, 2.0, 3.0)), Vector3::new(2.0, 1.0, -3.0));
+    }
+
+    #[test]
+    fn val_local_frames_differ_by_the_offset_of_their_origins() {
+        let autopilot = Geodetic::from_enu(Enu::new(120.0, -45.0, 7.0), PRAGUE);
+        let frame = LocalFrame { mission: PRAGUE, autopilot };
+        assert!((frame.position_to_enu(Ned::zeros()) - Enu::new(120.0, -45.0, 7.0)).norm() < 1e-6);
+        // 100 m north, 50 m east and 80 m up of the autopilot's origin; tangent planes turn by 2e-5 rad in 130 m.
+        let enu = frame.position_to_enu(Ned::new(100.0, 50.0, -80.0));
+        assert!((enu - Enu::new(170.0, 55.0, 87.0)).norm() < 0.02, "{enu}");
+    }
+
+    proptest! {
+        /// R_NED<-FRD (0, 0, -1) is the paper's Y carried to NED: the sign and frame of every angle at once.
+        #[test]
+        fn prop_the_wire_carries_the_antenna_axis(r in -PI..PI, p in -FRAC_PI_2..FRAC_PI_2, y in -PI..PI) {
+            let attitude = Attitude::from_euler(r, p, y);
+            let paper = swap_enu_ned(pattern::antenna_axis(r, p, y));
+            prop_assert!((axis_ned_from_wire(attitude.to_mavlink()) - paper).norm() < 1e-12);
+            prop_assert!(attitude.to_mavlink()[0] >= 0.0);
+            prop_assert!((attitude.antenna_axis() - pattern::antenna_axis(r, p, y)).norm() < 1e-12);
+        }
+
+        #[test]
+        fn prop_mavlink_round_trip(r in -PI..PI, p in -FRAC_PI_2..FRAC_PI_2, y in -PI..PI) {
+            let attitude = Attitude::from_euler(r, p, y);
+            let again = Attitude::from_mavlink(attitude.to_mavlink()).unwrap();
+            prop_assert!(again.angle_to(&attitude) < 1e-7);
+        }
+
+        #[test]
+        fn prop_enu_round_trip(e in -5e3..5e3, n in -5e3..5e3, u in -100.0..500.0, lat in -80.0..80.0, lon in -180.0..180.0) {
+            let origin = Geodetic { lat_deg: lat, lon_deg: lon, alt_m: 200.0 };
+            let position = Enu::new(e, n, u);
+            prop_assert!((Geodetic::from_enu(position, origin).to_enu(origin) - position).norm() < 1e-5);
+        }
+
+        #[test]
+        fn prop_local_frame_round_trip(n in -2e3..2e3, e in -2e3..2e3, d in -300.0..0.0, oe in -900.0..900.0, on in -900.0..900.0) {
+            let frame = LocalFrame { mission: PRAGUE, autopilot: Geodetic::from_enu(Enu::new(oe, on, 3.0), PRAGUE) };
+            let local = Ned::new(n, e, d);
+            prop_assert!((frame.position_to_ned(frame.position_to_enu(local)) - local).norm() < 1e-5);
+        }
+
+        #[test]
+        fn prop_slerp_stays_on_the_arc(r in -3.0..3.0, p in -1.5..1.5, t in 0.0..1.0) {
+            let (a, b) = (Attitude::level(), Attitude::from_euler(r, p, 0.0));
+            let angle = a.angle_to(&b);
+            prop_assert!((a.angle_to(&a.slerp(&b, t)) - t * angle).abs() < 1e-6);
+        }
+    }
+}

@@ -1,5 +1,149 @@
 //! Chooses both poses and both transmit powers of a slot.
+//!
+//! [`plan_slot`] answers a [`problem::Problem`] by one of the methods of [`problem::Method`]; [`evaluate`] scores any
+//! poses and powers; [`cap`] bounds every answer. Deterministic in problem and options, whatever the number of threads;
+//! iterations are budgeted and no clock is read.
 
 pub mod bound;
+// Kernels index several arrays in step, and `!(a > b)` is how NaN is refused.
+#![allow(clippy::needless_range_loop, clippy::neg_cmp_op_on_partial_ord)]
+
+pub mod baseline;
+mod cap;
+pub mod expectation;
+mod model;
+mod parallel;
+pub mod phase1;
+pub mod phase2;
 pub mod plan;
 pub mod problem;
+mod region;
+mod robust;
+mod search;
+mod setup;
+mod solver;
+mod starts;
+mod variables;
+
+pub use cap::cap;
+pub use expectation::{EvaluateOptions, Evaluation, evaluate};
+
+use expectation::kernel::{POWER, Raw, VEHICLE};
+use expectation::samples::Sequence;
+use plan::{BoundKind, SlotPlan, Status};
+use problem::{Method, Problem};
+use setup::Setup;
+
+/// How to plan.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Options {
+    /// The method.
+    pub method: Method,
+    /// Seed of starts and samples.
+    pub seed: u64,
+    /// Threads; the plan does not depend on them.
+    pub threads: usize,
+    /// Starts of the local solver; `None` is the method's own number (1 for the paper's methods).
+    pub starts: Option<usize>,
+    /// Samples by which the plan's own rate is scored.
+    pub score_samples: usize,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self { method: Method::Veilwing, seed: 0, threads: 1, starts: None, score_samples: 4096 }
+    }
+}
+
+/// Why a problem has no plan.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum PlanError {
+    /// Nobody to hide from.
+    #[error("no eavesdropper is given; name at least one")]
+    NoEavesdropper,
+    /// Without noise every SINR is infinite or undefined.
+    #[error(
+        "noise power is 0 W, with which rates are unbounded; give the receivers' noise (variance) in W, for instance 1e-12"
+    )]
+    NoNoise,
+    /// A number outside its range, or not finite.
+    #[error("{what} is {value}, outside {least} to {most}")]
+    OutOfRange {
+        /// Which.
+        what: &'static str,
+        /// Its value.
+        value: f64,
+        /// Least allowed.
+        least: f64,
+        /// Most allowed.
+        most: f64,
+    },
+    /// The geofence has no interior.
+    #[error(
+        "the area of {vertices} vertices has no interior or crosses itself; give the corners of a simple polygon in order"
+    )]
+    EmptyArea {
+        /// Vertices given.
+        vertices: usize,
+    },
+    /// The airspace is smaller than the separation.
+    #[error(
+        "a separation of {separation_m} m does not fit into an airspace {reach_m} m across; enlarge the area or lower the separation"
+    )]
+    SeparationImpossible {
+        /// Separation asked for, in metres.
+        separation_m: f64,
+        /// Largest distance in the airspace, in metres.
+        reach_m: f64,
+    },
+}
+
+/// Plans one slot.
+///
+/// # Errors
+/// [`PlanError`] for a problem without meaning. A search that ends early is no error: the plan's status says so.
+pub fn plan_slot(problem: &Problem, options: &Options) -> Result<SlotPlan, PlanError> {
+    let setup = Setup::new(problem)?;
+    let found = match options.method {
+        Method::Veilwing => search::plan(&setup, options),
+        method => baseline::plan(&setup, method, options),
+    };
+    Ok(finish(&setup, options, found))
+}
+
+/// A method's answer: the configuration, and whether its local solver met its tolerance there.
+#[derive(Debug, Clone, Copy)]
+struct Found {
+    raw: Raw,
+    converged: bool,
+}
+
+/// Scores a configuration and, where it has no positive rate, turns both transmitters off.
+fn finish(setup: &Setup, options: &Options, found: Found) -> SlotPlan {
+    let score = EvaluateOptions {
+        samples: options.score_samples,
+        seed: expectation::sobol::mix(options.seed, 0x5c0e),
+        sequence: Sequence::Sobol,
+    };
+    let mut vehicles = setup.vehicles(&found.raw);
+    let mut evaluation = expectation::score(setup, &vehicles, &score);
+    let mut status = if found.converged { Status::Converged } else { Status::IterationLimit };
+    if !(evaluation.secrecy_rate_bps > 0.0) {
+        let mut silent = found.raw;
+        silent[POWER] = 0.0;
+        silent[VEHICLE + POWER] = 0.0;
+        vehicles = setup.vehicles(&silent);
+        evaluation = expectation::score(setup, &vehicles, &score);
+        status = Status::NoPositiveRate;
+    }
+    SlotPlan {
+        status,
+        vehicles,
+        secrecy_rate_bps: evaluation.secrecy_rate_bps,
+        standard_error_bps: evaluation.standard_error_bps,
+        upper_bound_bps: cap::cap_bps(setup),
+        upper_bound_kind: BoundKind::Cap,
+        user_sinr: evaluation.user_sinr,
+        eavesdropper_sinr: evaluation.eavesdropper_sinr,
+    }
+}

@@ -5,6 +5,8 @@ use nalgebra::{Vector2, Vector3};
 
 use crate::role::PerVehicle;
 
+pub use crate::radio::jitter::{Jitter, JitterAxes, JitterModel};
+
 /// The problem of one TDMA slot (paper 2.2a, 2.2b with the field's constraints).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Problem {
@@ -92,35 +94,6 @@ pub enum Airframe {
     Omnidirectional,
     /// Under-actuated: stays level while it hovers.
     Conventional,
-}
-
-/// Attitude jitter.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Jitter {
-    /// Standard deviation per axis in radians; 0 is none.
-    pub std_rad: f64,
-    /// What the noise is added to.
-    pub model: JitterModel,
-    /// Which axes jitter.
-    pub axes: JitterAxes,
-}
-
-/// What the attitude noise is added to.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum JitterModel {
-    /// To the Euler angles, as the paper does.
-    Euler,
-    /// A small random rotation about the body axes, as a vehicle does.
-    Body,
-}
-
-/// The axes that jitter.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum JitterAxes {
-    /// Roll and pitch (paper 2.2b).
-    RollPitch,
-    /// Roll, pitch and yaw.
-    RollPitchYaw,
 }
 
 /// Over uncertain eavesdropper positions: what is maximised.

@@ -113,7 +113,7 @@ pub fn best_bound(problem: &Problem, lower_bound_bps: f64, budget: Budget) -> Bo
     let mut search = Search::new(&links, &region);
     let lower = lower_bound_bps.max(0.0);
     // Ever closer to the lower bound by a fixed ratio of gaps.
-    while bound.upper_bound_bps > lower * (1.0 + budget.relative_gap) {
+    while bound.upper_bound_bps > lower * (1.0 + budget.relative_gap) * (1.0 + 1e-12) {
         let gap = (bound.upper_bound_bps - lower) * GAP_RATIO;
         let threshold_bps = lower + gap.max(lower * budget.relative_gap);
         if !(threshold_bps > 1e-3 * cap_bps) {
@@ -124,7 +124,7 @@ pub fn best_bound(problem: &Problem, lower_bound_bps: f64, budget: Budget) -> Bo
                 bound.upper_bound_bps = threshold_bps;
                 bound.kind = BoundKind::BranchAndBound;
             }
-            other => {eprintln!("{other:?} at {threshold_bps}"); break}
+            _ => break,
         }
     }
     bound.boxes_used = search.boxes;

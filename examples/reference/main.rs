@@ -1,0 +1,48 @@
+//! Plans the reference scenarios and prints the figures beside the known ones.
+//!
+//! ```text
+//! cargo run --release --no-default-features --example reference -- TABLE [--every K] [--threads N] [--starts N]
+//! ```
+//!
+//! TABLE is `no-jitter`, `methods`, `jitter`, `variants`, `robust` or `times`; `--every K` takes every K-th scenario.
+//! Rates are in bit/s/Hz (the scenarios' bandwidth is 1 MHz).
+
+mod data;
+mod tables;
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let number = |name: &str, default: usize| {
+        let at = arguments.iter().position(|a| a == name);
+        at.and_then(|at| arguments.get(at + 1)).and_then(|v| v.parse().ok()).unwrap_or(default)
+    };
+    let run = tables::Run {
+        every: number("--every", 1).max(1),
+        threads: number("--threads", 1),
+        starts: number("--starts", 0),
+        seed: number("--seed", 0) as u64,
+    };
+    let table = match arguments.first().map(String::as_str) {
+        Some("no-jitter") => tables::no_jitter,
+        Some("methods") => tables::methods,
+        Some("jitter") => tables::jitter,
+        Some("variants") => tables::variants,
+        Some("robust") => tables::robust,
+        Some("times") => tables::times,
+        _ => {
+            eprintln!(
+                "usage: reference no-jitter|methods|jitter|variants|robust|times [--every K] [--threads N] [--starts N] [--seed N]"
+            );
+            return ExitCode::from(2);
+        }
+    };
+    match table(&run) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("{error}");
+            ExitCode::FAILURE
+        }
+    }
+}

@@ -1,0 +1,192 @@
+//! E[R]: scrambled Sobol samples of attitude noise and positions, the objective on them, and the evaluator of a plan.
+
+pub mod exact;
+pub mod kernel;
+pub mod normal;
+pub mod samples;
+pub mod sobol;
+
+use super::plan::VehiclePlan;
+use super::problem::{Objective, Problem};
+use super::setup::Setup;
+use super::{PlanError, robust};
+use crate::radio::link::{self, Transmitter};
+use crate::role::PerVehicle;
+use kernel::Raw;
+use samples::{LANES, Samples, Sequence};
+
+/// How a plan is scored.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct EvaluateOptions {
+    /// Number of samples over all scrambles, at least 128.
+    pub samples: usize,
+    /// Seed of the scrambles.
+    pub seed: u64,
+    /// Scrambled Sobol points, or plain Monte Carlo for comparison.
+    pub sequence: Sequence,
+}
+
+impl Default for EvaluateOptions {
+    fn default() -> Self {
+        Self { samples: 65_536, seed: 0, sequence: Sequence::Sobol }
+    }
+}
+
+/// What poses and powers are worth.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Evaluation {
+    /// E[R] with [.]^+ inside, bit/s, under the problem's jitter and position uncertainty.
+    pub secrecy_rate_bps: f64,
+    /// Standard error of `secrecy_rate_bps`, from independent scrambles; 0 without anything random.
+    pub standard_error_bps: f64,
+    /// The mission's objective, bit/s: `secrecy_rate_bps` itself, or over uncertain positions the rate at the estimates
+    /// (nominal), the 5% quantile, or the worst case over the discs (a local search: an upper estimate of it).
+    pub objective_rate_bps: f64,
+    /// E of the signed rate, [.]^+ dropped (paper 3b), bit/s.
+    pub signed_rate_bps: f64,
+    /// SINR of the user at the desired attitude, linear.
+    pub user_sinr: f64,
+    /// SINR of each eavesdropper at the desired attitude and estimated position, linear.
+    pub eavesdropper_sinr: Vec<f64>,
+}
+
+/// Independent scrambles from which the standard error is taken.
+const SCRAMBLES: usize = 16;
+/// Samples that share a draw of uncertain positions.
+const PER_DRAW: usize = 2 * LANES;
+/// Most draws of the positions for a quantile.
+const QUANTILE_DRAWS: usize = 512;
+/// Most samples for a worst case.
+const WORST_SAMPLES: usize = 4096;
+
+/// Scores poses and powers under the problem's model (2.2b): the mean over samples of both attitudes' noise and, where
+/// positions are uncertain, of the positions.
+///
+/// The samples are split over sixteen independent scrambles, and the standard error is that of their means: an honest
+/// figure for randomised quasi-Monte Carlo, whose error within a scramble is far below that of independent samples.
+///
+/// # Errors
+/// [`PlanError`] for a problem without meaning, or poses and powers that are not finite.
+pub fn evaluate(
+    problem: &Problem,
+    vehicles: &PerVehicle<VehiclePlan>,
+    options: &EvaluateOptions,
+) -> Result<Evaluation, PlanError> {
+    let setup = Setup::new(problem)?;
+    let raw = Setup::raw(vehicles);
+    if let Some(value) = raw.iter().find(|v| !v.is_finite()) {
+        return Err(PlanError::OutOfRange {
+            what: "pose or power",
+            value: *value,
+            least: f64::MIN,
+            most: f64::MAX,
+        });
+    }
+    let mut evaluation = score(&setup, vehicles, options);
+    if setup.is_uncertain() {
+        let to_bps = problem.radio.bandwidth_hz / std::f64::consts::LN_2;
+        evaluation.objective_rate_bps = match problem.objective {
+            Objective::Mean => evaluation.secrecy_rate_bps,
+            Objective::Nominal => to_bps * mean_and_error(&scrambles(&setup, &raw, options, 1).0).0,
+            Objective::Quantile => to_bps * quantile(&setup, &raw, options),
+            Objective::WorstCase => to_bps * worst_case(&setup, &raw, options),
+        };
+    }
+    Ok(evaluation)
+}
+
+/// [`evaluate`] of a checked problem, `objective_rate_bps` being the mean.
+pub(super) fn score(
+    setup: &Setup,
+    vehicles: &PerVehicle<VehiclePlan>,
+    options: &EvaluateOptions,
+) -> Evaluation {
+    let problem = setup.problem;
+    let raw = Setup::raw(vehicles);
+    let (clipped, signed) = if setup.jitters() || setup.is_uncertain() {
+        let draws = if setup.is_uncertain() { per_scramble(options).div_ceil(PER_DRAW).max(2) } else { 1 };
+        scrambles(setup, &raw, options, draws)
+    } else {
+        let f = exact::Exact::default().value(&setup.scene, setup.eavesdroppers(), &raw, f64::INFINITY, None);
+        (vec![f.max(0.0)], vec![f])
+    };
+    let to_bps = problem.radio.bandwidth_hz / std::f64::consts::LN_2;
+    let (rate, error) = mean_and_error(&clipped);
+    let [i, j] = [&vehicles.i, &vehicles.j].map(|v| Transmitter {
+        position_enu_m: v.pose.position_enu_m,
+        axis: v.pose.antenna_axis(),
+        tx_power_w: v.tx_power_w,
+    });
+    let sinr = |node| link::sinr(&i, &j, node, problem.radio.reference_gain, problem.radio.noise_power_w);
+    Evaluation {
+        secrecy_rate_bps: rate * to_bps,
+        standard_error_bps: error * to_bps,
+        objective_rate_bps: rate * to_bps,
+        signed_rate_bps: mean_and_error(&signed).0 * to_bps,
+        user_sinr: sinr(&problem.user_enu_m),
+        eavesdropper_sinr: problem.eavesdroppers.iter().map(|e| sinr(&e.position_enu_m)).collect(),
+    }
+}
+
+fn per_scramble(options: &EvaluateOptions) -> usize {
+    options.samples.div_ceil(SCRAMBLES).max(LANES)
+}
+
+/// Means of max(f, 0) and of f by each scramble, nats per hertz.
+fn scrambles(setup: &Setup, raw: &Raw, options: &EvaluateOptions, draws: usize) -> (Vec<f64>, Vec<f64>) {
+    let mut workspace = kernel::Workspace::default();
+    (0..SCRAMBLES as u64)
+        .map(|scramble| {
+            let seed = sobol::mix(options.seed, scramble);
+            let samples = Samples::new(setup.problem, per_scramble(options), draws, seed, options.sequence);
+            let (mut clipped, mut signed) = (0.0, 0.0);
+            workspace.each(&setup.scene, &samples, raw, |_, f| {
+                clipped += f.max(0.0);
+                signed += f;
+            });
+            (clipped / samples.len() as f64, signed / samples.len() as f64)
+        })
+        .unzip()
+}
+
+/// The 5% quantile over draws of the positions of the mean over attitudes, nats per hertz.
+fn quantile(setup: &Setup, raw: &Raw, options: &EvaluateOptions) -> f64 {
+    let draws = (options.samples / 32).clamp(20, QUANTILE_DRAWS);
+    let positions = Samples::positions(setup.problem, draws, sobol::mix(options.seed, 2));
+    let samples = Samples::shared(setup.problem, options.samples.div_ceil(draws), positions, options.seed);
+    let mut rates = clipped_by_draw(setup, raw, &samples, draws);
+    rates.sort_by(f64::total_cmp);
+    // Between the two ranks whose middles enclose the quantile.
+    let rank = (robust::QUANTILE * draws as f64 - 0.5).max(0.0);
+    let low = (rank.floor() as usize).min(draws - 1);
+    let high = (low + 1).min(draws - 1);
+    rates[low] + (rank - rank.floor()) * (rates[high] - rates[low])
+}
+
+/// The mean over attitudes at the worst positions found, nats per hertz.
+fn worst_case(setup: &Setup, raw: &Raw, options: &EvaluateOptions) -> f64 {
+    let estimates: Vec<_> = setup.problem.eavesdroppers.iter().map(|e| e.position_enu_m).collect();
+    let count = options.samples.clamp(LANES, WORST_SAMPLES);
+    let samples = Samples::shared(setup.problem, count, vec![estimates], options.seed);
+    let (worst, _) = robust::worst_positions(setup, raw, &samples, &[]);
+    let samples = Samples::shared(setup.problem, options.samples, vec![worst], options.seed);
+    clipped_by_draw(setup, raw, &samples, 1)[0]
+}
+
+fn clipped_by_draw(setup: &Setup, raw: &Raw, samples: &Samples, draws: usize) -> Vec<f64> {
+    let mut rates = vec![0.0; draws];
+    kernel::Workspace::default().each(&setup.scene, samples, raw, |draw, f| rates[draw] += f.max(0.0));
+    let per_draw = (samples.len() / draws) as f64;
+    rates.iter().map(|r| r / per_draw).collect()
+}
+
+/// Mean of independent estimates and its standard error (0 of a single one).
+fn mean_and_error(estimates: &[f64]) -> (f64, f64) {
+    let n = estimates.len().max(1) as f64;
+    let mean = estimates.iter().sum::<f64>() / n;
+    if estimates.len() < 2 {
+        return (mean, 0.0);
+    }
+    let square: f64 = estimates.iter().map(|e| (e - mean) * (e - mean)).sum();
+    (mean, (square / (n * (n - 1.0))).sqrt())
+}

@@ -1,0 +1,204 @@
+//! A problem checked and prepared: what every method starts from.
+
+use nalgebra::{Vector2, Vector3};
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+
+use super::PlanError;
+use super::expectation::kernel::{ANGLES, POWER, Raw, Scene, VEHICLE};
+use super::plan::VehiclePlan;
+use super::problem::{Airframe, Objective, Problem, Uncertainty};
+use super::region::Region;
+use crate::geo::Pose;
+use crate::radio::pattern;
+use crate::role::{PerVehicle, Role};
+
+/// Coordinates beyond this are no mission: distances squared would lose their accuracy.
+pub const FARTHEST_M: f64 = 1e6;
+
+/// A checked problem with what is derived from it once.
+#[derive(Debug, Clone)]
+pub struct Setup<'a> {
+    /// The question.
+    pub problem: &'a Problem,
+    /// The geofence.
+    pub region: Region,
+    /// The link budget as the kernel takes it.
+    pub scene: Scene,
+    /// Least distance from the user to where a vehicle may be, in metres: the unit of positions in a search.
+    pub length_m: f64,
+    /// Largest tilt of I and J in radians; 0 for a level vehicle.
+    pub tilt_rad: [f64; 2],
+}
+
+impl<'a> Setup<'a> {
+    /// Checks `problem`.
+    ///
+    /// # Errors
+    /// [`PlanError`] names the first value that makes the question meaningless, and the remedy.
+    pub fn new(problem: &'a Problem) -> Result<Self, PlanError> {
+        check_numbers(problem)?;
+        let radio = &problem.radio;
+        let air = &problem.airspace;
+        let region =
+            Region::new(&air.area_enu_m).ok_or(PlanError::EmptyArea { vertices: air.area_enu_m.len() })?;
+        let reach_m = region.diameter_m().hypot(air.altitude_m[1] - air.altitude_m[0]);
+        if reach_m < air.min_separation_m {
+            return Err(PlanError::SeparationImpossible { separation_m: air.min_separation_m, reach_m });
+        }
+        let user = problem.user_enu_m;
+        let nearest = region.nearest(user.xy());
+        let height = user.z.clamp(air.altitude_m[0], air.altitude_m[1]) - user.z;
+        let tilt = |role: Role| match problem.vehicles[role].airframe {
+            Airframe::Omnidirectional => problem.vehicles[role].max_tilt_rad,
+            Airframe::Conventional => 0.0,
+        };
+        Ok(Self {
+            problem,
+            scene: Scene {
+                user: [user.x, user.y, user.z],
+                budget_m2_w: radio.reference_gain / radio.noise_power_w,
+            },
+            length_m: (nearest - user.xy()).norm().hypot(height).clamp(10.0, 1000.0),
+            region,
+            tilt_rad: [tilt(Role::I), tilt(Role::J)],
+        })
+    }
+
+    /// The eavesdroppers' estimated positions.
+    pub fn eavesdroppers(&self) -> impl Iterator<Item = [f64; 3]> + '_ {
+        self.problem
+            .eavesdroppers
+            .iter()
+            .map(|e| [e.position_enu_m.x, e.position_enu_m.y, e.position_enu_m.z])
+    }
+
+    /// Whether attitudes jitter.
+    #[must_use]
+    pub fn jitters(&self) -> bool {
+        self.problem.jitter.std_rad > 0.0
+    }
+
+    /// Whether an eavesdropper's position is uncertain.
+    #[must_use]
+    pub fn is_uncertain(&self) -> bool {
+        self.problem.eavesdroppers.iter().any(|e| e.uncertainty != Uncertainty::None)
+    }
+
+    /// Whether a search takes uncertain positions into account.
+    #[must_use]
+    pub fn heeds_uncertainty(&self) -> bool {
+        self.is_uncertain() && self.problem.objective != Objective::Nominal
+    }
+
+    /// The nearest allowed position to `p`.
+    #[must_use]
+    pub fn allowed(&self, p: Vector3<f64>) -> Vector3<f64> {
+        let ground = self.region.nearest(p.xy());
+        let [low, high] = self.problem.airspace.altitude_m;
+        Vector3::new(ground.x, ground.y, p.z.clamp(low, high))
+    }
+
+    /// A point drawn uniformly from the geofence: by rejection from its bounding box, at most so often.
+    #[must_use]
+    pub fn uniform(&self, rng: &mut ChaCha8Rng) -> (f64, f64) {
+        let polygon = self.region.polygon();
+        let bounds = |axis: usize| {
+            polygon.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), p| {
+                (low.min(p[axis]), high.max(p[axis]))
+            })
+        };
+        let ((x0, x1), (y0, y1)) = (bounds(0), bounds(1));
+        let mut p = polygon[0];
+        for _ in 0..100 {
+            p = nalgebra::Vector2::new(rng.random_range(x0..=x1), rng.random_range(y0..=y1));
+            if self.region.contains(p, 0.0) {
+                break;
+            }
+        }
+        let p = self.region.nearest(p);
+        (p.x, p.y)
+    }
+
+    /// A configuration from poses and powers.
+    #[must_use]
+    pub fn raw(vehicles: &PerVehicle<VehiclePlan>) -> Raw {
+        let mut raw = [0.0; 14];
+        for (at, plan) in [(0, &vehicles.i), (VEHICLE, &vehicles.j)] {
+            let p = &plan.pose.position_enu_m;
+            let part =
+                [p.x, p.y, p.z, plan.pose.roll_rad, plan.pose.pitch_rad, plan.pose.yaw_rad, plan.tx_power_w];
+            raw[at..at + VEHICLE].copy_from_slice(&part);
+        }
+        raw
+    }
+
+    /// Poses and powers of a configuration: angles canonical, bounds met to the last bit.
+    #[must_use]
+    pub fn vehicles(&self, raw: &Raw) -> PerVehicle<VehiclePlan> {
+        PerVehicle::from_fn(|role| {
+            let at = if role == Role::I { 0 } else { VEHICLE };
+            let part = &raw[at..at + VEHICLE];
+            let (roll_rad, pitch_rad) = pattern::canonical_attitude(part[ANGLES], part[ANGLES + 1]);
+            let [low, high] = self.problem.airspace.altitude_m;
+            let position_enu_m = Vector3::new(part[0], part[1], part[2].clamp(low, high));
+            let yaw_rad =
+                part[ANGLES + 2] - std::f64::consts::TAU * (part[ANGLES + 2] / std::f64::consts::TAU).round();
+            let cap = self.problem.radio.max_power_w[role];
+            VehiclePlan {
+                pose: Pose { position_enu_m, roll_rad, pitch_rad, yaw_rad },
+                tx_power_w: part[POWER].clamp(0.0, cap),
+            }
+        })
+    }
+}
+
+fn check_numbers(problem: &Problem) -> Result<(), PlanError> {
+    let radio = &problem.radio;
+    let air = &problem.airspace;
+    let within = |what: &'static str, value: f64, least: f64, most: f64| {
+        // Not `value < least || value > most`: NaN must be refused too.
+        if (least..=most).contains(&value) {
+            Ok(())
+        } else {
+            Err(PlanError::OutOfRange { what, value, least, most })
+        }
+    };
+    if problem.eavesdroppers.is_empty() {
+        return Err(PlanError::NoEavesdropper);
+    }
+    let place = |what, p: &Vector3<f64>| p.iter().try_for_each(|c| within(what, *c, -FARTHEST_M, FARTHEST_M));
+    place("user position in m", &problem.user_enu_m)?;
+    for eavesdropper in &problem.eavesdroppers {
+        place("eavesdropper position in m", &eavesdropper.position_enu_m)?;
+        match eavesdropper.uncertainty {
+            Uncertainty::None => {}
+            Uncertainty::Disc { radius_m } => within("eavesdropper radius in m", radius_m, 0.0, FARTHEST_M)?,
+            Uncertainty::Gaussian { std_m } => within("eavesdropper std in m", std_m, 0.0, FARTHEST_M)?,
+        }
+    }
+    within("bandwidth in Hz", radio.bandwidth_hz, f64::MIN_POSITIVE, 1e15)?;
+    if radio.noise_power_w == 0.0 {
+        return Err(PlanError::NoNoise);
+    }
+    within("noise power in W", radio.noise_power_w, 1e-30, 1e6)?;
+    within("reference gain", radio.reference_gain, 1e-30, 1e12)?;
+    within("maximum power in W", radio.max_power_w.i, 0.0, 1e9)?;
+    within("maximum power in W", radio.max_power_w.j, 0.0, 1e9)?;
+    within("lowest altitude in m", air.altitude_m[0], -FARTHEST_M, FARTHEST_M)?;
+    within("highest altitude in m", air.altitude_m[1], air.altitude_m[0], FARTHEST_M)?;
+    within("separation in m", air.min_separation_m, 0.0, FARTHEST_M)?;
+    for vertex in &air.area_enu_m {
+        vertex.iter().try_for_each(|c| within("area vertex in m", *c, -FARTHEST_M, FARTHEST_M))?;
+    }
+    for vehicle in [&problem.vehicles.i, &problem.vehicles.j] {
+        within("tilt limit in rad", vehicle.max_tilt_rad, 0.0, std::f64::consts::PI)?;
+    }
+    within("attitude jitter in rad", problem.jitter.std_rad, 0.0, std::f64::consts::PI)
+}
+
+/// The horizontal positions of the eavesdroppers from the user.
+#[must_use]
+pub fn from_user(problem: &Problem) -> Vec<Vector2<f64>> {
+    problem.eavesdroppers.iter().map(|e| (e.position_enu_m - problem.user_enu_m).xy()).collect()
+}

@@ -1,0 +1,127 @@
+//! Where a global search starts.
+//!
+//! What the optima look like (MODEL section 5), vehicle by vehicle:
+//! - I, free to tilt: near the user and low, its axis across a line through the user that avoids the eavesdroppers, or
+//!   with its null on one of them. Tilt limited or level: above an eavesdropper, or where its axis at the limit points at
+//!   one, at any altitude.
+//! - J, free to tilt: near an eavesdropper, low; sometimes above the user. Tilt limited: on the cone over the user within
+//!   which it can null it, at any altitude; level: right above the user.
+//! - J's power: where the interference that it leaves at the user, at its null and under jitter, is 3 to 100 times the
+//!   noise: from the link budget, never from its cap.
+//!
+//! The first starts take the kinds in turn, so that few of them suffice where the optimum is of the usual kind; later
+//! ones draw kinds and details at random.
+
+use nalgebra::{Vector2, Vector3};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use super::expectation::kernel::{ANGLES, POWER, Raw, VEHICLE};
+use super::expectation::sobol;
+use super::phase1;
+use super::setup::{Setup, from_user};
+use crate::radio::pattern;
+
+/// A tilt limit below this changes the usual kinds of optima.
+pub const RESTRICTED_RAD: f64 = 1.2;
+
+/// Start `index`.
+pub fn start(setup: &Setup, index: usize, seed: u64) -> Raw {
+    let mut rng = ChaCha8Rng::seed_from_u64(sobol::mix(seed, 0x57a7 + index as u64));
+    let (i, axis) = information(setup, index, &mut rng);
+    let j = jammer(setup, index, &mut rng);
+    let user = setup.problem.user_enu_m;
+    let mut raw = [0.0; 14];
+    raw[..3].copy_from_slice(i.as_slice());
+    raw[VEHICLE..VEHICLE + 3].copy_from_slice(j.as_slice());
+    (raw[ANGLES], raw[ANGLES + 1]) = pattern::canonical_angles(&axis);
+    (raw[VEHICLE + ANGLES], raw[VEHICLE + ANGLES + 1]) = pattern::canonical_angles(&(j - user));
+    raw[POWER] = setup.problem.radio.max_power_w.i;
+    raw[VEHICLE + POWER] = jammer_power_w(setup, &j, rng.random_range(0.0..1.0));
+    raw
+}
+
+/// I's position and axis.
+fn information(setup: &Setup, index: usize, rng: &mut ChaCha8Rng) -> (Vector3<f64>, Vector3<f64>) {
+    let problem = setup.problem;
+    let from_user = from_user(problem);
+    let n = from_user.len();
+    let restricted = setup.tilt_rad[0] < RESTRICTED_RAD;
+    // Every eavesdropper at either end of the altitude band in turn.
+    if (restricted && index % 4 != 0) || (!restricted && index % 8 == 7) {
+        let turn = index / 2;
+        let node = problem.eavesdroppers[turn % n].position_enu_m;
+        let altitude = altitude(setup, turn / n, rng);
+        let reach = setup.tilt_rad[0].min(1.3).tan() * (altitude - node.z).abs();
+        let radius = if index % 3 == 0 { reach } else { reach * rng.random_range(0.0f64..1.0) };
+        let at = setup.allowed(around(node.xy(), radius, altitude, rng));
+        return (at, at - node);
+    }
+    let spread = 0.3 * setup.length_m;
+    let (dx, dy) = (rng.random_range(-spread..=spread), rng.random_range(-spread..=spread));
+    let user = problem.user_enu_m;
+    let at = setup.allowed(Vector3::new(user.x + dx, user.y + dy, problem.airspace.altitude_m[0]));
+    let nu = match index % 3 {
+        0 => phase1::line_angle(&from_user),
+        1 => {
+            let p = from_user[(index / 3) % n];
+            p.y.atan2(p.x) + std::f64::consts::FRAC_PI_2
+        }
+        _ => rng.random_range(0.0..std::f64::consts::PI),
+    };
+    // Straight over the user the map is that of a point a little above it.
+    (at, phase1::axis_map(nu) * (at - user + Vector3::new(0.0, 0.0, 1e-3)))
+}
+
+/// J's position.
+fn jammer(setup: &Setup, index: usize, rng: &mut ChaCha8Rng) -> Vector3<f64> {
+    let problem = setup.problem;
+    let n = problem.eavesdroppers.len();
+    let user = problem.user_enu_m;
+    let [low, high] = problem.airspace.altitude_m;
+    let restricted = setup.tilt_rad[1] < RESTRICTED_RAD;
+    let above_user = if restricted { index % 3 != 2 } else { index % 8 == 5 };
+    if above_user {
+        let altitude = altitude(setup, index / 3, rng);
+        let reach = setup.tilt_rad[1].min(1.0).tan() * (altitude - user.z).abs();
+        let radius = if index % 2 == 0 { reach } else { reach * rng.random_range(0.0f64..1.0) };
+        return setup.allowed(around(user.xy(), radius, altitude, rng));
+    }
+    if index % 8 == 3 {
+        let (x, y) = setup.uniform(rng);
+        return Vector3::new(x, y, rng.random_range(low..=high));
+    }
+    let node = problem.eavesdroppers[(index / 2) % n].position_enu_m;
+    let z = if index % 4 == 2 { rng.random_range(low..=high) } else { low };
+    let spread = 0.5 * setup.length_m;
+    let (dx, dy) = (rng.random_range(-spread..=spread), rng.random_range(-spread..=spread));
+    setup.allowed(Vector3::new(node.x + dx, node.y + dy, z))
+}
+
+/// High, low and anywhere between, in turn.
+fn altitude(setup: &Setup, turn: usize, rng: &mut ChaCha8Rng) -> f64 {
+    let [low, high] = setup.problem.airspace.altitude_m;
+    match turn % 3 {
+        0 => high,
+        1 => low,
+        _ => rng.random_range(low..=high),
+    }
+}
+
+/// A point at a distance from `centre`, in a random direction.
+fn around(centre: Vector2<f64>, radius: f64, z: f64, rng: &mut ChaCha8Rng) -> Vector3<f64> {
+    let angle = rng.random_range(0.0..std::f64::consts::TAU);
+    Vector3::new(centre.x + radius * angle.cos(), centre.y + radius * angle.sin(), z)
+}
+
+/// J's power at a start.
+fn jammer_power_w(setup: &Setup, j: &Vector3<f64>, draw: f64) -> f64 {
+    let problem = setup.problem;
+    let cap = problem.radio.max_power_w.j;
+    let leak = 2.0 * problem.jitter.std_rad * problem.jitter.std_rad;
+    if leak <= 0.0 {
+        return cap;
+    }
+    let over_noise = 3.0 * 33f64.powf(draw);
+    (over_noise * (j - problem.user_enu_m).norm_squared() / (setup.scene.budget_m2_w * leak)).min(cap)
+}
