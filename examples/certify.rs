@@ -50,7 +50,27 @@ fn problem(eavesdroppers: &[f64], max_power_w: f64, jitter_rad: f64) -> Problem 
     }
 }
 
+fn jitter(n: usize, degrees: f64, budget: usize, tolerance: f64) {
+    let nodes = rows(&format!("eavesdroppers_n{n}.csv"));
+    for row in rows("jitter.csv").iter().filter(|r| r[0] == n as f64 && r[2] == degrees) {
+        let scenario = row[1] as usize;
+        let p = problem(&nodes[scenario][1..], 0.5, degrees.to_radians());
+        let start = Instant::now();
+        let (ub, b, u) = veilwing::planner::bound::jitter_trial(
+            &p,
+            row[3] * 1e6,
+            Budget { boxes: budget, relative_gap: 1e-3 },
+            tolerance,
+        );
+        println!("{n} {scenario:3} {degrees} {:.3} gap {:.2}% boxes {b} {u} time {:.2}", row[3], 100.0 * (ub / row[3] - 1.0), start.elapsed().as_secs_f64());
+    }
+}
+
 fn main() {
+    if std::env::args().nth(1).as_deref() == Some("jitter") {
+        let arg = |k: usize| std::env::args().nth(k).unwrap().parse::<f64>().unwrap();
+        return jitter(2, arg(2), arg(3) as usize, arg(4));
+    }
     let budget = std::env::args().nth(2).map_or(500_000, |s| s.parse().unwrap());
     let table = rows("no_jitter.csv");
     for (n, power) in [(2, 0.5), (5, 0.5), (10, 0.5)] {

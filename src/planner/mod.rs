@@ -4,11 +4,11 @@
 //! poses and powers; [`cap`] bounds every answer. Deterministic in problem and options, whatever the number of threads;
 //! iterations are budgeted and no clock is read.
 
-pub mod bound;
 // Kernels index several arrays in step, and `!(a > b)` is how NaN is refused.
 #![allow(clippy::needless_range_loop, clippy::neg_cmp_op_on_partial_ord)]
 
 pub mod baseline;
+pub mod bound;
 mod cap;
 pub mod expectation;
 mod model;

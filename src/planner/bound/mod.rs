@@ -3,7 +3,10 @@
 
 mod cap;
 mod cell;
+mod decoupled;
 mod form;
+mod jammer;
+mod law;
 mod link;
 mod steady;
 
@@ -142,4 +145,22 @@ fn prepare(problem: &Problem) -> Option<(Links, Region)> {
         return None;
     }
     Some((Links::new(problem)?, Region::new(&problem.airspace, &problem.user_enu_m)?))
+}
+
+/// Trial.
+pub fn jitter_trial(problem: &Problem, lower_bound_bps: f64, budget: Budget, tolerance: f64) -> (f64, usize, usize) {
+    let Some((links, region)) = prepare(problem) else { return (0.0, 0, 0) };
+    let law = law::Law::new(problem.jitter.std_rad);
+    let pair = [links.eavesdroppers[0], links.eavesdroppers[1]];
+    let mut search = decoupled::Search::new(&links, &region, &law, pair, tolerance);
+    let lower = lower_bound_bps / 1e6;
+    let mut best = cap(problem) / 1e6;
+    for gap in [0.2, 0.1, 0.06, 0.04, 0.03, 0.02, 0.015, 0.01, 0.007] {
+        let t = lower * (1.0 + gap);
+        if t > best { continue; }
+        let out = search.run(t, budget.boxes);
+        if out != Outcome::Excluded { eprintln!("{gap} {out:?}"); break; }
+        best = t;
+    }
+    (best, search.boxes, search.used())
 }

@@ -286,7 +286,7 @@ struct User {
 }
 
 /// Largest distance between the unit vectors towards two points of a ball, one of them its centre.
-fn chord(radius: f64, distance: f64) -> f64 {
+pub(super) fn chord(radius: f64, distance: f64) -> f64 {
     if radius >= distance {
         return 2.0;
     }

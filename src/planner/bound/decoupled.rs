@@ -1,0 +1,240 @@
+//! The decoupled bound under jitter (the module's section 3).
+
+use std::f64::consts::LN_2;
+
+use nalgebra::Vector3;
+
+use super::cell::{Cell, Region};
+use super::jammer::Jammer;
+use super::law::{ALL_ANGLES, Law, Offset, Range, line_angles, minus};
+use super::link::Links;
+use super::steady::{Outcome, chord};
+
+/// E b_0 over 2^l: at most 2 e^gamma = 3.56 for a null under noise of one angle; with a quarter to spare.
+const SPREAD: f64 = 4.5;
+/// Steps of the interface, a power of two.
+const STEPS: u16 = 256;
+/// Quadrature margin taken off each mean, bit/s/Hz.
+const QUADRATURE: f64 = 0.01;
+
+/// A box of poses of I times a box of the interface.
+#[derive(Debug, Clone, Copy)]
+struct Node {
+    position: Cell,
+    roll: Range,
+    pitch: Range,
+    /// Bounds of s_1 and s_2 in steps.
+    s: [[u16; 2]; 2],
+}
+
+/// The search over I and the interface.
+#[derive(Debug)]
+pub(super) struct Search<'a> {
+    links: &'a Links,
+    region: &'a Region,
+    law: &'a Law,
+    jammer: Jammer<'a>,
+    pair: [Vector3<f64>; 2],
+    /// s of one step, bit/s/Hz.
+    step: f64,
+    /// L at the corners of the interface's grid; NaN where not yet asked for.
+    harm: Vec<f64>,
+    stack: Vec<Node>,
+    pub boxes: usize,
+}
+
+impl<'a> Search<'a> {
+    pub fn new(links: &'a Links, region: &'a Region, law: &'a Law, pair: [Vector3<f64>; 2], tolerance: f64) -> Self {
+        // No jammer does more than full power from the nearest position.
+        let most = pair.iter().map(|e| links.rho.j / region.bounds.least_distance_squared(e)).fold(0.0, f64::max);
+        let step = (most.ln_1p() / LN_2 * (1.0 + 1e-12) / f64::from(STEPS)).max(1e-6);
+        let side = usize::from(STEPS) + 1;
+        Self {
+            links,
+            region,
+            law,
+            jammer: Jammer::new(law, region, links.rho.j, pair, tolerance),
+            pair,
+            step,
+            harm: vec![f64::NAN; side * side],
+            stack: Vec::with_capacity(4096),
+            boxes: 0,
+        }
+    }
+
+    /// Boxes of both sides.
+    pub fn used(&self) -> usize {
+        self.boxes + self.jammer.boxes
+    }
+
+    /// Whether some configuration's signed rate exceeds `threshold`.
+    pub fn run(&mut self, threshold: f64, limit: usize) -> Outcome {
+        let power = (threshold * LN_2).exp();
+        if power <= 2.0 * SPREAD {
+            return Outcome::Stuck;
+        }
+        // The user's own correction, and the margins of three means.
+        let allowance = (SPREAD / (power - SPREAD)).ln_1p() / LN_2 + 3.0 * QUADRATURE;
+        let reach = (self.links.rho.i / (power - 1.0)).sqrt() * (1.0 + 1e-9);
+        self.stack.clear();
+        let Some(position) = self.region.bounds.cut_to(reach) else { return Outcome::Excluded };
+        let whole = [[0, STEPS]; 2];
+        self.stack.push(Node { position, roll: ALL_ANGLES, pitch: ALL_ANGLES, s: whole });
+        while let Some(node) = self.stack.pop() {
+            if self.used() >= limit {
+                return Outcome::Exhausted;
+            }
+            self.boxes += 1;
+            if self.region.excludes(&node.position) {
+                continue;
+            }
+            let wanted = threshold - allowance;
+            let s_hi = node.s.map(|s| f64::from(s[1]) * self.step);
+            let rate = self.rate(&node, s_hi);
+            if rate <= wanted {
+                continue;
+            }
+            let harm = self.harm(node.s.map(|s| s[0]));
+            if rate - harm <= wanted {
+                continue;
+            }
+            if !self.branch(&node, rate, s_hi) {
+                return Outcome::Stuck;
+            }
+        }
+        Outcome::Excluded
+    }
+
+    /// L at a corner of the grid.
+    fn harm(&mut self, s: [u16; 2]) -> f64 {
+        if s == [0, 0] {
+            return 0.0;
+        }
+        let index = usize::from(s[0]) * (usize::from(STEPS) + 1) + usize::from(s[1]);
+        if self.harm[index].is_nan() {
+            self.harm[index] = self.jammer.least_harm(s.map(|s| (f64::from(s) * self.step * LN_2).exp_m1()));
+        }
+        self.harm[index]
+    }
+
+    fn branch(&mut self, node: &Node, rate: f64, s_hi: [f64; 2]) -> bool {
+        let middle = |r: Range| [0.5 * (r[0] + r[1]); 2];
+        let placed = Node { position: Cell::at(&node.position.centre()), ..*node };
+        let turned = Node { roll: middle(node.roll), pitch: middle(node.pitch), ..*node };
+        let loss_place = rate - self.rate(&placed, s_hi);
+        let loss_turn = rate - self.rate(&turned, s_hi);
+        let mut choice = if loss_place > loss_turn { (loss_place, 0) } else { (loss_turn, 1) };
+        for k in 0..2 {
+            let [lo, hi] = node.s[k];
+            if hi - lo > 1 {
+                // L falls as well as F, where s_k matters at all.
+                let mut lower = s_hi;
+                lower[k] = f64::from(lo) * self.step;
+                let loss = rate - self.rate(node, lower);
+                if 0.5 * loss > choice.0 {
+                    choice = (0.5 * loss, 2 + k);
+                }
+            }
+        }
+        match choice.1 {
+            0 => {
+                let (axis, length) = node.position.longest_edge();
+                if length < 1e-3 {
+                    return false;
+                }
+                self.stack.extend(node.position.split(axis).map(|position| Node { position, ..*node }));
+            }
+            1 => {
+                let (across_roll, across_pitch) = (node.roll[1] - node.roll[0], node.pitch[1] - node.pitch[0]);
+                let cos = node.roll[0].cos().max(node.roll[1].cos());
+                if across_roll.max(across_pitch) < 1e-6 {
+                    return false;
+                }
+                if across_roll > across_pitch * cos {
+                    self.stack.extend(halves(node.roll).map(|roll| Node { roll, ..*node }));
+                } else {
+                    self.stack.extend(halves(node.pitch).map(|pitch| Node { pitch, ..*node }));
+                }
+            }
+            k => {
+                let k = k - 2;
+                let [lo, hi] = node.s[k];
+                let middle = u16::midpoint(lo, hi);
+                for part in [[lo, middle], [middle, hi]] {
+                    let mut half = *node;
+                    half.s[k] = part;
+                    self.stack.push(half);
+                }
+            }
+        }
+        true
+    }
+
+    /// An upper bound on `log2(1 + E a_0) - E max_j log2(1 + a_j 2^-s_j)` over a box of poses.
+    fn rate(&self, node: &Node, s: [f64; 2]) -> f64 {
+        let (centre, radius) = (node.position.centre(), node.position.radius());
+        let distance = centre.norm();
+        let (roll_mid, pitch_mid) = (0.5 * (node.roll[0] + node.roll[1]), 0.5 * (node.pitch[0] + node.pitch[1]));
+        let turn = (node.roll[1] - roll_mid).hypot(node.pitch[1] - pitch_mid);
+        let moment = self.law.second_moment(roll_mid, pitch_mid);
+        let along = if distance > 0.0 {
+            let u = centre / distance;
+            (u.dot(&(moment * u)).max(0.0).sqrt() - chord(radius, distance) - turn).max(0.0)
+        } else {
+            0.0
+        };
+        let nearest = node.position.least_distance_squared(&Vector3::zeros());
+        let user = (self.links.rho.i / nearest * (1.0 - along * along)).ln_1p() / LN_2;
+        let mut scale = [0.0; 2];
+        let mut directions = [Vector3::z(); 2];
+        let mut blur = 0.0;
+        for k in 0..2 {
+            let e = &self.pair[k];
+            let farthest = node.position.greatest_distance_squared(e);
+            scale[k] = self.links.rho.i / farthest * (-s[k] * LN_2).exp();
+            let line = e - centre;
+            let length = line.norm();
+            blur += (radius / length.max(radius)).asin();
+            if length > 0.0 {
+                directions[k] = line / length;
+            }
+        }
+        let floor = both_floor(scale, &directions, blur);
+        let mut heard = floor.ln_1p() / LN_2;
+        for k in 0..2 {
+            if scale[k] <= floor {
+                continue;
+            }
+            let e = &self.pair[k];
+            let [line_roll, line_pitch] = line_angles(&(node.position.lo - e), &(node.position.hi - e))
+                .unwrap_or([ALL_ANGLES, [-std::f64::consts::PI, std::f64::consts::PI]]);
+            let offset = Offset {
+                roll: node.roll,
+                line_roll,
+                roll_off: minus(node.roll, line_roll),
+                pitch_off: minus(node.pitch, line_pitch),
+            };
+            heard = heard.max(self.law.least_mean(scale[k], floor, &offset));
+        }
+        user - heard
+    }
+}
+
+/// The least of the larger of two SINRs `scale_k sin^2 psi_k` over all axes: the angles to two lines add up to at
+/// least the angle between them, less what the box blurs.
+fn both_floor(scale: [f64; 2], directions: &[Vector3<f64>; 2], blur: f64) -> f64 {
+    let cosine = directions[0].dot(&directions[1]).abs().min(1.0);
+    let angle = cosine.acos() - blur;
+    if angle <= 0.0 {
+        return 0.0;
+    }
+    let root = scale.map(f64::sqrt);
+    let (sin, cos) = angle.sin_cos();
+    let first = (root[1] * sin).atan2(root[0] + root[1] * cos);
+    (root[0] * first.sin()).powi(2)
+}
+
+fn halves(range: Range) -> [Range; 2] {
+    let middle = 0.5 * (range[0] + range[1]);
+    [[range[0], middle], [middle, range[1]]]
+}

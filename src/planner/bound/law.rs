@@ -1,0 +1,146 @@
+//! Means over the Euler jitter of one vehicle, bounded over boxes of angles.
+
+use nalgebra::{Matrix3, Vector3};
+use std::f64::consts::{FRAC_PI_2, LN_2, PI};
+
+use crate::planner::expectation::normal;
+
+/// Points of the rule: a Fibonacci lattice carried to the plane by the normal quantile.
+const POINTS: usize = 144;
+/// The Fibonacci number before.
+const GENERATOR: usize = 89;
+/// Factors multiplied before a logarithm is taken: 1e300 is never reached.
+const GROUP: usize = 8;
+
+/// A closed interval.
+pub(super) type Range = [f64; 2];
+
+/// The lower and the upper sum of two intervals, the second negated.
+pub(super) fn minus(a: Range, b: Range) -> Range {
+    [a[0] - b[1], a[1] - b[0]]
+}
+
+/// The lower and the upper sum of two intervals.
+pub(super) fn plus(a: Range, b: Range) -> Range {
+    [a[0] + b[0], a[1] + b[1]]
+}
+
+/// The point of an interval nearest to zero.
+fn nearest_zero(a: Range) -> f64 {
+    if a[0] > 0.0 { a[0] } else { a[1].min(0.0) }
+}
+
+/// The noise of roll and pitch, as sines and cosines at the points of the rule.
+#[derive(Debug)]
+pub(super) struct Law {
+    std_rad: f64,
+    /// sin and cos of half the roll noise, of the roll noise, of half the pitch noise.
+    half_roll: Vec<[f64; 2]>,
+    roll: Vec<[f64; 2]>,
+    half_pitch: Vec<[f64; 2]>,
+}
+
+/// A line seen from a vehicle and the vehicle's axis, as intervals of the angles of the paper.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Offset {
+    /// Roll of the axis.
+    pub roll: Range,
+    /// Roll of the line.
+    pub line_roll: Range,
+    /// Roll of the axis less that of the line.
+    pub roll_off: Range,
+    /// Pitch of the axis less that of the line.
+    pub pitch_off: Range,
+}
+
+impl Law {
+    pub fn new(std_rad: f64) -> Self {
+        let mut law = Self { std_rad, half_roll: Vec::new(), roll: Vec::new(), half_pitch: Vec::new() };
+        for m in 0..POINTS {
+            let u = (m as f64 + 0.5) / POINTS as f64;
+            let v = ((m * GENERATOR % POINTS) as f64 + 0.5) / POINTS as f64;
+            let (roll, pitch) = (std_rad * normal::quantile(u), std_rad * normal::quantile(v));
+            let pair = |(s, c): (f64, f64)| [s, c];
+            law.half_roll.push(pair((0.5 * roll).sin_cos()));
+            law.roll.push(pair(roll.sin_cos()));
+            law.half_pitch.push(pair((0.5 * pitch).sin_cos()));
+        }
+        law
+    }
+
+    /// A lower bound on `E log2 max(1 + scale G, 1 + floor)` over a box of offsets.
+    pub fn least_mean(&self, scale: f64, floor: f64, offset: &Offset) -> f64 {
+        let mut least = f64::INFINITY;
+        let turned = plus(offset.roll, offset.line_roll);
+        let images = [
+            (offset.roll_off, offset.pitch_off),
+            (turned, plus(offset.pitch_off, [PI; 2])),
+            (turned, minus(offset.pitch_off, [PI; 2])),
+        ];
+        let line_cos = offset.line_roll[0].cos().min(offset.line_roll[1].cos()).max(0.0);
+        let axis_cos = offset.roll[0].cos().min(offset.roll[1].cos()).max(0.0);
+        for (roll_off, pitch_off) in images {
+            let (x, y) = (nearest_zero(roll_off), nearest_zero(pitch_off));
+            let near = (0.5 * x).sin().powi(2) + line_cos * axis_cos * (0.5 * y).sin().powi(2);
+            // Beyond a right angle another image of the line is nearer; the nearest of all is at most half way.
+            if near <= 0.5 {
+                least = least.min(self.mean(scale, floor, x, y, offset.roll, line_cos));
+            }
+        }
+        if least.is_finite() { least } else { scale.max(floor).ln_1p() / LN_2 }
+    }
+
+    fn mean(&self, scale: f64, floor: f64, x: f64, y: f64, roll: Range, line_cos: f64) -> f64 {
+        let (sx, cx) = (0.5 * x).sin_cos();
+        let (sy, cy) = (0.5 * y).sin_cos();
+        let [(s_lo, c_lo), (s_hi, c_hi)] = roll.map(f64::sin_cos);
+        let floor = 1.0 + floor;
+        let mut sum = 0.0;
+        let groups = self.half_roll.chunks_exact(GROUP).zip(self.roll.chunks_exact(GROUP));
+        for ((half_roll, whole_roll), half_pitch) in groups.zip(self.half_pitch.chunks_exact(GROUP)) {
+            let mut product = 1.0;
+            for m in 0..GROUP {
+                let a = sx * half_roll[m][1] + cx * half_roll[m][0];
+                let b = sy * half_pitch[m][1] + cy * half_pitch[m][0];
+                let [s, c] = whole_roll[m];
+                let axis_cos = (c_lo * c - s_lo * s).min(c_hi * c - s_hi * s).max(0.0);
+                let h = a * a + line_cos * axis_cos * b * b;
+                product *= (1.0 + scale * 4.0 * h * (1.0 - h)).max(floor);
+            }
+            sum += product.ln();
+        }
+        sum / (POINTS as f64 * LN_2)
+    }
+
+    /// `E[Y Y']` at desired roll and pitch: exact.
+    pub fn second_moment(&self, roll_rad: f64, pitch_rad: f64) -> Matrix3<f64> {
+        let variance = self.std_rad * self.std_rad;
+        let (damp, damp_pitch) = ((-2.0 * variance).exp(), (-0.5 * variance).exp());
+        let squares = |angle: f64| {
+            let c = damp * (2.0 * angle).cos();
+            (0.5 * (1.0 - c), 0.5 * (1.0 + c), 0.5 * damp * (2.0 * angle).sin())
+        };
+        let (sin_roll, cos_roll, mixed_roll) = squares(roll_rad);
+        let (sin_pitch, cos_pitch, mixed_pitch) = squares(pitch_rad);
+        let (s, c) = pitch_rad.sin_cos();
+        let (xy, xz, yz) = (-mixed_roll * damp_pitch * s, cos_roll * mixed_pitch, -mixed_roll * damp_pitch * c);
+        Matrix3::new(cos_roll * sin_pitch, xy, xz, xy, sin_roll, yz, xz, yz, cos_roll * cos_pitch)
+    }
+}
+
+/// Roll and pitch of the axis along `v`, as intervals over a box of `v` with positive last coordinate.
+pub(super) fn line_angles(lo: &Vector3<f64>, hi: &Vector3<f64>) -> Option<[Range; 2]> {
+    if lo.z <= 0.0 {
+        return None;
+    }
+    let low = |a: f64, near: f64, far: f64| a.atan2(if a < 0.0 { near } else { far });
+    let high = |a: f64, near: f64, far: f64| a.atan2(if a > 0.0 { near } else { far });
+    let pitch = [low(lo.x, lo.z, hi.z), high(hi.x, lo.z, hi.z)];
+    let side = if lo.x > 0.0 { lo.x } else { hi.x.min(0.0) };
+    let (near, far) = (side.hypot(lo.z), lo.x.abs().max(hi.x.abs()).hypot(hi.z));
+    let roll = [low(-hi.y, near, far), high(-lo.y, near, far)];
+    Some([roll, pitch])
+}
+
+/// All rolls and all pitches of the canonical axes.
+pub(super) const ALL_ANGLES: Range = [-FRAC_PI_2, FRAC_PI_2];
