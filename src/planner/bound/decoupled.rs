@@ -14,6 +14,10 @@ use super::steady::{Outcome, chord};
 const SPREAD: f64 = 4.5;
 /// Steps of the interface, a power of two.
 const STEPS: u16 = 256;
+/// Parts of each side of an interface box in which tangents and L are compared.
+const PARTS: u16 = 8;
+/// Curvature of the means in s that decides between splits, per bit/s/Hz.
+const BEND: f64 = 0.03;
 /// Quadrature margin taken off each mean, bit/s/Hz.
 const QUADRATURE: f64 = 0.01;
 
@@ -33,7 +37,7 @@ pub(super) struct Search<'a> {
     links: &'a Links,
     region: &'a Region,
     law: &'a Law,
-    jammer: Jammer<'a>,
+    pub jammer: Jammer<'a>,
     pair: [Vector3<f64>; 2],
     /// s of one step, bit/s/Hz.
     step: f64,
@@ -89,16 +93,11 @@ impl<'a> Search<'a> {
                 continue;
             }
             let wanted = threshold - allowance;
-            let s_hi = node.s.map(|s| f64::from(s[1]) * self.step);
-            let rate = self.rate(&node, s_hi);
-            if rate <= wanted {
+            let rate = self.rate(&node);
+            if rate.at([0.0; 2]) <= wanted || self.covered(&node, &rate, wanted) {
                 continue;
             }
-            let harm = self.harm(node.s.map(|s| s[0]));
-            if rate - harm <= wanted {
-                continue;
-            }
-            if !self.branch(&node, rate, s_hi) {
+            if !self.branch(&node, &rate) {
                 return Outcome::Stuck;
             }
         }
@@ -117,22 +116,46 @@ impl<'a> Search<'a> {
         self.harm[index]
     }
 
-    fn branch(&mut self, node: &Node, rate: f64, s_hi: [f64; 2]) -> bool {
+    /// Whether the rate less L stays below `wanted` all over the node's interface box.
+    fn covered(&mut self, node: &Node, rate: &Rate, wanted: f64) -> bool {
+        let corner = self.harm(node.s.map(|s| s[0]));
+        if rate.at([0.0; 2]) - corner <= wanted {
+            return true;
+        }
+        let part = node.s.map(|[lo, hi]| (hi - lo).div_ceil(PARTS).max(1));
+        let mut first = node.s[0][0];
+        while first < node.s[0][1] {
+            let first_hi = (first + part[0]).min(node.s[0][1]);
+            let mut second = node.s[1][0];
+            while second < node.s[1][1] {
+                let second_hi = (second + part[1]).min(node.s[1][1]);
+                let below = [node.s[0][1] - first_hi, node.s[1][1] - second_hi].map(|s| f64::from(s) * self.step);
+                let here = rate.at(below);
+                if here - corner > wanted && here - self.harm([first, second]) > wanted {
+                    return false;
+                }
+                second = second_hi;
+            }
+            first = first_hi;
+        }
+        true
+    }
+
+    fn branch(&mut self, node: &Node, rate: &Rate) -> bool {
         let middle = |r: Range| [0.5 * (r[0] + r[1]); 2];
         let placed = Node { position: Cell::at(&node.position.centre()), ..*node };
         let turned = Node { roll: middle(node.roll), pitch: middle(node.pitch), ..*node };
-        let loss_place = rate - self.rate(&placed, s_hi);
-        let loss_turn = rate - self.rate(&turned, s_hi);
+        let whole = rate.at([0.0; 2]);
+        let loss_place = whole - self.rate(&placed).at([0.0; 2]);
+        let loss_turn = whole - self.rate(&turned).at([0.0; 2]);
         let mut choice = if loss_place > loss_turn { (loss_place, 0) } else { (loss_turn, 1) };
         for k in 0..2 {
             let [lo, hi] = node.s[k];
             if hi - lo > 1 {
-                // L falls as well as F, where s_k matters at all.
-                let mut lower = s_hi;
-                lower[k] = f64::from(lo) * self.step;
-                let loss = rate - self.rate(node, lower);
-                if 0.5 * loss > choice.0 {
-                    choice = (0.5 * loss, 2 + k);
+                let range = f64::from(hi - lo) * self.step;
+                let loss = range / f64::from(PARTS) + BEND * range * range;
+                if loss > choice.0 {
+                    choice = (loss, 2 + k);
                 }
             }
         }
@@ -171,7 +194,8 @@ impl<'a> Search<'a> {
     }
 
     /// An upper bound on `log2(1 + E a_0) - E max_j log2(1 + a_j 2^-s_j)` over a box of poses.
-    fn rate(&self, node: &Node, s: [f64; 2]) -> f64 {
+    fn rate(&self, node: &Node) -> Rate {
+        let s = node.s.map(|s| f64::from(s[1]) * self.step);
         let (centre, radius) = (node.position.centre(), node.position.radius());
         let distance = centre.norm();
         let (roll_mid, pitch_mid) = (0.5 * (node.roll[0] + node.roll[1]), 0.5 * (node.pitch[0] + node.pitch[1]));
@@ -200,7 +224,7 @@ impl<'a> Search<'a> {
             }
         }
         let floor = both_floor(scale, &directions, blur);
-        let mut heard = floor.ln_1p() / LN_2;
+        let mut heard = [(floor.ln_1p() / LN_2, 0.0); 2];
         for k in 0..2 {
             if scale[k] <= floor {
                 continue;
@@ -214,9 +238,24 @@ impl<'a> Search<'a> {
                 roll_off: minus(node.roll, line_roll),
                 pitch_off: minus(node.pitch, line_pitch),
             };
-            heard = heard.max(self.law.least_mean(scale[k], floor, &offset));
+            heard[k] = self.law.least_mean(scale[k], floor, &offset);
         }
-        user - heard
+        Rate { user, heard }
+    }
+}
+
+/// An upper bound on `log2(1 + E a_0) - E max_j log2(1 + a_j 2^-s_j)` below a corner of the interface.
+struct Rate {
+    user: f64,
+    /// Of each eavesdropper: the mean at the corner, and how fast it rises as s falls. It is convex in s.
+    heard: [(f64, f64); 2],
+}
+
+impl Rate {
+    /// The bound `below` the corner.
+    fn at(&self, below: [f64; 2]) -> f64 {
+        let [(a, rise_a), (b, rise_b)] = self.heard;
+        self.user - (a + rise_a * below[0]).max(b + rise_b * below[1])
     }
 }
 

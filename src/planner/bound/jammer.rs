@@ -2,20 +2,18 @@
 
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
-use std::f64::consts::{FRAC_PI_2, PI};
+use std::f64::consts::FRAC_PI_2;
 
 use nalgebra::Vector3;
 
 use super::cell::{Cell, Region};
-use super::law::{Law, Offset, Range, line_angles, minus, plus};
-use super::steady::chord;
+use super::law::{Law, Offset, Range, line_angles};
 
-/// A box of poses of J: positions, and offsets of the axis from the exact null on the user.
+/// A box of poses of J: positions, and the angle between the axis and the exact null on the user.
 #[derive(Debug, Clone, Copy)]
 struct Node {
     position: Cell,
-    roll_off: Range,
-    pitch_off: Range,
+    off: Range,
     /// Lower bound on l over the box.
     harm: f64,
 }
@@ -50,6 +48,8 @@ pub(super) struct Jammer<'a> {
     pub tolerance: f64,
     heap: BinaryHeap<Node>,
     pub boxes: usize,
+    pub calls: usize,
+    pub limited: usize,
 }
 
 /// Boxes for one value of L.
@@ -57,49 +57,43 @@ const LIMIT: usize = 20_000;
 
 impl<'a> Jammer<'a> {
     pub fn new(law: &'a Law, region: &'a Region, rho: f64, eavesdroppers: [Vector3<f64>; 2], tolerance: f64) -> Self {
-        Self { law, region, rho, eavesdroppers, tolerance, heap: BinaryHeap::with_capacity(4096), boxes: 0 }
+        Self { law, region, rho, eavesdroppers, tolerance, heap: BinaryHeap::with_capacity(4096), boxes: 0, calls: 0, limited: 0 }
     }
 
     /// A lower bound on `l = E log2(1 + b_0)` over all J with `E b_j >= wanted_j`; infinite if there is none.
     pub fn least_harm(&mut self, wanted: [f64; 2]) -> f64 {
         self.heap.clear();
-        let root =
-            Node { position: self.region.bounds, roll_off: [-PI, PI], pitch_off: [-FRAC_PI_2, FRAC_PI_2], harm: 0.0 };
-        self.heap.push(root);
+        self.calls += 1;
+        self.heap.push(Node { position: self.region.bounds, off: [0.0, FRAC_PI_2], harm: 0.0 });
         let mut used = 0;
         while let Some(node) = self.heap.pop() {
             used += 1;
             self.boxes += 1;
             if used > LIMIT {
+                self.limited += 1;
                 return node.harm;
             }
-            let centre = Node {
-                position: Cell::at(&node.position.centre()),
-                roll_off: [0.5 * (node.roll_off[0] + node.roll_off[1]); 2],
-                pitch_off: [0.5 * (node.pitch_off[0] + node.pitch_off[1]); 2],
-                harm: 0.0,
-            };
-            let at_position = Node { position: centre.position, ..node };
-            let at_axis = Node { position: node.position, ..centre };
-            let exact = self.harm(&centre, wanted).unwrap_or(f64::INFINITY);
+            let point = Cell::at(&node.position.centre());
+            let least_off = [node.off[0]; 2];
+            let exact = self.harm(&Node { position: point, off: least_off, harm: 0.0 }, wanted);
             if exact - node.harm <= self.tolerance {
                 return node.harm;
             }
-            let placed = self.harm(&at_position, wanted).unwrap_or(f64::INFINITY);
-            let turned = self.harm(&at_axis, wanted).unwrap_or(f64::INFINITY);
-            let halves = if placed >= turned {
+            let turned = self.harm(&Node { off: least_off, ..node }, wanted);
+            let placed = self.harm(&Node { position: point, ..node }, wanted);
+            let halves = if placed > turned {
                 let (axis, _) = node.position.longest_edge();
                 node.position.split(axis).map(|position| Node { position, ..node })
-            } else if node.roll_off[1] - node.roll_off[0] > node.pitch_off[1] - node.pitch_off[0] {
-                thirds(node.roll_off).map(|roll_off| Node { roll_off, ..node })
             } else {
-                thirds(node.pitch_off).map(|pitch_off| Node { pitch_off, ..node })
+                let cut = 0.5 * (node.off[0] + node.off[1]);
+                [[node.off[0], cut], [cut, node.off[1]]].map(|off| Node { off, ..node })
             };
             for half in halves {
                 if self.region.excludes(&half.position) {
                     continue;
                 }
-                if let Some(harm) = self.harm(&half, wanted) {
+                let harm = self.harm(&half, wanted);
+                if harm.is_finite() {
                     self.heap.push(Node { harm: harm.max(node.harm), ..half });
                 }
             }
@@ -107,54 +101,85 @@ impl<'a> Jammer<'a> {
         f64::INFINITY
     }
 
-    /// A lower bound on l over a box; `None` if no pose in it gives what is wanted.
-    fn harm(&self, node: &Node, wanted: [f64; 2]) -> Option<f64> {
+    /// A lower bound on l over a box; infinite if no pose in it gives what is wanted.
+    fn harm(&self, node: &Node, wanted: [f64; 2]) -> f64 {
         let cell = &node.position;
-        // The line from the user: the exact null.
-        let [line_roll, line_pitch] = line_angles(&cell.lo, &cell.hi).unwrap_or([[-FRAC_PI_2, FRAC_PI_2], [-PI, PI]]);
-        let roll = plus(line_roll, node.roll_off);
-        let pitch = plus(line_pitch, node.pitch_off);
-        if roll[0] > FRAC_PI_2 || roll[1] < -FRAC_PI_2 {
-            return None;
+        let power = self.least_power(cell, node.off[1], wanted);
+        if power * cell.least_distance_squared(&Vector3::zeros()) > self.rho * (1.0 + 1e-9) {
+            return f64::INFINITY;
         }
-        let roll = [roll[0].max(-FRAC_PI_2), roll[1].min(FRAC_PI_2)];
-        let (roll_mid, pitch_mid) = (0.5 * (roll[0] + roll[1]), 0.5 * (pitch[0] + pitch[1]));
-        let turn = (roll[1] - roll_mid).hypot(pitch[1] - pitch_mid);
-        let moment = self.law.second_moment(roll_mid, pitch_mid);
+        // The line from the user: the exact null.
+        let [line, _] = line_angles(&cell.lo, &cell.hi).unwrap_or([[-FRAC_PI_2, FRAC_PI_2]; 2]);
+        let at = |roll_off: f64, pitch_off: f64| {
+            let roll = [line[0] + roll_off, line[1] + roll_off];
+            let offset = Offset { roll, line_roll: line, roll_off: [roll_off; 2], pitch_off: [pitch_off; 2] };
+            self.law.least_mean(power, 0.0, &offset).0
+        };
+        let off = node.off[0];
+        if off == 0.0 {
+            return at(0.0, 0.0);
+        }
+        let flattest = if line[0] <= 0.0 && line[1] >= 0.0 { 1.0 } else { line[0].cos().max(line[1].cos()) };
+        let across = 2.0 * ((0.5 * off).sin() / flattest).min(1.0).asin();
+        at(off, 0.0).min(at(-off, 0.0)).min(at(0.0, across))
+    }
+
+    /// A lower bound on `beta = rho_J u / d_J0^2` over a box whose axes are at most `off` from the null.
+    fn least_power(&self, cell: &Cell, off: f64, wanted: [f64; 2]) -> f64 {
         let (centre, radius) = (cell.centre(), cell.radius());
+        let extents = (cell.hi - cell.lo) * 0.5;
         let farthest = cell.greatest_distance_squared(&Vector3::zeros());
+        let noise = NOISE * self.law.variance();
         let mut power = 0.0_f64;
+        // Of each eavesdropper: the logarithm of the power at the centre, its gradient, the curvature's share.
+        let mut tangents = [(0.0, Vector3::zeros()); 2];
+        let mut count = 0;
         for (e, wanted) in self.eavesdroppers.iter().zip(wanted) {
             if wanted <= 0.0 {
                 continue;
             }
-            let line = e - centre;
-            let distance = line.norm();
-            let nearest = cell.least_distance_squared(e);
-            let gain = if distance > 0.0 {
-                let u = line / distance;
-                let mean = (1.0 - u.dot(&(moment * u))).max(0.0);
-                (mean.sqrt() + chord(radius, distance) + turn).min(1.0)
-            } else {
-                1.0
-            };
-            // k_j = (d_J0 / d_Jj)^2 E G_Jj, above.
-            let ratio = (farthest / nearest).min((1.0 + e.norm() / nearest.sqrt()).powi(2));
-            power = power.max(wanted / (ratio * gain * gain));
+            let length = e.norm();
+            let nearest_squared = cell.least_distance_squared(e);
+            let nearest = nearest_squared.sqrt();
+            let ratio = (farthest.sqrt() / nearest).min(1.0 + length / nearest);
+            let along = e / length.max(1e-9);
+            let aside = centre - along * centre.dot(&along);
+            let height = aside.norm();
+            // kappa = (d_J0 / d_Jj) sin(angle at J) = |p x e| / d_Jj^2.
+            let kappa = (height + radius) * length / nearest_squared;
+            let root = ((kappa * kappa + ratio * ratio * noise).sqrt() + ratio * off).min(ratio);
+            power = power.max(wanted / (root * root));
+            let line = centre - e;
+            let apart = line.norm_squared();
+            if height > 1.5 * radius && nearest > 0.5 * radius {
+                let low = height - radius;
+                let sine = (low * length / (apart.sqrt() + radius).powi(2) / ratio).min(1.0);
+                let rise = ((1.0 + noise / (sine * sine)).sqrt() + off / sine).ln() * 2.0;
+                let curvature = 0.5 * radius * radius * (2.0 / (low * low) + 4.0 / nearest_squared);
+                let here = 2.0 * (height * length / apart).ln();
+                let slope = aside * (2.0 / (height * height)) - line * (4.0 / apart);
+                tangents[count] = (wanted.ln() - here - rise - curvature, -slope);
+                count += 1;
+            }
         }
-        if power * cell.least_distance_squared(&Vector3::zeros()) > self.rho * (1.0 + 1e-9) {
-            return None;
+        let ceiling = |value: f64, slope: &Vector3<f64>| value - slope.abs().dot(&extents);
+        let mut best = f64::NEG_INFINITY;
+        for (value, slope) in &tangents[..count] {
+            best = best.max(ceiling(*value, slope));
         }
-        let offset = Offset { roll, line_roll, roll_off: node.roll_off, pitch_off: node.pitch_off };
-        let _ = minus;
-        Some(self.law.least_mean(power, 0.0, &offset))
+        if count == 2 {
+            // The larger of two is at least any mean of both: the one with the flattest slope, and two more.
+            let [(v, g), (w, h)] = tangents;
+            let step = h - g;
+            let flattest = (-g.dot(&step) / step.norm_squared().max(1e-300)).clamp(0.0, 1.0);
+            for share in [flattest, 0.5 * flattest, 0.5 + 0.5 * flattest] {
+                best = best.max(ceiling(v + share * (w - v), &(g + step * share)));
+            }
+        }
+        power.max(best.exp())
     }
 }
 
-/// Two parts of an interval about its middle, but never cut at zero: the null is inside one of them.
-fn thirds(range: Range) -> [Range; 2] {
-    let [lo, hi] = range;
-    let middle = 0.5 * (lo + hi);
-    let cut = if middle.abs() < 1e-3 * (hi - lo) { lo + (hi - lo) / 3.0 } else { middle };
-    [[lo, cut], [cut, hi]]
-}
+/// `E G - sin^2` of the desired angle, over the variance of the noise: at most 2 for the spread and half for the
+/// mean's shift.
+const NOISE: f64 = 2.5;

@@ -6,9 +6,9 @@ use std::f64::consts::{FRAC_PI_2, LN_2, PI};
 use crate::planner::expectation::normal;
 
 /// Points of the rule: a Fibonacci lattice carried to the plane by the normal quantile.
-const POINTS: usize = 144;
-/// The Fibonacci number before.
-const GENERATOR: usize = 89;
+const POINTS: usize = 64;
+/// Its generator.
+const GENERATOR: usize = 19;
 /// Factors multiplied before a logarithm is taken: 1e300 is never reached.
 const GROUP: usize = 8;
 
@@ -35,9 +35,9 @@ fn nearest_zero(a: Range) -> f64 {
 pub(super) struct Law {
     std_rad: f64,
     /// sin and cos of half the roll noise, of the roll noise, of half the pitch noise.
-    half_roll: Vec<[f64; 2]>,
-    roll: Vec<[f64; 2]>,
-    half_pitch: Vec<[f64; 2]>,
+    half_roll: [Vec<f64>; 2],
+    roll: [Vec<f64>; 2],
+    half_pitch: [Vec<f64>; 2],
 }
 
 /// A line seen from a vehicle and the vehicle's axis, as intervals of the angles of the paper.
@@ -55,22 +55,30 @@ pub(super) struct Offset {
 
 impl Law {
     pub fn new(std_rad: f64) -> Self {
-        let mut law = Self { std_rad, half_roll: Vec::new(), roll: Vec::new(), half_pitch: Vec::new() };
+        let mut law = Self { std_rad, half_roll: Default::default(), roll: Default::default(), half_pitch: Default::default() };
         for m in 0..POINTS {
             let u = (m as f64 + 0.5) / POINTS as f64;
             let v = ((m * GENERATOR % POINTS) as f64 + 0.5) / POINTS as f64;
             let (roll, pitch) = (std_rad * normal::quantile(u), std_rad * normal::quantile(v));
-            let pair = |(s, c): (f64, f64)| [s, c];
-            law.half_roll.push(pair((0.5 * roll).sin_cos()));
-            law.roll.push(pair(roll.sin_cos()));
-            law.half_pitch.push(pair((0.5 * pitch).sin_cos()));
+            let push = |pair: &mut [Vec<f64>; 2], angle: f64| {
+                pair[0].push(angle.sin());
+                pair[1].push(angle.cos());
+            };
+            push(&mut law.half_roll, 0.5 * roll);
+            push(&mut law.roll, roll);
+            push(&mut law.half_pitch, 0.5 * pitch);
         }
         law
     }
 
+    /// The variance of one angle.
+    pub fn variance(&self) -> f64 {
+        self.std_rad * self.std_rad
+    }
+
     /// A lower bound on `E log2 max(1 + scale G, 1 + floor)` over a box of offsets.
-    pub fn least_mean(&self, scale: f64, floor: f64, offset: &Offset) -> f64 {
-        let mut least = f64::INFINITY;
+    pub fn least_mean(&self, scale: f64, floor: f64, offset: &Offset) -> (f64, f64) {
+        let mut least = (f64::INFINITY, f64::INFINITY);
         let turned = plus(offset.roll, offset.line_roll);
         let images = [
             (offset.roll_off, offset.pitch_off),
@@ -84,32 +92,45 @@ impl Law {
             let near = (0.5 * x).sin().powi(2) + line_cos * axis_cos * (0.5 * y).sin().powi(2);
             // Beyond a right angle another image of the line is nearer; the nearest of all is at most half way.
             if near <= 0.5 {
-                least = least.min(self.mean(scale, floor, x, y, offset.roll, line_cos));
+                let (value, slope) = self.mean(scale, floor, x, y, offset.roll, line_cos);
+                least = (least.0.min(value), least.1.min(slope));
             }
         }
-        if least.is_finite() { least } else { scale.max(floor).ln_1p() / LN_2 }
+        if least.0.is_finite() { least } else { (scale.max(floor).ln_1p() / LN_2, 0.0) }
     }
 
-    fn mean(&self, scale: f64, floor: f64, x: f64, y: f64, roll: Range, line_cos: f64) -> f64 {
+    fn mean(&self, scale: f64, floor: f64, x: f64, y: f64, roll: Range, line_cos: f64) -> (f64, f64) {
         let (sx, cx) = (0.5 * x).sin_cos();
         let (sy, cy) = (0.5 * y).sin_cos();
         let [(s_lo, c_lo), (s_hi, c_hi)] = roll.map(f64::sin_cos);
         let floor = 1.0 + floor;
         let mut sum = 0.0;
-        let groups = self.half_roll.chunks_exact(GROUP).zip(self.roll.chunks_exact(GROUP));
-        for ((half_roll, whole_roll), half_pitch) in groups.zip(self.half_pitch.chunks_exact(GROUP)) {
-            let mut product = 1.0;
+        let mut products = [1.0; GROUP];
+        let mut shares = [0.0; GROUP];
+        let [half_roll_s, half_roll_c] = self.half_roll.each_ref().map(|v| v.as_chunks::<GROUP>().0);
+        let [roll_s, roll_c] = self.roll.each_ref().map(|v| v.as_chunks::<GROUP>().0);
+        let [half_pitch_s, half_pitch_c] = self.half_pitch.each_ref().map(|v| v.as_chunks::<GROUP>().0);
+        for g in 0..half_roll_s.len().min(half_roll_c.len()).min(roll_s.len()).min(roll_c.len()).min(half_pitch_s.len()).min(half_pitch_c.len()) {
             for m in 0..GROUP {
-                let a = sx * half_roll[m][1] + cx * half_roll[m][0];
-                let b = sy * half_pitch[m][1] + cy * half_pitch[m][0];
-                let [s, c] = whole_roll[m];
-                let axis_cos = (c_lo * c - s_lo * s).min(c_hi * c - s_hi * s).max(0.0);
-                let h = a * a + line_cos * axis_cos * b * b;
-                product *= (1.0 + scale * 4.0 * h * (1.0 - h)).max(floor);
+                let a = sx * half_roll_c[g][m] + cx * half_roll_s[g][m];
+                let b = sy * half_pitch_c[g][m] + cy * half_pitch_s[g][m];
+                let (p, q) = (c_lo * roll_c[g][m] - s_lo * roll_s[g][m], c_hi * roll_c[g][m] - s_hi * roll_s[g][m]);
+                let least = if p < q { p } else { q };
+                let least = if least > 0.0 { least } else { 0.0 };
+                let h = a * a + line_cos * least * b * b;
+                let x = 1.0 + scale * 4.0 * h * (1.0 - h);
+                products[m] *= if x > floor { x } else { floor };
+                shares[m] += if x > floor { (x - 1.0) / x } else { 0.0 };
             }
-            sum += product.ln();
+            if g % 4 == 3 {
+                for p in &mut products {
+                    sum += p.ln();
+                    *p = 1.0;
+                }
+            }
         }
-        sum / (POINTS as f64 * LN_2)
+        sum += products.iter().map(|p| p.ln()).sum::<f64>();
+        (sum / (POINTS as f64 * LN_2), shares.iter().sum::<f64>() / POINTS as f64)
     }
 
     /// `E[Y Y']` at desired roll and pitch: exact.

@@ -162,5 +162,6 @@ pub fn jitter_trial(problem: &Problem, lower_bound_bps: f64, budget: Budget, tol
         if out != Outcome::Excluded { eprintln!("{gap} {out:?}"); break; }
         best = t;
     }
+    eprintln!("L calls {} limited {} boxes {}", search.jammer.calls, search.jammer.limited, search.jammer.boxes);
     (best, search.boxes, search.used())
 }
