@@ -18,6 +18,8 @@ const STEPS: u16 = 256;
 const PARTS: u16 = 8;
 /// Curvature of the means in s that decides between splits, per bit/s/Hz.
 const BEND: f64 = 0.03;
+/// Grids of the interface, in steps, coarse to fine.
+const GRAINS: [u16; 3] = [16, 4, 2];
 /// Quadrature margin taken off each mean, bit/s/Hz.
 const QUADRATURE: f64 = 0.01;
 
@@ -131,7 +133,14 @@ impl<'a> Search<'a> {
                 let second_hi = (second + part[1]).min(node.s[1][1]);
                 let below = [node.s[0][1] - first_hi, node.s[1][1] - second_hi].map(|s| f64::from(s) * self.step);
                 let here = rate.at(below);
-                if here - corner > wanted && here - self.harm([first, second]) > wanted {
+                // The coarser corners are shared by more boxes: ask them first.
+                let mut open = here - corner > wanted;
+                for grain in GRAINS {
+                    if open {
+                        open = here - self.harm([first, second].map(|s| s / grain * grain)) > wanted;
+                    }
+                }
+                if open {
                     return false;
                 }
                 second = second_hi;

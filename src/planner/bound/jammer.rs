@@ -79,8 +79,8 @@ impl<'a> Jammer<'a> {
             if exact - node.harm <= self.tolerance {
                 return node.harm;
             }
-            let turned = self.harm(&Node { off: least_off, ..node }, wanted);
             let placed = self.harm(&Node { position: point, ..node }, wanted);
+            let turned = self.harm(&Node { off: least_off, ..node }, wanted);
             let halves = if placed > turned {
                 let (axis, _) = node.position.longest_edge();
                 node.position.split(axis).map(|position| Node { position, ..node })

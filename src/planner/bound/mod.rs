@@ -155,7 +155,7 @@ pub fn jitter_trial(problem: &Problem, lower_bound_bps: f64, budget: Budget, tol
     let mut search = decoupled::Search::new(&links, &region, &law, pair, tolerance);
     let lower = lower_bound_bps / 1e6;
     let mut best = cap(problem) / 1e6;
-    for gap in [0.2, 0.1, 0.06, 0.04, 0.03, 0.02, 0.015, 0.01, 0.007] {
+    for gap in [0.2, 0.1, 0.06, 0.04, 0.03, 0.02] {
         let t = lower * (1.0 + gap);
         if t > best { continue; }
         let out = search.run(t, budget.boxes);
