@@ -233,7 +233,9 @@ pub fn variants(run: &Run) -> Result<(), Failure> {
 /// Uncertain positions: discs of 50 m at 2 deg over the N = 2 scenarios.
 pub fn robust(run: &Run) -> Result<(), Failure> {
     let scenarios = data::eavesdroppers(2)?;
-    println!("2 deg, 50 m discs, N = 2: what plans for each objective are worth, averages over the scenarios");
+    println!(
+        "2 deg, 50 m discs, N = 2: what plans for each objective are worth, averages over the scenarios"
+    );
     println!("planned for     mean  5% quantile  worst case  median ms");
     for objective in [Objective::Nominal, Objective::Mean, Objective::Quantile, Objective::WorstCase] {
         let (mut worth, mut times) = ([vec![], vec![], vec![]], Times::new());
@@ -244,7 +246,9 @@ pub fn robust(run: &Run) -> Result<(), Failure> {
                 eavesdropper.uncertainty = Uncertainty::Disc { radius_m: 50.0 };
             }
             let plan = times.time(|| plan_slot(&problem, &run.options(Method::Veilwing)))?;
-            for (values, scored) in worth.iter_mut().zip([Objective::Mean, Objective::Quantile, Objective::WorstCase]) {
+            for (values, scored) in
+                worth.iter_mut().zip([Objective::Mean, Objective::Quantile, Objective::WorstCase])
+            {
                 let problem = Problem { objective: scored, ..problem.clone() };
                 values.push(score(&problem, &plan.vehicles)?);
             }

@@ -24,5 +24,9 @@ pub(super) fn efficiency(problem: &Problem) -> f64 {
     }
     let floor_w = problem.radio.noise_power_w * region.least_distance().powi(2);
     // Outward: the region's own slack, and a few units of the last place for the rest.
-    if floor_w > 0.0 { (power_w / floor_w).ln_1p() / std::f64::consts::LN_2 * (1.0 + 1e-14) } else { f64::INFINITY }
+    if floor_w > 0.0 {
+        (power_w / floor_w).ln_1p() / std::f64::consts::LN_2 * (1.0 + 1e-14)
+    } else {
+        f64::INFINITY
+    }
 }

@@ -20,8 +20,8 @@ const PARTS: u16 = 8;
 const BEND: f64 = 0.03;
 /// Grids of the interface, in steps, coarse to fine.
 const GRAINS: [u16; 3] = [16, 4, 2];
-/// Quadrature margin taken off each mean, bit/s/Hz.
-const QUADRATURE: f64 = 0.01;
+/// Margin of each mean for its quadrature, bit/s/Hz: twice what was measured (the tests of `law`).
+const QUADRATURE: f64 = 0.03;
 
 /// A box of poses of I times a box of the interface.
 #[derive(Debug, Clone, Copy)]
@@ -39,31 +39,40 @@ pub(super) struct Search<'a> {
     links: &'a Links,
     region: &'a Region,
     law: &'a Law,
-    pub jammer: Jammer<'a>,
+    jammer: Jammer<'a>,
     pair: [Vector3<f64>; 2],
     /// s of one step, bit/s/Hz.
     step: f64,
     /// L at the corners of the interface's grid; NaN where not yet asked for.
     harm: Vec<f64>,
     stack: Vec<Node>,
-    pub boxes: usize,
+    resolution_m: f64,
+    boxes: usize,
 }
 
 impl<'a> Search<'a> {
-    pub fn new(links: &'a Links, region: &'a Region, law: &'a Law, pair: [Vector3<f64>; 2], tolerance: f64) -> Self {
+    pub fn new(
+        links: &'a Links,
+        region: &'a Region,
+        law: &'a Law,
+        pair: [Vector3<f64>; 2],
+        resolution_m: f64,
+    ) -> Self {
         // No jammer does more than full power from the nearest position.
-        let most = pair.iter().map(|e| links.rho.j / region.bounds.least_distance_squared(e)).fold(0.0, f64::max);
+        let most =
+            pair.iter().map(|e| links.rho.j / region.bounds.least_distance_squared(e)).fold(0.0, f64::max);
         let step = (most.ln_1p() / LN_2 * (1.0 + 1e-12) / f64::from(STEPS)).max(1e-6);
         let side = usize::from(STEPS) + 1;
         Self {
             links,
             region,
             law,
-            jammer: Jammer::new(law, region, links.rho.j, pair, tolerance),
+            jammer: Jammer::new(law, region, links.rho.j, pair),
             pair,
             step,
             harm: vec![f64::NAN; side * side],
             stack: Vec::with_capacity(4096),
+            resolution_m,
             boxes: 0,
         }
     }
@@ -79,8 +88,7 @@ impl<'a> Search<'a> {
         if power <= 2.0 * SPREAD {
             return Outcome::Stuck;
         }
-        // The user's own correction, and the margins of three means.
-        let allowance = (SPREAD / (power - SPREAD)).ln_1p() / LN_2 + 3.0 * QUADRATURE;
+        let wanted = threshold - allowance(threshold);
         let reach = (self.links.rho.i / (power - 1.0)).sqrt() * (1.0 + 1e-9);
         self.stack.clear();
         let Some(position) = self.region.bounds.cut_to(reach) else { return Outcome::Excluded };
@@ -94,7 +102,6 @@ impl<'a> Search<'a> {
             if self.region.excludes(&node.position) {
                 continue;
             }
-            let wanted = threshold - allowance;
             let rate = self.rate(&node);
             if rate.at([0.0; 2]) <= wanted || self.covered(&node, &rate, wanted) {
                 continue;
@@ -131,7 +138,8 @@ impl<'a> Search<'a> {
             let mut second = node.s[1][0];
             while second < node.s[1][1] {
                 let second_hi = (second + part[1]).min(node.s[1][1]);
-                let below = [node.s[0][1] - first_hi, node.s[1][1] - second_hi].map(|s| f64::from(s) * self.step);
+                let below =
+                    [node.s[0][1] - first_hi, node.s[1][1] - second_hi].map(|s| f64::from(s) * self.step);
                 let here = rate.at(below);
                 // The coarser corners are shared by more boxes: ask them first.
                 let mut open = here - corner > wanted;
@@ -171,13 +179,14 @@ impl<'a> Search<'a> {
         match choice.1 {
             0 => {
                 let (axis, length) = node.position.longest_edge();
-                if length < 1e-3 {
+                if length < self.resolution_m {
                     return false;
                 }
                 self.stack.extend(node.position.split(axis).map(|position| Node { position, ..*node }));
             }
             1 => {
-                let (across_roll, across_pitch) = (node.roll[1] - node.roll[0], node.pitch[1] - node.pitch[0]);
+                let (across_roll, across_pitch) =
+                    (node.roll[1] - node.roll[0], node.pitch[1] - node.pitch[0]);
                 let cos = node.roll[0].cos().max(node.roll[1].cos());
                 if across_roll.max(across_pitch) < 1e-6 {
                     return false;
@@ -204,10 +213,14 @@ impl<'a> Search<'a> {
 
     /// An upper bound on `log2(1 + E a_0) - E max_j log2(1 + a_j 2^-s_j)` over a box of poses.
     fn rate(&self, node: &Node) -> Rate {
-        let s = node.s.map(|s| f64::from(s[1]) * self.step);
+        self.rate_at(node, node.s.map(|s| f64::from(s[1]) * self.step))
+    }
+
+    fn rate_at(&self, node: &Node, s: [f64; 2]) -> Rate {
         let (centre, radius) = (node.position.centre(), node.position.radius());
         let distance = centre.norm();
-        let (roll_mid, pitch_mid) = (0.5 * (node.roll[0] + node.roll[1]), 0.5 * (node.pitch[0] + node.pitch[1]));
+        let (roll_mid, pitch_mid) =
+            (0.5 * (node.roll[0] + node.roll[1]), 0.5 * (node.pitch[0] + node.pitch[1]));
         let turn = (node.roll[1] - roll_mid).hypot(node.pitch[1] - pitch_mid);
         let moment = self.law.second_moment(roll_mid, pitch_mid);
         let along = if distance > 0.0 {
@@ -253,6 +266,11 @@ impl<'a> Search<'a> {
     }
 }
 
+/// What steps 1 and 5 may add: the user's own correction, and the margins of two means.
+fn allowance(threshold: f64) -> f64 {
+    (SPREAD / ((threshold * LN_2).exp() - SPREAD)).ln_1p() / LN_2 + 2.0 * QUADRATURE
+}
+
 /// An upper bound on `log2(1 + E a_0) - E max_j log2(1 + a_j 2^-s_j)` below a corner of the interface.
 struct Rate {
     user: f64,
@@ -285,4 +303,26 @@ fn both_floor(scale: [f64; 2], directions: &[Vector3<f64>; 2], blur: f64) -> f64
 fn halves(range: Range) -> [Range; 2] {
     let middle = 0.5 * (range[0] + range[1]);
     [[range[0], middle], [middle, range[1]]]
+}
+
+#[cfg(test)]
+impl Search<'_> {
+    /// The whole chain at one configuration: the bound on its rate, the interface from its own `E b_j`.
+    pub fn relaxed_rate(
+        &self,
+        poses: [(Vector3<f64>, f64, f64); 2],
+        power_share: f64,
+        threshold: f64,
+    ) -> f64 {
+        let [(p_i, roll_i, pitch_i), (p_j, roll_j, pitch_j)] = poses;
+        let moment = self.law.second_moment(roll_j, pitch_j);
+        let jamming = self.pair.map(|e| {
+            let line = e - p_j;
+            let u = line.normalize();
+            self.links.rho.j * power_share * (1.0 - u.dot(&(moment * u))) / line.norm_squared()
+        });
+        let node = Node { position: Cell::at(&p_i), roll: [roll_i; 2], pitch: [pitch_i; 2], s: [[0, 0]; 2] };
+        let rate = self.rate_at(&node, jamming.map(|b| b.ln_1p() / LN_2)).at([0.0; 2]);
+        rate - self.jammer.harm_at(&p_j, roll_j, pitch_j, jamming) + allowance(threshold)
+    }
 }

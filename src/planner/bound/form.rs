@@ -52,7 +52,8 @@ impl Form {
             return (mean, Vector3::x());
         }
         let o = self.off;
-        let determinant = d.x * (d.y * d.z - o.z * o.z) - o.x * (o.x * d.z - o.z * o.y) + o.y * (o.x * o.z - d.y * o.y);
+        let determinant =
+            d.x * (d.y * d.z - o.z * o.z) - o.x * (o.x * d.z - o.z * o.y) + o.y * (o.x * o.z - d.y * o.y);
         let angle = (determinant / (2.0 * p * p * p)).clamp(-1.0, 1.0).acos() / 3.0;
         let value = 2.0 * p * (angle + std::f64::consts::TAU / 3.0).cos();
         // The eigenvector is orthogonal to the rows of (matrix - value I); the longest cross product is safest.
@@ -126,7 +127,13 @@ pub(super) fn exclude(
 }
 
 /// Maximises the smallest eigenvalue on the segment from `a` (whose smallest eigenpair is given) to `b`.
-fn line_search(a: &Form, value: f64, axis: &Vector3<f64>, b: &Form, margin: f64) -> (Form, f64, Vector3<f64>) {
+fn line_search(
+    a: &Form,
+    value: f64,
+    axis: &Vector3<f64>,
+    b: &Form,
+    margin: f64,
+) -> (Form, f64, Vector3<f64>) {
     let step = b.plus(-1.0, a);
     let (mut lo, mut lo_value, mut lo_slope) = (0.0, value, step.at(axis));
     let (end, end_axis) = b.smallest();

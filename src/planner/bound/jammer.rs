@@ -39,44 +39,42 @@ impl Ord for Node {
 /// The jammer's side of the decoupled bound, with its storage.
 #[derive(Debug)]
 pub(super) struct Jammer<'a> {
-    pub law: &'a Law,
-    pub region: &'a Region,
+    law: &'a Law,
+    region: &'a Region,
     /// rho_J in m^2.
-    pub rho: f64,
+    rho: f64,
     /// The eavesdroppers that count.
-    pub eavesdroppers: [Vector3<f64>; 2],
-    pub tolerance: f64,
+    eavesdroppers: [Vector3<f64>; 2],
     heap: BinaryHeap<Node>,
+    /// Boxes examined, over all calls.
     pub boxes: usize,
-    pub calls: usize,
-    pub limited: usize,
 }
 
+/// L is found to this, bit/s/Hz, from below.
+const TOLERANCE: f64 = 0.15;
 /// Boxes for one value of L.
-const LIMIT: usize = 20_000;
+const LIMIT: usize = 6_000;
 
 impl<'a> Jammer<'a> {
-    pub fn new(law: &'a Law, region: &'a Region, rho: f64, eavesdroppers: [Vector3<f64>; 2], tolerance: f64) -> Self {
-        Self { law, region, rho, eavesdroppers, tolerance, heap: BinaryHeap::with_capacity(4096), boxes: 0, calls: 0, limited: 0 }
+    pub fn new(law: &'a Law, region: &'a Region, rho: f64, eavesdroppers: [Vector3<f64>; 2]) -> Self {
+        Self { law, region, rho, eavesdroppers, heap: BinaryHeap::with_capacity(4096), boxes: 0 }
     }
 
     /// A lower bound on `l = E log2(1 + b_0)` over all J with `E b_j >= wanted_j`; infinite if there is none.
     pub fn least_harm(&mut self, wanted: [f64; 2]) -> f64 {
         self.heap.clear();
-        self.calls += 1;
         self.heap.push(Node { position: self.region.bounds, off: [0.0, FRAC_PI_2], harm: 0.0 });
         let mut used = 0;
         while let Some(node) = self.heap.pop() {
             used += 1;
             self.boxes += 1;
             if used > LIMIT {
-                self.limited += 1;
                 return node.harm;
             }
             let point = Cell::at(&node.position.centre());
             let least_off = [node.off[0]; 2];
             let exact = self.harm(&Node { position: point, off: least_off, harm: 0.0 }, wanted);
-            if exact - node.harm <= self.tolerance {
+            if exact - node.harm <= TOLERANCE {
                 return node.harm;
             }
             let placed = self.harm(&Node { position: point, ..node }, wanted);
@@ -177,6 +175,16 @@ impl<'a> Jammer<'a> {
             }
         }
         power.max(best.exp())
+    }
+}
+
+#[cfg(test)]
+impl Jammer<'_> {
+    /// The bound on l at one pose.
+    pub fn harm_at(&self, position: &Vector3<f64>, roll: f64, pitch: f64, wanted: [f64; 2]) -> f64 {
+        let axis = crate::radio::pattern::antenna_axis(roll, pitch, 0.0);
+        let off = position.normalize().cross(&axis).norm().min(1.0).asin();
+        self.harm(&Node { position: Cell::at(position), off: [off; 2], harm: 0.0 }, wanted)
     }
 }
 

@@ -2,14 +2,13 @@
 
 use nalgebra::Vector3;
 
+use super::Budget;
 use super::cell::{Cell, Region};
 use super::form::{Axis, Form, exclude};
 use super::link::Links;
 
 /// Taken off every comparison that excludes: the rounding of some fifty operations, doubled, and then a thousand.
 const MARGIN: f64 = 1e-11;
-/// Boxes whose longest edge is shorter are not split, in metres: there a threshold is as good as attained.
-const SMALLEST_EDGE_M: f64 = 1e-3;
 
 /// Line searches for a combination of forms.
 const STEPS: usize = 8;
@@ -44,20 +43,19 @@ pub(crate) struct Search<'a> {
     relaxed: Relaxed,
     /// Boxes examined so far, over all thresholds.
     pub boxes: usize,
-    /// Look on after a refutation, to the last box: for trials of soundness.
-    pub exhaustive: bool,
+    budget: Budget,
 }
 
 impl<'a> Search<'a> {
     /// A search over the pairs of positions in `region`.
-    pub fn new(links: &'a Links, region: &'a Region) -> Self {
+    pub fn new(links: &'a Links, region: &'a Region, budget: &Budget) -> Self {
         let relaxed = Relaxed::new(links.eavesdroppers.len());
-        Self { links, region, stack: Vec::with_capacity(1024), relaxed, boxes: 0, exhaustive: false }
+        Self { links, region, stack: Vec::with_capacity(1024), relaxed, boxes: 0, budget: *budget }
     }
 
-    /// Whether some configuration's rate exceeds `threshold`, bit/s/Hz, positive; stops when `boxes` reaches `limit`.
-    pub fn run(&mut self, threshold: f64, limit: usize, smallest_edge_m: Option<f64>) -> Outcome {
-        let smallest_edge_m = smallest_edge_m.unwrap_or(SMALLEST_EDGE_M);
+    /// Whether some configuration's rate exceeds `threshold`, bit/s/Hz, positive; the budget holds over all calls.
+    pub fn run(&mut self, threshold: f64) -> Outcome {
+        let smallest = self.budget.resolution_m;
         self.stack.clear();
         let relaxed_threshold = Threshold::new(threshold);
         // Beyond this distance from the user not even a silent jammer and deaf eavesdroppers give the threshold.
@@ -66,7 +64,7 @@ impl<'a> Search<'a> {
         self.stack.push(Node { i, j: self.region.bounds, axis: Vector3::x() });
         let mut outcome = Outcome::Excluded;
         while let Some(node) = self.stack.pop() {
-            if self.boxes >= limit {
+            if self.boxes >= self.budget.boxes {
                 return Outcome::Exhausted;
             }
             self.boxes += 1;
@@ -79,18 +77,21 @@ impl<'a> Search<'a> {
                     Some(open) => open,
                 };
             let (p_i, p_j) = (node.i.centre(), node.j.centre());
-            if outcome == Outcome::Excluded && !self.region.excludes_point(&p_i) && !self.region.excludes_point(&p_j) {
+            if outcome == Outcome::Excluded
+                && !self.region.excludes_point(&p_i)
+                && !self.region.excludes_point(&p_j)
+            {
                 let rate = self.links.rate_nulled(&p_i, &p_j, &axis);
                 if rate > threshold && !self.region.too_close(&Cell::at(&p_i), &Cell::at(&p_j)) {
                     outcome = Outcome::Refuted(rate);
-                    if !self.exhaustive {
+                    if !self.budget.exhaustive {
                         return outcome;
                     }
                 }
             }
             let ((edge_i, length_i), (edge_j, length_j)) = (node.i.longest_edge(), node.j.longest_edge());
-            if length_i.max(length_j) < smallest_edge_m {
-                if !self.exhaustive {
+            if length_i.max(length_j) < smallest {
+                if !self.budget.exhaustive {
                     return Outcome::Stuck;
                 }
                 if outcome == Outcome::Excluded {
@@ -98,7 +99,7 @@ impl<'a> Search<'a> {
                 }
                 continue;
             }
-            if (loss_i >= loss_j && length_i >= smallest_edge_m) || length_j < smallest_edge_m {
+            if (loss_i >= loss_j && length_i >= smallest) || length_j < smallest {
                 for half in node.i.split(edge_i) {
                     if !self.region.excludes(&half) {
                         self.stack.push(Node { i: half, axis, ..node });
@@ -164,15 +165,18 @@ struct Line {
 
 impl Relaxed {
     fn new(n: usize) -> Self {
-        Self {
-            strength: vec![0.0; n],
-            strength_centre: vec![0.0; n],
-            lines: Vec::with_capacity(n),
-        }
+        Self { strength: vec![0.0; n], strength_centre: vec![0.0; n], lines: Vec::with_capacity(n) }
     }
 
     /// `None` if no configuration with its positions in these boxes reaches the threshold.
-    fn examine(&mut self, links: &Links, i: &Cell, j: &Cell, t: &Threshold, hint: &Vector3<f64>) -> Option<Open> {
+    fn examine(
+        &mut self,
+        links: &Links,
+        i: &Cell,
+        j: &Cell,
+        t: &Threshold,
+        hint: &Vector3<f64>,
+    ) -> Option<Open> {
         let (centre, radius) = (i.centre(), i.radius() * (1.0 + MARGIN));
         let nearest_squared = i.least_distance_squared(&Vector3::zeros()) * (1.0 - MARGIN);
         let interference = links.rho.i / (nearest_squared * t.sinr) * (1.0 + MARGIN) - 1.0;
@@ -194,14 +198,18 @@ impl Relaxed {
         let chord = chord(radius, distance);
         let gain = links.rho.i / (t.power * nearest_squared) * (1.0 + MARGIN);
         let user = User { gain, chord, towards };
-        let Axis::Maybe(axis) = exclude(|y| self.tightest(y, &user, t), hint, MARGIN, STEPS) else { return None };
+        let Axis::Maybe(axis) = exclude(|y| self.tightest(y, &user, t), hint, MARGIN, STEPS) else {
+            return None;
+        };
         // The part of the excess at the resisting axis that would vanish with the box.
         let own = links.rho.i / (t.power * distance * distance);
         let away = axis.dot(&towards).abs();
         let loss_user = gain * (1.0 - (away - chord).max(0.0).powi(2)) - own * (1.0 - away * away);
         // One eavesdropper that hears well excludes, so the loudest counts: as bounded, with either box a point.
         let (mut bounded, mut point_i, mut point_j) = (0.0_f64, 0.0_f64, 0.0_f64);
-        for ((line, &strength), &at_centre) in self.lines.iter().zip(&self.strength).zip(&self.strength_centre) {
+        for ((line, &strength), &at_centre) in
+            self.lines.iter().zip(&self.strength).zip(&self.strength_centre)
+        {
             let sine = axis.cross(&line.direction).norm();
             let kept = line.inverse_square * (sine - line.spread).max(0.0).powi(2);
             bounded = bounded.max(strength * kept);
@@ -235,7 +243,8 @@ impl Relaxed {
             let cosine = (1.0 - sine * sine).sqrt();
             let wider = if sine >= cos_half { 1.0 } else { sine * cos_half + cosine * sin_half };
             let ratio = (farthest / nearest).min(1.0 + length / nearest);
-            let root = (root_rho * length * wider / nearest_squared + root_interference * ratio).min(root_rho / nearest);
+            let root = (root_rho * length * wider / nearest_squared + root_interference * ratio)
+                .min(root_rho / nearest);
             // A box that holds the eavesdropper may silence it.
             let upper = if nearest > 0.0 { root * root * (1.0 + MARGIN) } else { f64::INFINITY };
             self.strength[j] = links.rho.i / (1.0 + upper) * (1.0 - MARGIN);
@@ -261,7 +270,11 @@ impl Relaxed {
         }
         let value = one + heard - user.gain * (1.0 - away * away);
         let share = split_share(user.chord, cosine);
-        let wanted = Form::new(user.gain * (1.0 + excess(share, user.chord)), user.gain * (1.0 - share), &user.towards);
+        let wanted = Form::new(
+            user.gain * (1.0 + excess(share, user.chord)),
+            user.gain * (1.0 - share),
+            &user.towards,
+        );
         let Line { direction, inverse_square, spread } = self.lines[loudest];
         let share = split_share(spread, at);
         let weight = self.strength[loudest] * inverse_square;
