@@ -18,6 +18,8 @@ const STEPS: u16 = 256;
 const PARTS: u16 = 8;
 /// Curvature of the means in s that decides between splits, per bit/s/Hz.
 const BEND: f64 = 0.03;
+/// L is looked for to this much above what is asked for, bit/s/Hz.
+const AHEAD: f64 = 0.3;
 /// Grids of the interface, in steps, coarse to fine.
 const GRAINS: [u16; 3] = [16, 4, 2];
 /// Margin of each mean for its quadrature, bit/s/Hz: twice what was measured (the tests of `law`).
@@ -43,8 +45,8 @@ pub(super) struct Search<'a> {
     pair: [Vector3<f64>; 2],
     /// s of one step, bit/s/Hz.
     step: f64,
-    /// L at the corners of the interface's grid; NaN where not yet asked for.
-    harm: Vec<f64>,
+    /// Lower bounds on L at the corners of the interface's grid, and whether more cannot be shown.
+    harm: Vec<(f64, bool)>,
     stack: Vec<Node>,
     resolution_m: f64,
     boxes: usize,
@@ -70,7 +72,7 @@ impl<'a> Search<'a> {
             jammer: Jammer::new(law, region, links.rho.j, pair),
             pair,
             step,
-            harm: vec![f64::NAN; side * side],
+            harm: vec![(0.0, false); side * side],
             stack: Vec::with_capacity(4096),
             resolution_m,
             boxes: 0,
@@ -113,22 +115,25 @@ impl<'a> Search<'a> {
         Outcome::Excluded
     }
 
-    /// L at a corner of the grid.
-    fn harm(&mut self, s: [u16; 2]) -> f64 {
-        if s == [0, 0] {
-            return 0.0;
+    /// Whether L at a corner of the grid is shown to be at least `least`.
+    fn harms(&mut self, s: [u16; 2], least: f64) -> bool {
+        if least <= 0.0 || s == [0, 0] {
+            return least <= 0.0;
         }
         let index = usize::from(s[0]) * (usize::from(STEPS) + 1) + usize::from(s[1]);
-        if self.harm[index].is_nan() {
-            self.harm[index] = self.jammer.least_harm(s.map(|s| (f64::from(s) * self.step * LN_2).exp_m1()));
+        let (shown, last) = self.harm[index];
+        if shown >= least || last {
+            return shown >= least;
         }
-        self.harm[index]
+        let wanted = s.map(|s| (f64::from(s) * self.step * LN_2).exp_m1());
+        // A little more than asked for spares asking again.
+        self.harm[index] = self.jammer.least_harm(wanted, least + AHEAD);
+        self.harm[index].0 >= least
     }
 
     /// Whether the rate less L stays below `wanted` all over the node's interface box.
     fn covered(&mut self, node: &Node, rate: &Rate, wanted: f64) -> bool {
-        let corner = self.harm(node.s.map(|s| s[0]));
-        if rate.at([0.0; 2]) - corner <= wanted {
+        if self.harms(node.s.map(|s| s[0]), rate.at([0.0; 2]) - wanted) {
             return true;
         }
         let part = node.s.map(|[lo, hi]| (hi - lo).div_ceil(PARTS).max(1));
@@ -142,13 +147,9 @@ impl<'a> Search<'a> {
                     [node.s[0][1] - first_hi, node.s[1][1] - second_hi].map(|s| f64::from(s) * self.step);
                 let here = rate.at(below);
                 // The coarser corners are shared by more boxes: ask them first.
-                let mut open = here - corner > wanted;
-                for grain in GRAINS {
-                    if open {
-                        open = here - self.harm([first, second].map(|s| s / grain * grain)) > wanted;
-                    }
-                }
-                if open {
+                let least = here - wanted;
+                let mut grains = GRAINS.into_iter();
+                if !grains.any(|grain| self.harms([first, second].map(|s| s / grain * grain), least)) {
                     return false;
                 }
                 second = second_hi;

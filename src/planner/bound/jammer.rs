@@ -60,8 +60,9 @@ impl<'a> Jammer<'a> {
         Self { law, region, rho, eavesdroppers, heap: BinaryHeap::with_capacity(4096), boxes: 0 }
     }
 
-    /// A lower bound on `l = E log2(1 + b_0)` over all J with `E b_j >= wanted_j`; infinite if there is none.
-    pub fn least_harm(&mut self, wanted: [f64; 2]) -> f64 {
+    /// A lower bound on `l = E log2(1 + b_0)` over all J with `E b_j >= wanted_j`, infinite if there is none; and
+    /// whether that is all that can be shown: the search ends early once the bound reaches `enough`.
+    pub fn least_harm(&mut self, wanted: [f64; 2], enough: f64) -> (f64, bool) {
         self.heap.clear();
         self.heap.push(Node { position: self.region.bounds, off: [0.0, FRAC_PI_2], harm: 0.0 });
         let mut used = 0;
@@ -69,13 +70,16 @@ impl<'a> Jammer<'a> {
             used += 1;
             self.boxes += 1;
             if used > LIMIT {
-                return node.harm;
+                return (node.harm, true);
+            }
+            if node.harm >= enough {
+                return (node.harm, false);
             }
             let point = Cell::at(&node.position.centre());
             let least_off = [node.off[0]; 2];
             let exact = self.harm(&Node { position: point, off: least_off, harm: 0.0 }, wanted);
             if exact - node.harm <= TOLERANCE {
-                return node.harm;
+                return (node.harm, true);
             }
             let placed = self.harm(&Node { position: point, ..node }, wanted);
             let turned = self.harm(&Node { off: least_off, ..node }, wanted);
@@ -96,7 +100,7 @@ impl<'a> Jammer<'a> {
                 }
             }
         }
-        f64::INFINITY
+        (f64::INFINITY, true)
     }
 
     /// A lower bound on l over a box; infinite if no pose in it gives what is wanted.

@@ -223,6 +223,9 @@ pub fn best_bound(problem: &Problem, lower_bound_bps: f64, budget: Budget) -> Bo
 
 /// Each threshold tried leaves this share of the gap of the one before.
 const GAP_RATIO: f64 = 0.6;
+/// Of the budget under jitter: for the gap wanted, and for each wider one if that fails.
+const FIRST_SHARE: f64 = 0.75;
+const LATER_SHARE: f64 = 0.05;
 /// Relative to the cap, bounds below this are not looked for.
 const LEAST_SHARE: f64 = 1e-3;
 
@@ -273,7 +276,7 @@ impl Prepared {
     /// The gap wanted first, with most of the budget; then twice as wide each time, until one is shown.
     fn lower_jittered(&self, bandwidth_hz: f64, lower_bps: f64, budget: &Budget, bound: &mut Bound) {
         let mut gap = budget.relative_gap.max(1e-6);
-        let mut share = 0.75;
+        let mut share = FIRST_SHARE;
         while lower_bps * (1.0 + gap) < bound.upper_bound_bps && lower_bps > 0.0 {
             let threshold_bps = lower_bps * (1.0 + gap);
             let part = Budget { boxes: ((budget.boxes as f64) * share) as usize, ..*budget };
@@ -285,7 +288,7 @@ impl Prepared {
                 return;
             }
             gap *= 2.0;
-            share = 0.25 * share.min(0.25).max(0.1);
+            share = LATER_SHARE;
         }
         let part = Budget { boxes: budget.boxes / 10, ..*budget };
         self.lower_steady(bandwidth_hz, lower_bps, &part, bound);
