@@ -8,6 +8,7 @@
 #![allow(clippy::needless_range_loop, clippy::neg_cmp_op_on_partial_ord)]
 
 pub mod baseline;
+pub mod bound;
 mod cap;
 pub mod expectation;
 mod model;

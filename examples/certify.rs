@@ -1,0 +1,171 @@
+//! Tables of the certificate over the reference scenarios:
+//! `cargo run --release --no-default-features --example certify -- no-jitter|jitter|false-thresholds [BOXES]`.
+//! Times are those this process spent on its core where the system says so (Linux), else elapsed.
+
+// A measuring program: it reads the clock, and a broken reference file may stop it.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::disallowed_methods)]
+
+use std::time::Instant;
+
+use nalgebra::{Vector2, Vector3};
+use veilwing::planner::bound::{Budget, Certificate, best_bound, certify};
+use veilwing::planner::problem::{
+    Airframe, Airspace, Eavesdropper, Jitter, JitterAxes, JitterModel, Objective, Problem, Radio,
+    Uncertainty, VehicleModel,
+};
+use veilwing::role::PerVehicle;
+
+fn rows(name: &str) -> Vec<Vec<f64>> {
+    let path = format!("{}/tests/reference/{name}", env!("CARGO_MANIFEST_DIR"));
+    let text = std::fs::read_to_string(&path).unwrap();
+    text.lines().skip(1).map(|l| l.split(',').map(|x| x.parse().unwrap()).collect()).collect()
+}
+
+fn problem(eavesdroppers: &[f64], max_power_w: f64, jitter_rad: f64) -> Problem {
+    let omnidirectional =
+        VehicleModel { airframe: Airframe::Omnidirectional, max_tilt_rad: std::f64::consts::FRAC_PI_2 };
+    Problem {
+        user_enu_m: Vector3::zeros(),
+        eavesdroppers: eavesdroppers
+            .chunks(2)
+            .map(|p| Eavesdropper {
+                position_enu_m: Vector3::new(p[0], p[1], 0.0),
+                uncertainty: Uncertainty::None,
+            })
+            .collect(),
+        radio: Radio {
+            bandwidth_hz: 1e6,
+            noise_power_w: 1e-12,
+            max_power_w: PerVehicle { i: max_power_w, j: max_power_w },
+            reference_gain: 1.0,
+        },
+        airspace: Airspace {
+            altitude_m: [80.0, 300.0],
+            area_enu_m: [(-500.0, -500.0), (500.0, -500.0), (500.0, 500.0), (-500.0, 500.0)]
+                .map(|(x, y)| Vector2::new(x, y))
+                .to_vec(),
+            min_separation_m: 0.0,
+        },
+        vehicles: PerVehicle { i: omnidirectional, j: omnidirectional },
+        jitter: Jitter { std_rad: jitter_rad, model: JitterModel::Euler, axes: JitterAxes::RollPitch },
+        objective: Objective::Nominal,
+        free_yaw: false,
+    }
+}
+
+/// Seconds this process has spent on a core, or since `start`.
+fn core_time_s(start: Instant) -> f64 {
+    std::fs::read_to_string("/proc/self/schedstat")
+        .ok()
+        .and_then(|text| text.split(' ').next()?.parse::<f64>().ok())
+        .map_or_else(|| start.elapsed().as_secs_f64(), |ns| ns * 1e-9)
+}
+
+/// Gaps and times of some rows, and how many are within each of some gaps.
+struct Table {
+    start: Instant,
+    limits: [f64; 5],
+    within: [usize; 5],
+    times: Vec<f64>,
+}
+
+impl Table {
+    fn new(limits: [f64; 5]) -> Self {
+        Self { start: Instant::now(), limits, within: [0; 5], times: Vec::new() }
+    }
+
+    /// Bounds one problem and returns the gap and the time.
+    fn add(&mut self, problem: &Problem, best_known: f64, budget: Budget) -> (f64, f64, String) {
+        let before = core_time_s(self.start);
+        let bound = best_bound(problem, best_known * 1e6, budget);
+        let time = core_time_s(self.start) - before;
+        let gap = bound.upper_bound_bps / (best_known * 1e6) - 1.0;
+        assert!(gap > -1e-7, "below a known plan: {bound:?} {best_known}");
+        for (within, limit) in self.within.iter_mut().zip(self.limits) {
+            *within += usize::from(gap <= limit * (1.0 + 1e-6));
+        }
+        self.times.push(time);
+        (gap, time, format!("{:?}, {} boxes", bound.kind, bound.boxes_used))
+    }
+
+    fn print(&mut self, title: &str) {
+        self.times.sort_by(f64::total_cmp);
+        let count = self.times.len();
+        if count == 0 {
+            return;
+        }
+        let shares: Vec<String> = (self.limits.iter().zip(self.within))
+            .map(|(limit, within)| format!("{}%: {within}", limit * 100.0))
+            .collect();
+        let (median, most) = (self.times[count / 2], self.times[count - 1]);
+        println!(
+            "{title}: of {count} within {}; seconds: median {median:.3}, most {most:.3}",
+            shares.join(", ")
+        );
+    }
+}
+
+fn no_jitter(boxes: usize) {
+    let table = rows("no_jitter.csv");
+    for (n, power) in [(2, 0.1), (2, 0.3), (2, 0.5), (2, 0.7), (2, 0.9), (2, 1.1), (5, 0.5), (10, 0.5)] {
+        let nodes = rows(&format!("eavesdroppers_n{n}.csv"));
+        let mut result = Table::new([0.05, 1e-2, 5e-3, 3e-3, 1e-3]);
+        for row in table.iter().filter(|r| r[0] == f64::from(n) && r[2] == power) {
+            let p = problem(&nodes[row[1] as usize][1..], power, 0.0);
+            result.add(&p, row[3], Budget { boxes, ..Budget::STEADY });
+        }
+        result.print(&format!("N = {n}, Pmax {power} W"));
+    }
+}
+
+fn jitter(boxes: usize, degrees: &[f64]) {
+    let nodes = rows("eavesdroppers_n2.csv");
+    let table = rows("jitter.csv");
+    for &degrees in degrees {
+        let mut result = Table::new([0.02, 0.04, 0.08, 0.16, 0.32]);
+        for row in table.iter().filter(|r| r[0] == 2.0 && r[2] == degrees) {
+            let scenario = row[1] as usize;
+            let p = problem(&nodes[scenario][1..], 0.5, degrees.to_radians());
+            let (gap, time, how) = result.add(&p, row[3], Budget { boxes, ..Budget::JITTER });
+            println!("  {degrees} deg, scenario {scenario}: gap {:.2}% in {time:.2} s ({how})", gap * 100.0);
+        }
+        result.print(&format!("N = 2, {degrees} deg"));
+    }
+}
+
+/// Attempts to certify what a known plan beats, each to its last box.
+fn false_thresholds(boxes: usize) {
+    let (mut attempts, mut certified, mut unfinished) = (0, 0, 0);
+    let table = rows("no_jitter.csv");
+    let nodes = rows("eavesdroppers_n2.csv");
+    for row in table.iter().filter(|r| r[0] == 2.0).take(500) {
+        let p = problem(&nodes[row[1] as usize][1..], row[2], 0.0);
+        // From 0.01% to 1% below.
+        let share = 1e-4 * 100.0_f64.powf(f64::from(attempts % 10) / 9.0);
+        let budget = Budget { boxes, resolution_m: 4.0, exhaustive: true, ..Budget::STEADY };
+        attempts += 1;
+        match certify(&p, row[3] * (1.0 - share) * 1e6, budget) {
+            Certificate::Certified { .. } => certified += 1,
+            Certificate::NotCertified { boxes_used, .. } => unfinished += u32::from(boxes_used >= boxes),
+        }
+    }
+    println!("{attempts} false thresholds: {certified} certified, {unfinished} not run to the last box");
+    assert_eq!(certified, 0);
+}
+
+fn main() {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let boxes = |default: usize| arguments.get(1).map_or(default, |a| a.parse().expect("a number of boxes"));
+    match arguments.first().map(String::as_str) {
+        Some("no-jitter") => no_jitter(boxes(Budget::STEADY.boxes)),
+        Some("jitter") => {
+            let degrees: Vec<f64> = arguments.iter().skip(2).map(|a| a.parse().expect("degrees")).collect();
+            jitter(
+                boxes(Budget::JITTER.boxes),
+                if degrees.is_empty() { &[1.0, 2.0, 5.0, 10.0] } else { &degrees },
+            );
+        }
+        Some("false-thresholds") => false_thresholds(boxes(20_000_000)),
+        _ => println!("usage: certify no-jitter|jitter|false-thresholds [BOXES [DEGREES...]]"),
+    }
+}

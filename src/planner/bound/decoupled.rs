@@ -1,0 +1,329 @@
+//! The decoupled bound under jitter (the module's section 3).
+
+use std::f64::consts::LN_2;
+
+use nalgebra::Vector3;
+
+use super::cell::{Cell, Region};
+use super::jammer::Jammer;
+use super::law::{ALL_ANGLES, Law, Offset, Range, line_angles, minus};
+use super::link::Links;
+use super::steady::{Outcome, chord};
+
+/// E b_0 over 2^l: at most 2 e^gamma = 3.56 for a null under noise of one angle; with a quarter to spare.
+const SPREAD: f64 = 4.5;
+/// Steps of the interface, a power of two.
+const STEPS: u16 = 256;
+/// Parts of each side of an interface box in which tangents and L are compared.
+const PARTS: u16 = 8;
+/// Curvature of the means in s that decides between splits, per bit/s/Hz.
+const BEND: f64 = 0.03;
+/// L is looked for to this much above what is asked for, bit/s/Hz.
+const AHEAD: f64 = 0.3;
+/// Grids of the interface, in steps, coarse to fine.
+const GRAINS: [u16; 3] = [16, 4, 2];
+/// Margin of each mean for its quadrature, bit/s/Hz: twice what was measured (the tests of `law`).
+const QUADRATURE: f64 = 0.03;
+
+/// A box of poses of I times a box of the interface.
+#[derive(Debug, Clone, Copy)]
+struct Node {
+    position: Cell,
+    roll: Range,
+    pitch: Range,
+    /// Bounds of s_1 and s_2 in steps.
+    s: [[u16; 2]; 2],
+}
+
+/// The search over I and the interface.
+#[derive(Debug)]
+pub(super) struct Search<'a> {
+    links: &'a Links,
+    region: &'a Region,
+    law: &'a Law,
+    jammer: Jammer<'a>,
+    pair: [Vector3<f64>; 2],
+    /// s of one step, bit/s/Hz.
+    step: f64,
+    /// Lower bounds on L at the corners of the interface's grid, and whether more cannot be shown.
+    harm: Vec<(f64, bool)>,
+    stack: Vec<Node>,
+    resolution_m: f64,
+    boxes: usize,
+}
+
+impl<'a> Search<'a> {
+    pub fn new(
+        links: &'a Links,
+        region: &'a Region,
+        law: &'a Law,
+        pair: [Vector3<f64>; 2],
+        resolution_m: f64,
+    ) -> Self {
+        // No jammer does more than full power from the nearest position.
+        let most =
+            pair.iter().map(|e| links.rho.j / region.bounds.least_distance_squared(e)).fold(0.0, f64::max);
+        let step = (most.ln_1p() / LN_2 * (1.0 + 1e-12) / f64::from(STEPS)).max(1e-6);
+        let side = usize::from(STEPS) + 1;
+        Self {
+            links,
+            region,
+            law,
+            jammer: Jammer::new(law, region, links.rho.j, pair),
+            pair,
+            step,
+            harm: vec![(0.0, false); side * side],
+            stack: Vec::with_capacity(4096),
+            resolution_m,
+            boxes: 0,
+        }
+    }
+
+    /// Boxes of both sides.
+    pub fn used(&self) -> usize {
+        self.boxes + self.jammer.boxes
+    }
+
+    /// Whether some configuration's signed rate exceeds `threshold`.
+    pub fn run(&mut self, threshold: f64, limit: usize) -> Outcome {
+        let power = (threshold * LN_2).exp();
+        if power <= 2.0 * SPREAD {
+            return Outcome::Stuck;
+        }
+        let wanted = threshold - allowance(threshold);
+        let reach = (self.links.rho.i / (power - 1.0)).sqrt() * (1.0 + 1e-9);
+        self.stack.clear();
+        let Some(position) = self.region.bounds.cut_to(reach) else { return Outcome::Excluded };
+        let whole = [[0, STEPS]; 2];
+        self.stack.push(Node { position, roll: ALL_ANGLES, pitch: ALL_ANGLES, s: whole });
+        while let Some(node) = self.stack.pop() {
+            if self.used() >= limit {
+                return Outcome::Exhausted;
+            }
+            self.boxes += 1;
+            if self.region.excludes(&node.position) {
+                continue;
+            }
+            let rate = self.rate(&node);
+            if rate.at([0.0; 2]) <= wanted || self.covered(&node, &rate, wanted) {
+                continue;
+            }
+            if !self.branch(&node, &rate) {
+                return Outcome::Stuck;
+            }
+        }
+        Outcome::Excluded
+    }
+
+    /// Whether L at a corner of the grid is shown to be at least `least`.
+    fn harms(&mut self, s: [u16; 2], least: f64) -> bool {
+        if least <= 0.0 || s == [0, 0] {
+            return least <= 0.0;
+        }
+        let index = usize::from(s[0]) * (usize::from(STEPS) + 1) + usize::from(s[1]);
+        let (shown, last) = self.harm[index];
+        if shown >= least || last {
+            return shown >= least;
+        }
+        let wanted = s.map(|s| (f64::from(s) * self.step * LN_2).exp_m1());
+        // A little more than asked for spares asking again.
+        self.harm[index] = self.jammer.least_harm(wanted, least + AHEAD);
+        self.harm[index].0 >= least
+    }
+
+    /// Whether the rate less L stays below `wanted` all over the node's interface box.
+    fn covered(&mut self, node: &Node, rate: &Rate, wanted: f64) -> bool {
+        if self.harms(node.s.map(|s| s[0]), rate.at([0.0; 2]) - wanted) {
+            return true;
+        }
+        let part = node.s.map(|[lo, hi]| (hi - lo).div_ceil(PARTS).max(1));
+        let mut first = node.s[0][0];
+        while first < node.s[0][1] {
+            let first_hi = (first + part[0]).min(node.s[0][1]);
+            let mut second = node.s[1][0];
+            while second < node.s[1][1] {
+                let second_hi = (second + part[1]).min(node.s[1][1]);
+                let below =
+                    [node.s[0][1] - first_hi, node.s[1][1] - second_hi].map(|s| f64::from(s) * self.step);
+                let here = rate.at(below);
+                // The coarser corners are shared by more boxes: ask them first.
+                let least = here - wanted;
+                let mut grains = GRAINS.into_iter();
+                if !grains.any(|grain| self.harms([first, second].map(|s| s / grain * grain), least)) {
+                    return false;
+                }
+                second = second_hi;
+            }
+            first = first_hi;
+        }
+        true
+    }
+
+    fn branch(&mut self, node: &Node, rate: &Rate) -> bool {
+        let middle = |r: Range| [0.5 * (r[0] + r[1]); 2];
+        let placed = Node { position: Cell::at(&node.position.centre()), ..*node };
+        let turned = Node { roll: middle(node.roll), pitch: middle(node.pitch), ..*node };
+        let whole = rate.at([0.0; 2]);
+        let loss_place = whole - self.rate(&placed).at([0.0; 2]);
+        let loss_turn = whole - self.rate(&turned).at([0.0; 2]);
+        let mut choice = if loss_place > loss_turn { (loss_place, 0) } else { (loss_turn, 1) };
+        for k in 0..2 {
+            let [lo, hi] = node.s[k];
+            if hi - lo > 1 {
+                let range = f64::from(hi - lo) * self.step;
+                let loss = range / f64::from(PARTS) + BEND * range * range;
+                if loss > choice.0 {
+                    choice = (loss, 2 + k);
+                }
+            }
+        }
+        match choice.1 {
+            0 => {
+                let (axis, length) = node.position.longest_edge();
+                if length < self.resolution_m {
+                    return false;
+                }
+                self.stack.extend(node.position.split(axis).map(|position| Node { position, ..*node }));
+            }
+            1 => {
+                let (across_roll, across_pitch) =
+                    (node.roll[1] - node.roll[0], node.pitch[1] - node.pitch[0]);
+                let cos = node.roll[0].cos().max(node.roll[1].cos());
+                if across_roll.max(across_pitch) < 1e-6 {
+                    return false;
+                }
+                if across_roll > across_pitch * cos {
+                    self.stack.extend(halves(node.roll).map(|roll| Node { roll, ..*node }));
+                } else {
+                    self.stack.extend(halves(node.pitch).map(|pitch| Node { pitch, ..*node }));
+                }
+            }
+            k => {
+                let k = k - 2;
+                let [lo, hi] = node.s[k];
+                let middle = u16::midpoint(lo, hi);
+                for part in [[lo, middle], [middle, hi]] {
+                    let mut half = *node;
+                    half.s[k] = part;
+                    self.stack.push(half);
+                }
+            }
+        }
+        true
+    }
+
+    /// An upper bound on `log2(1 + E a_0) - E max_j log2(1 + a_j 2^-s_j)` over a box of poses.
+    fn rate(&self, node: &Node) -> Rate {
+        self.rate_at(node, node.s.map(|s| f64::from(s[1]) * self.step))
+    }
+
+    fn rate_at(&self, node: &Node, s: [f64; 2]) -> Rate {
+        let (centre, radius) = (node.position.centre(), node.position.radius());
+        let distance = centre.norm();
+        let (roll_mid, pitch_mid) =
+            (0.5 * (node.roll[0] + node.roll[1]), 0.5 * (node.pitch[0] + node.pitch[1]));
+        let turn = (node.roll[1] - roll_mid).hypot(node.pitch[1] - pitch_mid);
+        let moment = self.law.second_moment(roll_mid, pitch_mid);
+        let along = if distance > 0.0 {
+            let u = centre / distance;
+            (u.dot(&(moment * u)).max(0.0).sqrt() - chord(radius, distance) - turn).max(0.0)
+        } else {
+            0.0
+        };
+        let nearest = node.position.least_distance_squared(&Vector3::zeros());
+        let user = (self.links.rho.i / nearest * (1.0 - along * along)).ln_1p() / LN_2;
+        let mut scale = [0.0; 2];
+        let mut directions = [Vector3::z(); 2];
+        let mut blur = 0.0;
+        for k in 0..2 {
+            let e = &self.pair[k];
+            let farthest = node.position.greatest_distance_squared(e);
+            scale[k] = self.links.rho.i / farthest * (-s[k] * LN_2).exp();
+            let line = e - centre;
+            let length = line.norm();
+            blur += (radius / length.max(radius)).asin();
+            if length > 0.0 {
+                directions[k] = line / length;
+            }
+        }
+        let floor = both_floor(scale, &directions, blur);
+        let mut heard = [(floor.ln_1p() / LN_2, 0.0); 2];
+        for k in 0..2 {
+            if scale[k] <= floor {
+                continue;
+            }
+            let e = &self.pair[k];
+            let [line_roll, line_pitch] = line_angles(&(node.position.lo - e), &(node.position.hi - e))
+                .unwrap_or([ALL_ANGLES, [-std::f64::consts::PI, std::f64::consts::PI]]);
+            let offset = Offset {
+                roll: node.roll,
+                line_roll,
+                roll_off: minus(node.roll, line_roll),
+                pitch_off: minus(node.pitch, line_pitch),
+            };
+            heard[k] = self.law.least_mean(scale[k], floor, &offset);
+        }
+        Rate { user, heard }
+    }
+}
+
+/// What steps 1 and 5 may add: the user's own correction, and the margins of two means.
+fn allowance(threshold: f64) -> f64 {
+    (SPREAD / ((threshold * LN_2).exp() - SPREAD)).ln_1p() / LN_2 + 2.0 * QUADRATURE
+}
+
+/// An upper bound on `log2(1 + E a_0) - E max_j log2(1 + a_j 2^-s_j)` below a corner of the interface.
+struct Rate {
+    user: f64,
+    /// Of each eavesdropper: the mean at the corner, and how fast it rises as s falls. It is convex in s.
+    heard: [(f64, f64); 2],
+}
+
+impl Rate {
+    /// The bound `below` the corner.
+    fn at(&self, below: [f64; 2]) -> f64 {
+        let [(a, rise_a), (b, rise_b)] = self.heard;
+        self.user - (a + rise_a * below[0]).max(b + rise_b * below[1])
+    }
+}
+
+/// The least of the larger of two SINRs `scale_k sin^2 psi_k` over all axes: the angles to two lines add up to at
+/// least the angle between them, less what the box blurs.
+fn both_floor(scale: [f64; 2], directions: &[Vector3<f64>; 2], blur: f64) -> f64 {
+    let cosine = directions[0].dot(&directions[1]).abs().min(1.0);
+    let angle = cosine.acos() - blur;
+    if angle <= 0.0 {
+        return 0.0;
+    }
+    let root = scale.map(f64::sqrt);
+    let (sin, cos) = angle.sin_cos();
+    let first = (root[1] * sin).atan2(root[0] + root[1] * cos);
+    (root[0] * first.sin()).powi(2)
+}
+
+fn halves(range: Range) -> [Range; 2] {
+    let middle = 0.5 * (range[0] + range[1]);
+    [[range[0], middle], [middle, range[1]]]
+}
+
+#[cfg(test)]
+impl Search<'_> {
+    /// The whole chain at one configuration: the bound on its rate, the interface from its own `E b_j`.
+    pub fn relaxed_rate(
+        &self,
+        poses: [(Vector3<f64>, f64, f64); 2],
+        power_share: f64,
+        threshold: f64,
+    ) -> f64 {
+        let [(p_i, roll_i, pitch_i), (p_j, roll_j, pitch_j)] = poses;
+        let moment = self.law.second_moment(roll_j, pitch_j);
+        let jamming = self.pair.map(|e| {
+            let line = e - p_j;
+            let u = line.normalize();
+            self.links.rho.j * power_share * (1.0 - u.dot(&(moment * u))) / line.norm_squared()
+        });
+        let node = Node { position: Cell::at(&p_i), roll: [roll_i; 2], pitch: [pitch_i; 2], s: [[0, 0]; 2] };
+        let rate = self.rate_at(&node, jamming.map(|b| b.ln_1p() / LN_2)).at([0.0; 2]);
+        rate - self.jammer.harm_at(&p_j, roll_j, pitch_j, jamming) + allowance(threshold)
+    }
+}

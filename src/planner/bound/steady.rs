@@ -1,0 +1,319 @@
+//! Branch and bound over the two positions, without jitter (the module's section 2).
+
+use nalgebra::Vector3;
+
+use super::Budget;
+use super::cell::{Cell, Region};
+use super::form::{Axis, Form, exclude};
+use super::link::Links;
+
+/// Taken off every comparison that excludes: the rounding of some fifty operations, doubled, and then a thousand.
+const MARGIN: f64 = 1e-11;
+
+/// Line searches for a combination of forms.
+const STEPS: usize = 8;
+
+/// How a search over boxes ended.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Outcome {
+    /// Every box was excluded: no configuration reaches the threshold.
+    Excluded,
+    /// A configuration was found whose rate, bit/s/Hz, exceeds the threshold.
+    Refuted(f64),
+    /// A box of the smallest size could not be excluded.
+    Stuck,
+    /// The budget ended first.
+    Exhausted,
+}
+
+/// A pair of boxes and a guess at the axis that resists exclusion.
+#[derive(Debug, Clone, Copy)]
+struct Node {
+    i: Cell,
+    j: Cell,
+    axis: Vector3<f64>,
+}
+
+/// The search and its storage, reused from one threshold to the next.
+#[derive(Debug)]
+pub(crate) struct Search<'a> {
+    links: &'a Links,
+    region: &'a Region,
+    stack: Vec<Node>,
+    relaxed: Relaxed,
+    /// Boxes examined so far, over all thresholds.
+    pub boxes: usize,
+    budget: Budget,
+}
+
+impl<'a> Search<'a> {
+    /// A search over the pairs of positions in `region`.
+    pub fn new(links: &'a Links, region: &'a Region, budget: &Budget) -> Self {
+        let relaxed = Relaxed::new(links.eavesdroppers.len());
+        Self { links, region, stack: Vec::with_capacity(1024), relaxed, boxes: 0, budget: *budget }
+    }
+
+    /// Whether some configuration's rate exceeds `threshold`, bit/s/Hz, positive; the budget holds over all calls.
+    pub fn run(&mut self, threshold: f64) -> Outcome {
+        let smallest = self.budget.resolution_m;
+        self.stack.clear();
+        let relaxed_threshold = Threshold::new(threshold);
+        // Beyond this distance from the user not even a silent jammer and deaf eavesdroppers give the threshold.
+        let reach = (self.links.rho.i / relaxed_threshold.sinr).sqrt() * (1.0 + MARGIN);
+        let Some(i) = self.region.bounds.cut_to(reach) else { return Outcome::Excluded };
+        self.stack.push(Node { i, j: self.region.bounds, axis: Vector3::x() });
+        let mut outcome = Outcome::Excluded;
+        while let Some(node) = self.stack.pop() {
+            if self.boxes >= self.budget.boxes {
+                return Outcome::Exhausted;
+            }
+            self.boxes += 1;
+            if self.region.too_close(&node.i, &node.j) {
+                continue;
+            }
+            let Open { axis, loss_i, loss_j } =
+                match self.relaxed.examine(self.links, &node.i, &node.j, &relaxed_threshold, &node.axis) {
+                    None => continue,
+                    Some(open) => open,
+                };
+            let (p_i, p_j) = (node.i.centre(), node.j.centre());
+            if outcome == Outcome::Excluded
+                && !self.region.excludes_point(&p_i)
+                && !self.region.excludes_point(&p_j)
+            {
+                let rate = self.links.rate_nulled(&p_i, &p_j, &axis);
+                if rate > threshold && !self.region.too_close(&Cell::at(&p_i), &Cell::at(&p_j)) {
+                    outcome = Outcome::Refuted(rate);
+                    if !self.budget.exhaustive {
+                        return outcome;
+                    }
+                }
+            }
+            let ((edge_i, length_i), (edge_j, length_j)) = (node.i.longest_edge(), node.j.longest_edge());
+            if length_i.max(length_j) < smallest {
+                if !self.budget.exhaustive {
+                    return Outcome::Stuck;
+                }
+                if outcome == Outcome::Excluded {
+                    outcome = Outcome::Stuck;
+                }
+                continue;
+            }
+            if (loss_i >= loss_j && length_i >= smallest) || length_j < smallest {
+                for half in node.i.split(edge_i) {
+                    if !self.region.excludes(&half) {
+                        self.stack.push(Node { i: half, axis, ..node });
+                    }
+                }
+            } else {
+                for half in node.j.split(edge_j) {
+                    if !self.region.excludes(&half) {
+                        self.stack.push(Node { j: half, axis, ..node });
+                    }
+                }
+            }
+        }
+        outcome
+    }
+}
+
+/// A threshold and what follows from it alone.
+struct Threshold {
+    /// 2^T.
+    power: f64,
+    /// 2^T - 1: the SINR the user needs.
+    sinr: f64,
+}
+
+impl Threshold {
+    fn new(threshold: f64) -> Self {
+        let sinr = (threshold * std::f64::consts::LN_2).exp_m1() * (1.0 - MARGIN);
+        Self { power: 1.0 + sinr, sinr }
+    }
+}
+
+/// A pair of boxes that was not excluded.
+struct Open {
+    /// The axis of I that resisted.
+    axis: Vector3<f64>,
+    /// What the size of I's box costs at that axis, in the units of the forms.
+    loss_i: f64,
+    /// What the size of J's box costs.
+    loss_j: f64,
+}
+
+/// The relaxation of one pair of boxes, with its storage.
+#[derive(Debug)]
+struct Relaxed {
+    /// rho_I / (1 + b_j), b_j bounded above over J's box.
+    strength: Vec<f64>,
+    /// The same at the centre of J's box.
+    strength_centre: Vec<f64>,
+    /// Direction to, distance from the centre, relative radius of I's box seen from each eavesdropper.
+    lines: Vec<Line>,
+}
+
+/// One eavesdropper seen from I's box.
+#[derive(Debug, Clone, Copy)]
+struct Line {
+    direction: Vector3<f64>,
+    /// 1 / distance^2 from the centre.
+    inverse_square: f64,
+    /// Largest change of the inverted position, relative to it.
+    spread: f64,
+}
+
+impl Relaxed {
+    fn new(n: usize) -> Self {
+        Self { strength: vec![0.0; n], strength_centre: vec![0.0; n], lines: Vec::with_capacity(n) }
+    }
+
+    /// `None` if no configuration with its positions in these boxes reaches the threshold.
+    fn examine(
+        &mut self,
+        links: &Links,
+        i: &Cell,
+        j: &Cell,
+        t: &Threshold,
+        hint: &Vector3<f64>,
+    ) -> Option<Open> {
+        let (centre, radius) = (i.centre(), i.radius() * (1.0 + MARGIN));
+        let nearest_squared = i.least_distance_squared(&Vector3::zeros()) * (1.0 - MARGIN);
+        let interference = links.rho.i / (nearest_squared * t.sinr) * (1.0 + MARGIN) - 1.0;
+        if interference < 0.0 {
+            return None;
+        }
+        self.jam(links, j, interference.sqrt());
+        self.lines.clear();
+        for e in &links.eavesdroppers {
+            let line = e - centre;
+            let distance = line.norm();
+            let nearest = i.least_distance_squared(e).sqrt();
+            let spread = if nearest > 0.0 { radius / nearest } else { f64::INFINITY };
+            let direction = line.try_normalize(0.0).unwrap_or_else(Vector3::z);
+            self.lines.push(Line { direction, inverse_square: 1.0 / (distance * distance), spread });
+        }
+        let distance = centre.norm();
+        let towards = if distance > 0.0 { centre / distance } else { Vector3::z() };
+        let chord = chord(radius, distance);
+        let gain = links.rho.i / (t.power * nearest_squared) * (1.0 + MARGIN);
+        let user = User { gain, chord, towards };
+        let Axis::Maybe(axis) = exclude(|y| self.tightest(y, &user, t), hint, MARGIN, STEPS) else {
+            return None;
+        };
+        // The part of the excess at the resisting axis that would vanish with the box.
+        let own = links.rho.i / (t.power * distance * distance);
+        let away = axis.dot(&towards).abs();
+        let loss_user = gain * (1.0 - (away - chord).max(0.0).powi(2)) - own * (1.0 - away * away);
+        // One eavesdropper that hears well excludes, so the loudest counts: as bounded, with either box a point.
+        let (mut bounded, mut point_i, mut point_j) = (0.0_f64, 0.0_f64, 0.0_f64);
+        for ((line, &strength), &at_centre) in
+            self.lines.iter().zip(&self.strength).zip(&self.strength_centre)
+        {
+            let sine = axis.cross(&line.direction).norm();
+            let kept = line.inverse_square * (sine - line.spread).max(0.0).powi(2);
+            bounded = bounded.max(strength * kept);
+            point_i = point_i.max(strength * line.inverse_square * sine * sine);
+            point_j = point_j.max(at_centre * kept);
+        }
+        let (loss_i, loss_j) = (loss_user + point_i - bounded, point_j - bounded);
+        Some(Open { axis, loss_i, loss_j })
+    }
+
+    /// Bounds on b_j over J's box, given the root of the interference the user bears.
+    fn jam(&mut self, links: &Links, cell: &Cell, root_interference: f64) {
+        let (centre, radius) = (cell.centre(), cell.radius());
+        let distance = centre.norm();
+        // Half-angle of the box seen from the user.
+        let (sin_half, cos_half) = if radius < distance {
+            let s = radius / distance;
+            (s, (1.0 - s * s).sqrt())
+        } else {
+            (1.0, 0.0)
+        };
+        let farthest = cell.greatest_distance_squared(&Vector3::zeros()).sqrt();
+        let root_rho = links.rho.j.sqrt();
+        for (j, e) in links.eavesdroppers.iter().enumerate() {
+            let cross = centre.cross(e).norm();
+            let length = e.norm();
+            let nearest_squared = cell.least_distance_squared(e);
+            let nearest = nearest_squared.sqrt();
+            // L_j sin(angle at the user), over the box: the angle of the line grows by at most the half-angle.
+            let sine = if distance * length > 0.0 { (cross / (distance * length)).min(1.0) } else { 1.0 };
+            let cosine = (1.0 - sine * sine).sqrt();
+            let wider = if sine >= cos_half { 1.0 } else { sine * cos_half + cosine * sin_half };
+            let ratio = (farthest / nearest).min(1.0 + length / nearest);
+            let root = (root_rho * length * wider / nearest_squared + root_interference * ratio)
+                .min(root_rho / nearest);
+            // A box that holds the eavesdropper may silence it.
+            let upper = if nearest > 0.0 { root * root * (1.0 + MARGIN) } else { f64::INFINITY };
+            self.strength[j] = links.rho.i / (1.0 + upper) * (1.0 - MARGIN);
+            let apart = (e - centre).norm_squared();
+            let here = root_rho * length * sine / apart + root_interference * distance / apart.sqrt();
+            self.strength_centre[j] = links.rho.i / (1.0 + here * here);
+        }
+    }
+
+    /// The largest of the inflated inequalities at `axis`, and its form with the splitting of squares tight there.
+    fn tightest(&self, axis: &Vector3<f64>, user: &User, t: &Threshold) -> (f64, Form) {
+        let cosine = axis.dot(&user.towards).abs();
+        let away = (cosine - user.chord).max(0.0);
+        let one = 1.0 - 1.0 / t.power;
+        let (mut loudest, mut at, mut heard) = (0, 0.0, -1.0);
+        for (j, (line, strength)) in self.lines.iter().zip(&self.strength).enumerate() {
+            let sine = axis.cross(&line.direction).norm();
+            let kept = (sine - line.spread).max(0.0);
+            let here = strength * line.inverse_square * kept * kept;
+            if here > heard {
+                (loudest, at, heard) = (j, sine, here);
+            }
+        }
+        let value = one + heard - user.gain * (1.0 - away * away);
+        let share = split_share(user.chord, cosine);
+        let wanted = Form::new(
+            user.gain * (1.0 + excess(share, user.chord)),
+            user.gain * (1.0 - share),
+            &user.towards,
+        );
+        let Line { direction, inverse_square, spread } = self.lines[loudest];
+        let share = split_share(spread, at);
+        let weight = self.strength[loudest] * inverse_square;
+        let form = if share < 1.0 && weight.is_finite() {
+            let kept = weight * (1.0 - share);
+            Form::new(one + kept - weight * excess(share, spread), kept, &direction)
+        } else {
+            Form::new(one, 0.0, &direction)
+        };
+        (value, form.plus(-1.0, &wanted))
+    }
+}
+
+/// The user seen from I's box.
+struct User {
+    /// Largest SINR over 2^T in the plane of maximum gain.
+    gain: f64,
+    /// Largest change of the direction.
+    chord: f64,
+    /// Direction between the user and the centre.
+    towards: Vector3<f64>,
+}
+
+/// Largest distance between the unit vectors towards two points of a ball, one of them its centre.
+pub(super) fn chord(radius: f64, distance: f64) -> f64 {
+    if radius >= distance {
+        return 2.0;
+    }
+    let s = radius / distance;
+    // 2 sin(asin(s) / 2), outward.
+    (2.0 * s * s / (1.0 + (1.0 - s * s).sqrt())).sqrt() * (1.0 + MARGIN)
+}
+
+/// The t in (0, 1] for which (1 - t) x^2 - (1/t - 1) e^2 <= max(x - e, 0)^2 is tight at `at`.
+fn split_share(e: f64, at: f64) -> f64 {
+    if e < at { (e / at).max(1e-12) } else { 1.0 }
+}
+
+/// (1/t - 1) e^2.
+fn excess(share: f64, e: f64) -> f64 {
+    if share < 1.0 { (1.0 / share - 1.0) * e * e } else { 0.0 }
+}
