@@ -94,7 +94,7 @@ fn regress_j_off_before_i_is_found() {
 }
 
 fn slot_model(bug: model::Bug) -> model::SlotModel {
-    let step = Duration::from_millis(500);
+    let step = Duration::from_millis(250);
     model::SlotModel { bug, step, copies: 1, crashes: 1, losses: None }
 }
 
@@ -111,7 +111,7 @@ fn prop_a_slot_is_served_when_the_losses_end() {
     let model = model::SlotModel {
         copies: 0,
         crashes: 0,
-        losses: Some(2),
+        losses: Some(3),
         step: Duration::from_millis(200),
         ..slot_model(model::Bug::None)
     };

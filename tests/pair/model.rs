@@ -10,12 +10,15 @@ use std::hash::{Hash, Hasher};
 use std::time::Duration;
 
 use mavlink::dialects::ardupilotmega::MavMessage as RadioMessage;
-use stateright::{Checker, Model, Property};
+use stateright::{Checker, Expectation, HasDiscoveries, Model, Property};
 use veilwing::pair::wire::MavMessage;
 use veilwing::role::{PerVehicle, Role};
 
 use super::companion::{Clocks, Companion, LEASE, Phase};
 use super::radio::Radio;
+
+/// Short, so that everything can be explored: half a second of airtime, as long as a lease.
+const SLOT: Duration = Duration::from_millis(1500);
 
 /// A bug put in on purpose.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -89,7 +92,9 @@ impl SlotModel {
                 Role::J => (200_000, 2, LEASE),
             };
             let clocks = Clocks { started: Duration::ZERO, rate: 1.0, utc_error_us };
-            Some(Companion::new(role, boot, clocks, lease))
+            let mut companion = Companion::new(role, boot, clocks, lease);
+            companion.slot_length = SLOT;
+            Some(companion)
         });
         let mut state = State {
             t: Duration::ZERO,
@@ -271,6 +276,7 @@ impl Model for SlotModel {
         let mut properties = vec![
             Property::<Self>::always("S1: I radiates on a lease of J alone", |_, state| state.s1),
             Property::<Self>::always("S2: J radiates in a committed slot alone", |_, state| state.s2),
+            Property::<Self>::sometimes("a slot is served", |_, state| state.served),
             Property::<Self>::always("S3: J jams whenever I radiates", |_, state| state.s3),
         ];
         if self.losses.is_some() {
@@ -282,8 +288,17 @@ impl Model for SlotModel {
 
 /// Explores, and returns the number of states and the names of the properties that do not hold.
 pub fn explore(model: SlotModel) -> (usize, Vec<&'static str>) {
-    let names: Vec<&'static str> = model.properties().iter().map(|p| p.name).collect();
-    let checker = model.checker().threads(1).spawn_bfs().join();
-    let broken = names.into_iter().filter(|name| checker.discovery(name).is_some()).collect();
+    let properties = model.properties();
+    // A bug is found when anything fails; else everything is explored.
+    let stop = match model.bug {
+        Bug::None => HasDiscoveries::All,
+        _ => HasDiscoveries::AnyFailures,
+    };
+    let checker = model.checker().threads(1).finish_when(stop).spawn_bfs().join();
+    // A discovery is a counterexample, except of what is to happen sometimes: there it is the example.
+    let broken = |p: &Property<SlotModel>| {
+        (checker.discovery(p.name).is_some()) != matches!(p.expectation, Expectation::Sometimes)
+    };
+    let broken = properties.iter().filter(|p| broken(p)).map(|p| p.name).collect();
     (checker.unique_state_count(), broken)
 }
