@@ -2,6 +2,8 @@
 
 #[path = "pair/companion.rs"]
 mod companion;
+#[path = "pair/model.rs"]
+mod model;
 #[path = "pair/radio.rs"]
 mod radio;
 #[path = "pair/sweep.rs"]
@@ -89,4 +91,41 @@ fn regress_j_off_before_i_is_found() {
         violated(&seen, "S3")
     });
     assert!(found.count() >= 1);
+}
+
+fn slot_model(bug: model::Bug) -> model::SlotModel {
+    let step = Duration::from_millis(250);
+    model::SlotModel { bug, step, copies: 1, crashes: 1, losses: None }
+}
+
+#[test]
+fn prop_no_order_of_messages_and_no_death_breaks_a_slot() {
+    let (states, broken) = model::explore(slot_model(model::Bug::None));
+    println!("safety: {states} states");
+    assert_eq!(broken, Vec::<&str>::new());
+    assert!(states > 1000, "{states}");
+}
+
+#[test]
+fn prop_a_slot_is_served_when_the_losses_end() {
+    let model = model::SlotModel {
+        copies: 0,
+        crashes: 0,
+        losses: Some(3),
+        step: Duration::from_millis(200),
+        ..slot_model(model::Bug::None)
+    };
+    let (states, broken) = model::explore(model);
+    println!("liveness: {states} states");
+    assert_eq!(broken, Vec::<&str>::new());
+}
+
+#[test]
+fn regress_the_model_check_finds_bugs_put_in_on_purpose() {
+    use model::Bug;
+    for bug in [Bug::LeaseNeverExpires, Bug::JOffBeforeI, Bug::GrantCountedFromReceipt] {
+        let (states, broken) = model::explore(slot_model(bug));
+        println!("{bug:?}: {states} states, broken: {broken:?}");
+        assert!(!broken.is_empty(), "{bug:?}");
+    }
 }

@@ -6,6 +6,8 @@
 
 mod agreement;
 mod messages;
+#[cfg(test)]
+mod tests;
 
 use std::collections::VecDeque;
 use std::time::Duration;

@@ -73,6 +73,7 @@ pub struct Companion {
     pub phase: Phase,
     pub next_slot: u16,
     pub pose_lost: bool,
+    pub slot_length: Duration,
     /// Slots given up or flown, for the counting: their numbers.
     pub finished: Vec<u16>,
     pub aborted_by: Option<String>,
@@ -138,6 +139,7 @@ impl Companion {
             phase: Phase::Ready,
             next_slot: 0,
             pose_lost: false,
+            slot_length: SLOT,
             finished: Vec::new(),
             aborted_by: None,
             agreement_time: AgreementTime::default(),
@@ -315,8 +317,8 @@ impl Companion {
                     commitment,
                     power_w: PLANNED_W[self.role],
                     radiate_from: opens + GUARD / 2,
-                    radiate_until: opens + SLOT - GUARD / 2,
-                    closes_at: opens + SLOT,
+                    radiate_until: opens + self.slot_length - GUARD / 2,
+                    closes_at: opens + self.slot_length,
                     closing: false,
                 });
                 self.phase = Phase::Slot;

@@ -1,0 +1,172 @@
+//! What a single odd datagram must not do. Whole pairs are simulated in tests/pair.
+
+use super::*;
+use crate::geo::Pose;
+
+const NEEDS: Duration = Duration::from_secs(2);
+
+fn at(ms: u64) -> Instant {
+    Instant::from_start(Duration::from_millis(ms))
+}
+
+fn utc(ms: u64) -> Utc {
+    Utc { unix_us: 1_800_000_000_000_000 + ms * 1000 }
+}
+
+fn coordinator(role: Role, boot_id: u32) -> Coordinator {
+    let settings = Settings {
+        role,
+        boot_id,
+        mission_digest: [1; 32],
+        lease: Duration::from_millis(500),
+        peer_timeout: Duration::from_secs(3),
+        clock_tolerance: Duration::from_millis(250),
+    };
+    let pose = Pose { position_enu_m: Enu::new(1.0, 2.0, 80.0), roll_rad: 0.5, pitch_rad: 0.1, yaw_rad: 0.0 };
+    let vehicle = VehiclePlan { pose, tx_power_w: 0.5 };
+    let mut coordinator = Coordinator::new(settings, Instant::ZERO);
+    coordinator
+        .set_plan(PlanTerms { digest: [2; 32], slots: vec![PerVehicle { i: vehicle, j: vehicle }; 3] });
+    coordinator
+}
+
+fn sent(from: &mut Coordinator) -> Vec<MavMessage> {
+    std::iter::from_fn(|| from.poll_transmit()).collect()
+}
+
+fn events(of: &mut Coordinator) -> Vec<Event> {
+    std::iter::from_fn(|| of.poll_event()).collect()
+}
+
+/// Ten milliseconds of both, all messages delivered; what was sent.
+fn run(i: &mut Coordinator, j: &mut Coordinator, ms: u64) -> Vec<MavMessage> {
+    let mut all = Vec::new();
+    for side in [&mut *i, &mut *j] {
+        side.set_utc(Some(utc(ms)), at(ms));
+        side.handle_timeout(at(ms));
+    }
+    for _ in 0..4 {
+        let (from_i, from_j) = (sent(i), sent(j));
+        from_i.iter().for_each(|m| j.handle_message(m, at(ms)));
+        from_j.iter().for_each(|m| i.handle_message(m, at(ms)));
+        all.extend(from_i.into_iter().chain(from_j));
+    }
+    all
+}
+
+/// Acquainted, clocks compared, J ready for slot 0, at 2 s.
+fn pair() -> (Coordinator, Coordinator) {
+    let (mut i, mut j) = (coordinator(Role::I, 11), coordinator(Role::J, 22));
+    for ms in (0..2000).step_by(10) {
+        run(&mut i, &mut j, ms);
+    }
+    assert!(i.agrees() && j.agrees());
+    j.set_readiness(Some(Readiness { next_slot: 0, needs: NEEDS }));
+    events(&mut i);
+    events(&mut j);
+    (i, j)
+}
+
+#[test]
+fn val_a_dead_boot_s_late_hello_changes_nothing_and_a_new_boot_is_believed() {
+    let (mut i, mut j) = pair();
+    i.next_hello = at(2000);
+    i.handle_timeout(at(2000));
+    let late: Vec<_> =
+        sent(&mut i).into_iter().filter(|m| matches!(m, MavMessage::VEILWING_HELLO(_))).collect();
+    assert_eq!(late.len(), 1);
+    let mut reborn = coordinator(Role::I, 12);
+    for ms in (3000..4000).step_by(10) {
+        run(&mut reborn, &mut j, ms);
+    }
+    assert!(events(&mut j).contains(&Event::PeerRestarted));
+    assert!(j.peer().is_boot(12));
+    j.handle_message(&late[0], at(4000));
+    assert!(j.peer().is_boot(12));
+    assert_eq!(events(&mut j), vec![]);
+
+    // J restarts as well and hears the dead boot first.
+    let mut j = coordinator(Role::J, 23);
+    j.handle_message(&late[0], at(10));
+    for ms in (4010..5000).step_by(10) {
+        run(&mut reborn, &mut j, ms);
+    }
+    assert!(j.peer().is_boot(12));
+}
+
+#[test]
+fn val_both_commit_and_i_only_when_j_has_said_so() {
+    let (mut i, mut j) = pair();
+    i.propose(0, utc(6000), NEEDS, at(2000));
+    i.handle_timeout(at(2000));
+    sent(&mut i).iter().for_each(|m| j.handle_message(m, at(2000)));
+    sent(&mut j).iter().for_each(|m| i.handle_message(m, at(2000)));
+    assert_eq!(i.commitment(), None, "accepted is not committed");
+    run(&mut i, &mut j, 2010);
+    run(&mut i, &mut j, 2020);
+    assert_eq!(i.commitment().map(|c| c.opens_at), Some(at(6000)));
+    assert_eq!(j.commitment().map(|c| c.opens_at), Some(at(6000)));
+}
+
+#[test]
+fn val_a_delayed_commit_commits_nobody() {
+    let (mut i, mut j) = pair();
+    i.propose(0, utc(6000), NEEDS, at(2000));
+    i.handle_timeout(at(2000));
+    sent(&mut i).iter().for_each(|m| j.handle_message(m, at(2000)));
+    sent(&mut j).iter().for_each(|m| i.handle_message(m, at(2000)));
+    let commits: Vec<_> =
+        sent(&mut i).into_iter().filter(|m| matches!(m, MavMessage::VEILWING_COMMIT(_))).collect();
+    // The transit begins at 4 s; 200 ms before is too late for J's word to come through.
+    commits.iter().for_each(|m| j.handle_message(m, at(3800)));
+    assert_eq!((commits.len(), j.commitment()), (1, None));
+    i.handle_timeout(at(4000));
+    assert!(events(&mut i).contains(&Event::Refused(0, VeilwingAnswer::VEILWING_ANSWER_TOO_LATE)));
+    assert!(!i.is_proposing());
+}
+
+#[test]
+fn val_only_the_very_next_slot_is_accepted() {
+    let (mut i, mut j) = pair();
+    i.propose(1, utc(6000), NEEDS, at(2000));
+    run(&mut i, &mut j, 2000);
+    assert_eq!(events(&mut i), vec![Event::Refused(1, VeilwingAnswer::VEILWING_ANSWER_WRONG_SLOT)]);
+}
+
+#[test]
+fn val_a_step_of_utc_voids_what_was_compared() {
+    let (mut i, mut j) = pair();
+    i.set_utc(Some(utc(9000)), at(2000));
+    i.propose(0, utc(13_000), NEEDS, at(2000));
+    assert_eq!(events(&mut i), vec![Event::Refused(0, VeilwingAnswer::VEILWING_ANSWER_CLOCK)]);
+    // J's steps back between two comparisons.
+    let (mut i2, _) = pair();
+    j.set_utc(Some(utc(0)), at(2000));
+    i2.propose(0, utc(6000), NEEDS, at(2000));
+    i2.handle_timeout(at(2000));
+    sent(&mut j);
+    sent(&mut i2).iter().for_each(|m| j.handle_message(m, at(2000)));
+    let refused = sent(&mut j).into_iter().any(
+        |m| matches!(m, MavMessage::VEILWING_ANSWER(a) if a.answer == VeilwingAnswer::VEILWING_ANSWER_CLOCK),
+    );
+    assert!(refused);
+}
+
+#[test]
+fn val_j_committed_alone_says_so() {
+    let (mut i, mut j) = pair();
+    i.propose(0, utc(6000), NEEDS, at(2000));
+    i.handle_timeout(at(2000));
+    sent(&mut i).iter().for_each(|m| j.handle_message(m, at(2000)));
+    sent(&mut j).iter().for_each(|m| i.handle_message(m, at(2000)));
+    // From here on nothing of J's arrives.
+    let mut left = Vec::new();
+    for ms in (2000..5200).step_by(50) {
+        i.set_utc(Some(utc(ms)), at(ms));
+        i.handle_timeout(at(ms));
+        sent(&mut i).iter().for_each(|m| j.handle_message(m, at(ms)));
+        left.extend(events(&mut j).into_iter().filter(|e| *e == Event::PeerLeft).map(|_| ms));
+    }
+    assert_eq!(i.commitment(), None, "I does not fly unconfirmed");
+    assert!(left.len() == 1 && (5000..5200).contains(&left[0]), "{left:?}");
+}
