@@ -1,4 +1,4 @@
-//! MAVLink 2 message signing: the policy. The arithmetic is the mavlink crate's, the record on disk [`record`]'s.
+//! MAVLink 2 message signing: the policy. The arithmetic is the mavlink crate's, the record on disk `record`'s.
 //!
 //! A timestamp counts tens of microseconds since 2015. What was accepted or used is never accepted or used
 //! again, also after a crash: a link's timestamps, received and sent, stay below a ceiling that is on disk

@@ -34,7 +34,7 @@ pub struct SlotDocument {
     pub user: String,
     /// How the search ended.
     pub status: &'static str,
-    /// E[R] in bit/s.
+    /// `E[R]` in bit/s.
     pub secrecy_rate_bps: f64,
     /// Its standard error as an estimate.
     pub standard_error_bps: f64,
