@@ -53,6 +53,20 @@ pub(super) struct Offset {
     pub pitch_off: Range,
 }
 
+/// What a box of offsets is reduced to.
+struct Nearest {
+    /// The least differences of roll and pitch, signed.
+    x: f64,
+    y: f64,
+    /// All differences of pitch.
+    pitch_off: Range,
+    /// Rolls of the axis.
+    roll: Range,
+    /// The least and the largest cosine of the line's roll.
+    line_cos: f64,
+    flat_cos: f64,
+}
+
 impl Law {
     pub fn new(std_rad: f64) -> Self {
         let mut law = Self {
@@ -91,20 +105,31 @@ impl Law {
             (turned, minus(offset.pitch_off, [PI; 2])),
         ];
         let line_cos = offset.line_roll[0].cos().min(offset.line_roll[1].cos()).max(0.0);
-        let axis_cos = offset.roll[0].cos().min(offset.roll[1].cos()).max(0.0);
+        let axis_cos = offset.roll[0].cos().min(offset.roll[1].cos());
+        let steepest = offset.line_roll[0].abs().min(offset.line_roll[1].abs());
+        let crosses = offset.line_roll[0] <= 0.0 && offset.line_roll[1] >= 0.0;
+        let flat_cos = if crosses { 1.0 } else { steepest.cos() };
         for (roll_off, pitch_off) in images {
             let (x, y) = (nearest_zero(roll_off), nearest_zero(pitch_off));
             let near = (0.5 * x).sin().powi(2) + line_cos * axis_cos * (0.5 * y).sin().powi(2);
             // Beyond a right angle another image of the line is nearer; the nearest of all is at most half way.
             if near <= 0.5 {
-                let (value, slope) = self.mean(scale, floor, x, y, offset.roll, line_cos);
+                let (value, slope) = self.mean(
+                    scale,
+                    floor,
+                    &Nearest { x, y, pitch_off, roll: offset.roll, line_cos, flat_cos },
+                );
                 least = (least.0.min(value), least.1.min(slope));
             }
         }
         if least.0.is_finite() { least } else { (scale.max(floor).ln_1p() / LN_2, 0.0) }
     }
 
-    fn mean(&self, scale: f64, floor: f64, x: f64, y: f64, roll: Range, line_cos: f64) -> (f64, f64) {
+    fn mean(&self, scale: f64, floor: f64, at: &Nearest) -> (f64, f64) {
+        let &Nearest { x, y, pitch_off, roll, line_cos, flat_cos } = at;
+        // Half the sine of the farthest pitch, unless opposite ones are near: then all of it.
+        let [far_a, far_b] = pitch_off.map(|y| (0.5 * y).sin_cos());
+        let beyond = if pitch_off[0] < -2.0 || pitch_off[1] > 2.0 { 1.0 } else { 0.0 };
         let (sx, cx) = (0.5 * x).sin_cos();
         let (sy, cy) = (0.5 * y).sin_cos();
         let [(s_lo, c_lo), (s_hi, c_hi)] = roll.map(f64::sin_cos);
@@ -122,8 +147,15 @@ impl Law {
                 let (p, q) =
                     (c_lo * roll_c[g][m] - s_lo * roll_s[g][m], c_hi * roll_c[g][m] - s_hi * roll_s[g][m]);
                 let least = if p < q { p } else { q };
-                let least = if least > 0.0 { least } else { 0.0 };
-                let h = a * a + line_cos * least * b * b;
+                // Past a right angle of roll the product is negative: the farthest pitch counts, and the flattest line.
+                let far_a = far_a.0 * half_pitch_c[g][m] + far_a.1 * half_pitch_s[g][m];
+                let far_b = far_b.0 * half_pitch_c[g][m] + far_b.1 * half_pitch_s[g][m];
+                let (far_a, far_b) = (far_a * far_a, far_b * far_b);
+                let far = if far_a > far_b { far_a } else { far_b };
+                let far = if far > beyond { far } else { beyond };
+                let part = if least > 0.0 { line_cos * b * b } else { flat_cos * far };
+                let h = a * a + least * part;
+                let h = if h > 0.0 { h } else { 0.0 };
                 let x = 1.0 + scale * 4.0 * h * (1.0 - h);
                 products[m] *= if x > floor { x } else { floor };
                 shares[m] += if x > floor { (x - 1.0) / x } else { 0.0 };

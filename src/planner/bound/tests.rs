@@ -177,3 +177,45 @@ fn prop_bound_is_deterministic_and_falls_back() {
     uncertain.objective = Objective::Mean;
     assert_eq!(best_bound(&uncertain, 20e6, budget).kind, BoundKind::Cap);
 }
+
+#[test]
+fn prop_no_sampled_configuration_of_a_field_problem_exceeds_the_bound() {
+    // An L, a user off the origin with height, nodes with heights, unequal powers, separation, a real link budget.
+    let mut p = problem(&[120.0, 60.0, -150.0, 200.0, 90.0, -220.0], 1.0, 0.0);
+    p.user_enu_m = Vector3::new(40.0, -30.0, 1.5);
+    for (k, e) in p.eavesdroppers.iter_mut().enumerate() {
+        e.position_enu_m.z = 2.0 + 7.0 * k as f64;
+    }
+    p.airspace.area_enu_m =
+        [(-300.0, -300.0), (300.0, -300.0), (300.0, 0.0), (0.0, 0.0), (0.0, 300.0), (-300.0, 300.0)]
+            .map(|(x, y)| Vector2::new(x, y))
+            .to_vec();
+    p.airspace.min_separation_m = 60.0;
+    p.radio.max_power_w = PerVehicle { i: 0.1, j: 1.0 };
+    p.radio.reference_gain = 1e-4;
+    let prepared = Prepared::new(&p).unwrap();
+    let mut rng = ChaCha8Rng::seed_from_u64(11);
+    let mut best: f64 = 0.0;
+    let place = |rng: &mut ChaCha8Rng, around: &Vector3<f64>, reach: f64| loop {
+        let step = Vector3::from_fn(|_, _| rng.random_range(-reach..reach));
+        let mut point = around + step;
+        point.z = point.z.clamp(80.0, 300.0);
+        let inside = point.x.abs() <= 300.0 && point.y.abs() <= 300.0 && !(point.x > 0.0 && point.y > 0.0);
+        if inside {
+            return point - p.user_enu_m;
+        }
+    };
+    for _ in 0..40_000 {
+        let e = p.eavesdroppers[rng.random_range(0..3)].position_enu_m;
+        let p_i = place(&mut rng, &p.user_enu_m, 60.0);
+        let p_j = place(&mut rng, &e, 250.0);
+        let axis = Vector3::from_fn(|_, _| rng.random_range(-1.0..1.0)).normalize();
+        if (p_i - p_j).norm() >= 60.0 {
+            best = best.max(prepared.links.rate_nulled(&p_i, &p_j, &axis));
+        }
+    }
+    let bound = best_bound(&p, best * 1e6, Budget { boxes: 100_000, relative_gap: 1e-2, ..Budget::STEADY });
+    assert!(bound.upper_bound_bps >= best * 1e6 && bound.upper_bound_bps <= cap(&p), "{best} {bound:?}");
+    let answer = certify(&p, best * 0.999e6, Budget { boxes: 200_000, ..Budget::STEADY });
+    assert!(matches!(answer, Certificate::NotCertified { .. }), "{answer:?}");
+}
