@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 use crate::role::Role;
+use crate::simulation::VehicleText;
 
 /// Kept where the operator said, or temporary and removed at the end.
 pub(super) struct Directory {
@@ -46,7 +47,6 @@ impl Drop for Directory {
 pub(super) fn write_vehicle(
     directory: &Path,
     role: Role,
-    system_id: u8,
     autopilot_port: u16,
     pair_port: u16,
     actuation: &str,
@@ -55,15 +55,14 @@ pub(super) fn write_vehicle(
     let path = directory.join(format!("vehicle-{name}.toml"));
     // The companion may run in another directory; TOML's own quoting takes any path.
     let log_dir = std::path::absolute(directory).unwrap_or_else(|_| directory.to_path_buf());
-    let log_dir = toml::Value::String(log_dir.display().to_string());
-    let text = format!(
-        "# Written by `veilwing sitl`: the simulated vehicle {role}.\n\
-         [vehicle]\nrole = \"{name}\"\n\n\
-         [autopilot]\nlink = \"udpout:127.0.0.1:{autopilot_port}\"\nactuation = \"{actuation}\"\nsystem_id = {system_id}\n\n\
-         [transmitter]\nkind = \"leased\"\nsimulated = true\n\n\
-         [pair]\nlink = \"udpout:127.0.0.1:{pair_port}\"\n\n\
-         [log]\ndir = {log_dir}\n"
-    );
-    std::fs::write(&path, text).map_err(|error| format!("{}: {error}", path.display()))?;
+    let text = VehicleText {
+        role,
+        autopilot_link: &format!("udpout:127.0.0.1:{autopilot_port}"),
+        pair_link: &format!("udpout:127.0.0.1:{pair_port}"),
+        actuation,
+        simulated: true,
+        log_dir: Some(toml::Value::String(log_dir.display().to_string()).to_string()),
+    };
+    std::fs::write(&path, text.text()).map_err(|error| format!("{}: {error}", path.display()))?;
     Ok(path)
 }

@@ -13,6 +13,7 @@ use veilwing_sitl::{self as sim, World};
 
 use crate::link::clock::Clock;
 use crate::role::{PerVehicle, Role};
+use crate::simulation::index;
 
 use super::faults::{Fault, Faults, Kind};
 use super::files::write_vehicle;
@@ -113,18 +114,17 @@ pub(super) async fn fly(setup: Setup<'_>) -> Result<Flight, String> {
     let autopilot = PerVehicle { i: Port::bind().await?, j: Port::bind().await? };
     let pair = PerVehicle { i: Port::bind().await?, j: Port::bind().await? };
     let (lines, mut log) = mpsc::unbounded_channel();
-    let spawn = |role: Role, system_id| {
+    let spawn = |role: Role| {
         let vehicle = write_vehicle(
             setup.directory,
             role,
-            system_id,
             autopilot[role].number()?,
             pair[role].number()?,
             setup.actuation[role],
         )?;
         spawn_companion(setup.mission, setup.directory, setup.speed, role, &vehicle, &lines)
     };
-    let companions = PerVehicle { i: spawn(Role::I, 1)?, j: spawn(Role::J, 2)? };
+    let companions = PerVehicle { i: spawn(Role::I)?, j: spawn(Role::J)? };
     let clock = Clock::start(setup.speed).map_err(|error| error.to_string())?;
     let pending = setup.faults.faults.clone();
     let mut host = Host {
@@ -356,12 +356,5 @@ impl Host<'_> {
 
     fn say(&self, text: &str) {
         eprintln!("[{:7.1} s] {text}", self.setup.world.now().as_secs_f64());
-    }
-}
-
-fn index(role: Role) -> usize {
-    match role {
-        Role::I => 0,
-        Role::J => 1,
     }
 }

@@ -11,7 +11,7 @@ use std::path::PathBuf;
 
 use crate::config::Mission;
 use crate::link::clock::Clock;
-use crate::planner::problem::Airframe;
+use crate::role::PerVehicle;
 use crate::simulation;
 
 use super::plan::write_plan;
@@ -86,10 +86,7 @@ fn fly(args: &Args, mission: &Mission, faults: Faults) -> Result<Exit, String> {
         faults,
         speed: args.speed,
         directory: directory.path(),
-        actuation: crate::role::PerVehicle::from_fn(|role| match mission.vehicles[role].airframe {
-            Airframe::Omnidirectional => "pose",
-            Airframe::Conventional => "position",
-        }),
+        actuation: PerVehicle::from_fn(|role| simulation::actuation(mission, role)),
     }))?;
     let wall_s = wall.now().since_start().as_secs_f64();
     let document = FlightDocument::new(&flight, plan.plan_digest.clone(), wall_s);
