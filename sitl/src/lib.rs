@@ -27,5 +27,6 @@ pub use world::config::{
     WorldConfig,
 };
 pub use world::fault::Fault;
+pub use world::record::{Heard, Record, Recorder};
 pub use world::report::{FlightReport, PerVehicle, SlotReport, Violation};
 pub use world::{Snapshot, World};

@@ -4,6 +4,7 @@ pub mod config;
 pub mod fault;
 mod monitor;
 mod radio;
+pub mod record;
 pub mod report;
 mod score;
 

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 use crate::role::Role;
 
@@ -32,7 +32,7 @@ pub(super) struct Fault {
 }
 
 /// Kinds of fault.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum Kind {
     /// SIGKILL of the companion.
@@ -47,6 +47,14 @@ pub(super) enum Kind {
     PilotMode,
     /// The vehicle's position estimate fails.
     EstimatorFailure,
+}
+
+impl Kind {
+    /// As a fault file names it.
+    pub fn name(self) -> String {
+        // A unit variant is written as its name.
+        serde_json::to_value(self).ok().and_then(|name| name.as_str().map(str::to_owned)).unwrap_or_default()
+    }
 }
 
 impl Faults {
@@ -81,6 +89,11 @@ impl Fault {
     /// For the progress lines.
     pub fn describe(&self) -> String {
         let whom = self.vehicle.map_or("both companions".to_owned(), |role| format!("vehicle {role}"));
+        format!("fault: {whom}: {}", self.what())
+    }
+
+    /// What happens, without to whom.
+    pub fn what(&self) -> String {
         let what = match self.kind {
             Kind::CompanionKill => "companion killed (SIGKILL)",
             Kind::CompanionStop => "companion stopped (SIGSTOP)",
@@ -90,7 +103,7 @@ impl Fault {
             Kind::EstimatorFailure => "position estimate fails",
         };
         let lasting = self.duration_s.map_or(String::new(), |d| format!(" for {d} s"));
-        format!("fault: {whom}: {what}{lasting}")
+        format!("{what}{lasting}")
     }
 }
 

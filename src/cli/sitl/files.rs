@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
+use crate::report::flight::{self, Timeline};
 use crate::role::Role;
 use crate::simulation::VehicleText;
 
@@ -31,6 +32,21 @@ impl Directory {
         let path = self.path.join("summary.json");
         let text = serde_json::to_string_pretty(document).map_err(|error| error.to_string())?;
         std::fs::write(&path, text).map_err(|error| format!("{}: {error}", path.display()))
+    }
+}
+
+impl Directory {
+    /// Keeps the flight itself, and the mission beside it: what `veilwing report` reads.
+    pub fn write_flight(&self, mission: &Path, timeline: &Timeline) -> Result<(), String> {
+        let kept = self.path.join("mission.toml");
+        let same = |a: &Path, b: &Path| match (a.canonicalize(), b.canonicalize()) {
+            (Ok(a), Ok(b)) => a == b,
+            _ => false,
+        };
+        if !same(mission, &kept) {
+            std::fs::copy(mission, &kept).map_err(|error| format!("{}: {error}", kept.display()))?;
+        }
+        flight::store(&self.path, timeline).map_err(|error| error.to_string())
     }
 }
 

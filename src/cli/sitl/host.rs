@@ -12,12 +12,13 @@ use tokio::time::MissedTickBehavior;
 use veilwing_sitl::{self as sim, World};
 
 use crate::link::clock::Clock;
+use crate::report::flight::{Event, EventKind, Severity};
 use crate::role::{PerVehicle, Role};
 use crate::simulation::index;
 
 use super::faults::{Fault, Faults, Kind};
 use super::files::write_vehicle;
-use super::process::{Companion, End, describe_end, spawn_companion};
+use super::process::{Companion, End, Line, describe_end, spawn_companion};
 
 /// The world advances in steps of this much wall time.
 const STEP: Duration = Duration::from_millis(2);
@@ -27,6 +28,8 @@ const PROGRESS_EVERY: Duration = Duration::from_secs(10);
 const LAST_ONE: Duration = Duration::from_secs(300);
 /// ... and this much if its vehicle neither obeys it nor lands: it has nothing left to do.
 const LAST_ONE_IDLE: Duration = Duration::from_secs(15);
+/// The timeline has a record this often, and at each change.
+const RECORD_EVERY: Duration = Duration::from_millis(50);
 /// A flight takes no longer than this (flight time); for faults that leave a vehicle hanging.
 const LONGEST: Duration = Duration::from_secs(4 * 3600);
 /// After being asked to stop, a companion has this much wall time.
@@ -45,6 +48,10 @@ pub(super) struct Setup<'a> {
 /// A flight that is over.
 pub(super) struct Flight {
     pub report: sim::FlightReport,
+    /// As it was left.
+    pub world: World,
+    pub records: Vec<sim::Record>,
+    pub events: Vec<Event>,
     pub ends: PerVehicle<Option<End>>,
     pub interrupted: bool,
     /// Datagrams that companions sent to their vehicle or to each other.
@@ -107,6 +114,8 @@ struct Host<'a> {
     received: u64,
     swallowed: u64,
     next_progress: Duration,
+    recorder: sim::Recorder,
+    events: Vec<Event>,
 }
 
 /// Flies until both companions have ended.
@@ -143,6 +152,8 @@ pub(super) async fn fly(setup: Setup<'_>) -> Result<Flight, String> {
         received: 0,
         swallowed: 0,
         next_progress: PROGRESS_EVERY,
+        recorder: sim::Recorder::new(RECORD_EVERY),
+        events: Vec::new(),
     };
     let mut step = tokio::time::interval(STEP);
     step.set_missed_tick_behavior(MissedTickBehavior::Skip);
@@ -150,7 +161,7 @@ pub(super) async fn fly(setup: Setup<'_>) -> Result<Flight, String> {
     while !host.is_over() {
         tokio::select! {
             _ = step.tick() => host.advance(),
-            Some((role, line)) = log.recv() => host.say(&format!("{role}  {line}")),
+            Some((role, line)) = log.recv() => host.hear(role, line),
             () = &mut interrupt, if !host.interrupted => {
                 host.say("interrupted: both companions are asked to stop");
                 host.interrupted = true;
@@ -159,7 +170,7 @@ pub(super) async fn fly(setup: Setup<'_>) -> Result<Flight, String> {
         }
     }
     while let Ok((role, line)) = log.try_recv() {
-        host.say(&format!("{role}  {line}"));
+        host.hear(role, line);
     }
     host.settle();
     Ok(host.finish())
@@ -188,7 +199,10 @@ impl Host<'_> {
                 }
             }
         }
+        // What a fault or a command has just changed keeps its own instant.
+        self.recorder.observe(&self.setup.world);
         self.setup.world.advance(self.clock.now().since_start());
+        self.recorder.observe(&self.setup.world);
         while let Some((vehicle, _, frame)) = self.setup.world.poll_transmit() {
             let port = &self.autopilot[if vehicle == 0 { Role::I } else { Role::J }];
             if port.open {
@@ -206,17 +220,21 @@ impl Host<'_> {
     fn settle(&mut self) {
         let end = self.setup.world.now() + Duration::from_secs(1);
         self.setup.world.advance(end);
+        self.recorder.observe(&self.setup.world);
         while self.setup.world.poll_transmit().is_some() {}
     }
 
     fn finish(self) -> Flight {
         Flight {
             report: self.setup.world.report(),
+            records: self.recorder.finish(),
+            events: self.events,
             ends: self.companions.map(|companion| companion.end),
             interrupted: self.interrupted,
             sent: self.sent,
             received: self.received,
             swallowed: self.swallowed,
+            world: self.setup.world,
         }
     }
 
@@ -243,7 +261,10 @@ impl Host<'_> {
                     self.setup.world.inject(sim::Fault::CompanionLost { vehicle: index(role) });
                 }
                 self.first_end.get_or_insert(now);
-                self.say(&format!("{role}  companion {}", describe_end(end)));
+                let severity = if end == End::Code(0) { Severity::Info } else { Severity::Warning };
+                let text = format!("companion {}", describe_end(end));
+                self.say(&format!("{role}  {text}"));
+                self.note(EventKind::Process, Some(role), severity, text);
             } else if companion.asked_to_stop.is_some_and(|at| self.wall.now() > at + STOP_WITHIN) {
                 // It does not listen: end it. Its transmitter falls silent by itself.
                 let _ = companion.child.start_kill();
@@ -298,6 +319,7 @@ impl Host<'_> {
         let due: Vec<Fault> = self.pending.extract_if(.., |fault| is_due(fault)).collect();
         for fault in due {
             self.say(&fault.describe());
+            self.note_fault(EventKind::Fault, &fault);
             self.apply(&fault, true);
             self.running.push((fault, now));
         }
@@ -307,6 +329,7 @@ impl Host<'_> {
         let over: Vec<_> = self.running.extract_if(.., |running| ends(running)).collect();
         for (fault, _) in over {
             self.say(&format!("{} is over", fault.describe()));
+            self.note_fault(EventKind::FaultOver, &fault);
             self.apply(&fault, false);
         }
     }
@@ -352,6 +375,27 @@ impl Host<'_> {
             })
             .collect();
         self.say(&vehicles.join("; "));
+    }
+
+    /// A line of a companion's log.
+    fn hear(&mut self, role: Role, line: Line) {
+        self.say(&format!("{role}  {line}"));
+        self.note(EventKind::Notice, Some(role), line.severity, line.text);
+        if let Some(event) = self.events.last_mut().filter(|_| !line.phase.is_empty()) {
+            event.phase = Some(line.phase);
+        }
+    }
+
+    fn note_fault(&mut self, kind: EventKind, fault: &Fault) {
+        self.note(kind, fault.vehicle, Severity::Warning, fault.what());
+        if let Some(event) = self.events.last_mut() {
+            event.code = Some(fault.kind.name());
+        }
+    }
+
+    fn note(&mut self, kind: EventKind, vehicle: Option<Role>, severity: Severity, text: String) {
+        let at_s = self.setup.world.now().as_secs_f64();
+        self.events.push(Event { at_s, kind, vehicle, severity, phase: None, code: None, text });
     }
 
     fn say(&self, text: &str) {

@@ -11,6 +11,7 @@ use std::path::PathBuf;
 
 use crate::config::Mission;
 use crate::link::clock::Clock;
+use crate::report::flight;
 use crate::role::PerVehicle;
 use crate::simulation;
 
@@ -80,7 +81,7 @@ fn fly(args: &Args, mission: &Mission, faults: Faults) -> Result<Exit, String> {
         .enable_all()
         .build()
         .map_err(|error| format!("the event loop cannot start: {error}"))?;
-    let flight = runtime.block_on(host::fly(host::Setup {
+    let flown = runtime.block_on(host::fly(host::Setup {
         mission: &args.mission,
         world,
         faults,
@@ -89,10 +90,15 @@ fn fly(args: &Args, mission: &Mission, faults: Faults) -> Result<Exit, String> {
         actuation: PerVehicle::from_fn(|role| simulation::actuation(mission, role)),
     }))?;
     let wall_s = wall.now().since_start().as_secs_f64();
-    let document = FlightDocument::new(&flight, plan.plan_digest.clone(), wall_s);
+    let document = FlightDocument::new(&flown, plan.plan_digest.clone(), wall_s);
     directory.write_summary(&document)?;
+    if args.out.is_some() {
+        let timeline =
+            flight::simulated::timeline(mission, &flown.world, &flown.records, flown.events.clone());
+        directory.write_flight(&args.mission, &timeline)?;
+    }
     let shown =
-        if args.json { print_json(&document) } else { print_text(&document.table(mission, &flight.ends)) };
+        if args.json { print_json(&document) } else { print_text(&document.table(mission, &flown.ends)) };
     if let Some(out) = &args.out {
         eprintln!("kept in {}", out.display());
     }

@@ -7,6 +7,7 @@ use tokio::io::{AsyncBufReadExt, BufReader};
 use tokio::process::{Child, Command};
 use tokio::sync::mpsc;
 
+use crate::report::flight::Severity;
 use crate::role::Role;
 use crate::time::Instant;
 
@@ -45,7 +46,7 @@ pub(super) fn spawn_companion(
     speed: f64,
     role: Role,
     vehicle: &Path,
-    lines: &mpsc::UnboundedSender<(Role, String)>,
+    lines: &mpsc::UnboundedSender<(Role, Line)>,
 ) -> Result<Companion, String> {
     let program =
         std::env::current_exe().map_err(|error| format!("this program cannot find itself: {error}"))?;
@@ -86,16 +87,42 @@ pub(super) fn spawn_companion(
     Ok(Companion { child, end: None, asked_to_stop: None })
 }
 
-/// A companion's log line for the operator: its message if it is a log record of information or worse.
-fn readable(line: &str) -> Option<String> {
-    let Ok(record) = serde_json::from_str::<serde_json::Value>(line) else { return Some(line.to_owned()) };
-    let level = record.get("level").and_then(serde_json::Value::as_str).unwrap_or_default();
-    let fields = record.get("fields");
-    let field =
-        |name: &str| fields.and_then(|f| f.get(name)).and_then(serde_json::Value::as_str).unwrap_or_default();
-    match level {
-        "DEBUG" | "TRACE" => None,
-        "INFO" => Some(format!("{:<14} {}", field("phase"), field("message"))),
-        _ => Some(format!("{:<14} {}: {}", field("phase"), level.to_lowercase(), field("message"))),
+/// A line of a companion's log, for the operator.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Line {
+    /// How bad it is.
+    pub severity: Severity,
+    /// The companion's phase; empty if it has none to tell.
+    pub phase: String,
+    /// What it says.
+    pub text: String,
+}
+
+impl std::fmt::Display for Line {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { severity, phase, text } = self;
+        match severity {
+            Severity::Info => write!(f, "{phase:<14} {text}"),
+            Severity::Warning => write!(f, "{phase:<14} warn: {text}"),
+            Severity::Error => write!(f, "{phase:<14} error: {text}"),
+        }
     }
+}
+
+/// What the operator should see of a companion's log: its message if it is a log record of information or worse.
+fn readable(line: &str) -> Option<Line> {
+    let Ok(record) = serde_json::from_str::<serde_json::Value>(line) else {
+        return Some(Line { severity: Severity::Info, phase: String::new(), text: line.to_owned() });
+    };
+    let severity = match record.get("level").and_then(serde_json::Value::as_str).unwrap_or_default() {
+        "DEBUG" | "TRACE" => return None,
+        "INFO" => Severity::Info,
+        "WARN" => Severity::Warning,
+        _ => Severity::Error,
+    };
+    let fields = record.get("fields");
+    let field = |name: &str| {
+        fields.and_then(|f| f.get(name)).and_then(serde_json::Value::as_str).unwrap_or_default().to_owned()
+    };
+    Some(Line { severity, phase: field("phase"), text: field("message") })
 }
