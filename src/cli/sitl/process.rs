@@ -43,6 +43,7 @@ pub(super) fn spawn_companion(
     mission: &Path,
     directory: &Path,
     speed: f64,
+    start: Option<&str>,
     role: Role,
     vehicle: &Path,
     lines: &mpsc::UnboundedSender<(Role, String)>,
@@ -54,7 +55,8 @@ pub(super) fn spawn_companion(
         .arg(mission)
         .arg("--vehicle")
         .arg(vehicle)
-        .args(["--start", "--clock-rate", &speed.to_string()])
+        .args(start)
+        .args(["--clock-rate", &speed.to_string()])
         .stdin(Stdio::null())
         .stdout(Stdio::null())
         .stderr(Stdio::piped())
