@@ -14,7 +14,9 @@ const EXAMPLES: &str = "Examples:
   veilwing-sitl vehicle --link udpout:127.0.0.1:14550
       a PX4-like vehicle that a ground station on this machine finds by itself
   veilwing-sitl vehicle --link udpin:0.0.0.0:14540 --firmware ardupilot --speed 5 --home 47.397,8.545,488
-      an ArduCopter-like one that waits for its client, five times as fast as real time";
+      an ArduCopter-like one that waits for its client, five times as fast as real time
+  veilwing-sitl vehicle --link udpin:127.0.0.1:14540 --ground-station udpout:127.0.0.1:14550
+      a companion on one link, and a ground station on the other that sees both";
 
 #[derive(Parser)]
 #[command(version, about = "Software vehicle behind a MAVLink autopilot face", after_help = EXAMPLES)]
@@ -47,6 +49,10 @@ struct VehicleArguments {
     /// Where the client is: udpout:HOST:PORT sends there, udpin:HOST:PORT waits for it
     #[arg(long)]
     link: udp::Link,
+    /// A ground station beside the client, written as --link; it hears and reaches whatever is on that one. May be
+    /// repeated
+    #[arg(long, value_name = "LINK")]
+    ground_station: Vec<udp::Link>,
     /// Whose manners the autopilot has
     #[arg(long, value_enum, default_value = "px4")]
     firmware: FirmwareArgument,
@@ -149,6 +155,21 @@ impl Interrupts {
     }
 }
 
+/// As many as the vehicle's router has links for, beside the client's.
+const MOST_GROUND_STATIONS: usize = 15;
+
+/// The client's link first.
+async fn bind_all(arguments: &VehicleArguments) -> Result<Vec<udp::Port>, String> {
+    if arguments.ground_station.len() > MOST_GROUND_STATIONS {
+        return Err(format!("at most {MOST_GROUND_STATIONS} ground stations"));
+    }
+    let mut ports = Vec::new();
+    for link in std::iter::once(&arguments.link).chain(&arguments.ground_station) {
+        ports.push(udp::Port::bind(*link).await.map_err(|error| format!("{link}: {error}"))?);
+    }
+    Ok(ports)
+}
+
 #[tokio::main(flavor = "current_thread")]
 async fn main() -> ExitCode {
     let Arguments { command: Command::Vehicle(arguments) } = Arguments::parse();
@@ -159,18 +180,22 @@ async fn main() -> ExitCode {
             tracing_subscriber::EnvFilter::try_from_default_env().unwrap_or_else(|_| "info".into()),
         )
         .init();
-    let (mut interrupts, socket) = match (Interrupts::listen(), udp::bind(arguments.link).await) {
-        (Ok(interrupts), Ok(socket)) => (interrupts, socket),
-        (Err(error), _) | (_, Err(error)) => {
-            eprintln!("veilwing-sitl: {:?}: {error}", arguments.link);
+    let (mut interrupts, mut ports) = match (Interrupts::listen(), bind_all(&arguments).await) {
+        (Ok(interrupts), Ok(ports)) => (interrupts, ports),
+        (Err(error), _) => {
+            eprintln!("veilwing-sitl: signals: {error}");
+            return ExitCode::from(2);
+        }
+        (_, Err(message)) => {
+            eprintln!("veilwing-sitl: {message}");
             return ExitCode::from(2);
         }
     };
     let mut vehicle = vehicle(&arguments);
     let pace = udp::Pace { speed: arguments.speed, duration: arguments.duration };
-    tracing::info!("system {} on {:?} at {}x", arguments.system_id, arguments.link, arguments.speed);
+    tracing::info!("system {} on {} at {}x", arguments.system_id, arguments.link, arguments.speed);
     let code = tokio::select! {
-        () = udp::run(&mut vehicle, &socket, arguments.link, pace) => ExitCode::SUCCESS,
+        () = udp::run(&mut vehicle, &mut ports, pace) => ExitCode::SUCCESS,
         () = interrupts.arrive() => ExitCode::from(130),
     };
     let counters = vehicle.counters();

@@ -124,6 +124,11 @@ impl Vehicle {
         }
     }
 
+    /// Telemetry on a link from now on, for a ground station that waits to hear something.
+    pub fn open_link(&mut self, link: usize) {
+        self.router.open(link);
+    }
+
     /// Bytes from a client on a link (0 is the companion's).
     pub fn handle(&mut self, link: usize, bytes: &[u8], now: Duration) {
         if self.companion_link_down && link == COMPANION_LINK {

@@ -70,6 +70,16 @@ impl Router {
         })
     }
 
+    /// Speaks on a link before anybody is heard there.
+    pub fn open(&mut self, link: usize) {
+        if link < MAX_LINKS {
+            if self.links.len() <= link {
+                self.links.resize_with(link + 1, Link::default);
+            }
+            self.links[link].active = true;
+        }
+    }
+
     /// Takes bytes from a link; returns what is for each component aboard.
     pub fn receive(&mut self, link: usize, bytes: &[u8]) -> Vec<(Sender, u8, MavMessage)> {
         if link >= MAX_LINKS {

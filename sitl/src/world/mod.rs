@@ -109,6 +109,13 @@ impl World {
         }
     }
 
+    /// Telemetry of a vehicle on a link from now on, for a ground station that waits to hear something.
+    pub fn open_link(&mut self, vehicle: usize, link: usize) {
+        if let Some(vehicle) = self.vehicles.get_mut(vehicle) {
+            vehicle.open_link(link);
+        }
+    }
+
     /// The next MAVLink frame to send: vehicle, link, bytes.
     pub fn poll_transmit(&mut self) -> Option<(usize, usize, Vec<u8>)> {
         self.vehicles

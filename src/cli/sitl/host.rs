@@ -11,6 +11,7 @@ use tokio::sync::mpsc;
 use tokio::time::MissedTickBehavior;
 use veilwing_sitl::{self as sim, World};
 
+use crate::config::HostPort;
 use crate::link::clock::Clock;
 use crate::report::flight::{Event, EventKind, Severity};
 use crate::role::{PerVehicle, Role};
@@ -18,6 +19,7 @@ use crate::simulation::index;
 
 use super::faults::{Fault, Faults, Kind};
 use super::files::write_vehicle;
+use super::ground::{GROUND_LINK, GroundStation};
 use super::process::{Companion, End, Line, describe_end, spawn_companion};
 
 /// The world advances in steps of this much wall time.
@@ -43,6 +45,9 @@ pub(super) struct Setup<'a> {
     pub speed: f64,
     pub directory: &'a Path,
     pub actuation: PerVehicle<&'static str>,
+    pub ground_station: Option<&'a HostPort>,
+    /// Begin without waiting for MISSION_START.
+    pub start: bool,
 }
 
 /// A flight that is over.
@@ -104,6 +109,7 @@ struct Host<'a> {
     wall: Clock,
     autopilot: PerVehicle<Port>,
     pair: PerVehicle<Port>,
+    ground: Option<GroundStation>,
     companions: PerVehicle<Companion>,
     pending: Vec<Fault>,
     running: Vec<(Fault, Duration)>,
@@ -119,7 +125,14 @@ struct Host<'a> {
 }
 
 /// Flies until both companions have ended.
-pub(super) async fn fly(setup: Setup<'_>) -> Result<Flight, String> {
+pub(super) async fn fly(mut setup: Setup<'_>) -> Result<Flight, String> {
+    let ground = match setup.ground_station {
+        Some(address) => Some(GroundStation::connect(address).await?),
+        None => None,
+    };
+    if ground.is_some() {
+        Role::BOTH.into_iter().for_each(|role| setup.world.open_link(index(role), GROUND_LINK));
+    }
     let autopilot = PerVehicle { i: Port::bind().await?, j: Port::bind().await? };
     let pair = PerVehicle { i: Port::bind().await?, j: Port::bind().await? };
     let (lines, mut log) = mpsc::unbounded_channel();
@@ -131,7 +144,8 @@ pub(super) async fn fly(setup: Setup<'_>) -> Result<Flight, String> {
             pair[role].number()?,
             setup.actuation[role],
         )?;
-        spawn_companion(setup.mission, setup.directory, setup.speed, role, &vehicle, &lines)
+        let start = setup.start.then_some("--start");
+        spawn_companion(setup.mission, setup.directory, setup.speed, start, role, &vehicle, &lines)
     };
     let companions = PerVehicle { i: spawn(Role::I)?, j: spawn(Role::J)? };
     let clock = Clock::start(setup.speed).map_err(|error| error.to_string())?;
@@ -142,6 +156,7 @@ pub(super) async fn fly(setup: Setup<'_>) -> Result<Flight, String> {
         wall: Clock::real(),
         autopilot,
         pair,
+        ground,
         companions,
         pending,
         running: Vec::new(),
@@ -199,11 +214,18 @@ impl Host<'_> {
                 }
             }
         }
+        while let Some(bytes) = self.ground.as_ref().and_then(|ground| ground.receive(&mut buffer)) {
+            Role::BOTH.into_iter().for_each(|role| self.setup.world.handle(index(role), GROUND_LINK, bytes));
+        }
         // What a fault or a command has just changed keeps its own instant.
         self.recorder.observe(&self.setup.world);
         self.setup.world.advance(self.clock.now().since_start());
         self.recorder.observe(&self.setup.world);
-        while let Some((vehicle, _, frame)) = self.setup.world.poll_transmit() {
+        while let Some((vehicle, link, frame)) = self.setup.world.poll_transmit() {
+            if let (GROUND_LINK, Some(ground)) = (link, &self.ground) {
+                ground.send(&frame);
+                continue;
+            }
             let port = &self.autopilot[if vehicle == 0 { Role::I } else { Role::J }];
             if port.open {
                 self.received += 1;

@@ -4,12 +4,13 @@
 mod document;
 mod faults;
 mod files;
+mod ground;
 mod host;
 mod process;
 
 use std::path::PathBuf;
 
-use crate::config::Mission;
+use crate::config::{HostPort, Mission};
 use crate::link::clock::Clock;
 use crate::report::flight;
 use crate::role::PerVehicle;
@@ -21,9 +22,14 @@ use super::{Exit, load_mission, print_json, print_text};
 use document::{FlightDocument, FlightResult};
 use faults::Faults;
 
+const EXAMPLES: &str = "Examples:
+  veilwing sitl config/mission.toml --out flight-1
+  veilwing sitl config/mission.toml --ground-station udpout:127.0.0.1:14550
+      the same, watched by a ground station on this machine that listens where they all do";
+
 /// Fly a mission in simulation: two software vehicles, two companion processes, every slot flown and scored.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Example: veilwing sitl config/mission.toml --out flight-1")]
+#[command(after_help = EXAMPLES)]
 pub(super) struct Args {
     /// Mission file.
     mission: PathBuf,
@@ -39,6 +45,12 @@ pub(super) struct Args {
     /// Faults to inject, a TOML file (README, "Faults").
     #[arg(long)]
     faults: Option<PathBuf>,
+    /// A ground station (QGroundControl, MAVProxy) that listens there; both vehicles and both companions are on it.
+    #[arg(long, value_name = "udpout:HOST:PORT", value_parser = ground::parse_ground_station)]
+    ground_station: Option<HostPort>,
+    /// Take off only when the ground station sends MISSION_START (command 300) to either companion (component 191).
+    #[arg(long, requires = "ground_station")]
+    wait_for_start: bool,
 }
 
 fn parse_speed(text: &str) -> Result<f64, String> {
@@ -88,6 +100,8 @@ fn fly(args: &Args, mission: &Mission, faults: Faults) -> Result<Exit, String> {
         speed: args.speed,
         directory: directory.path(),
         actuation: PerVehicle::from_fn(|role| simulation::actuation(mission, role)),
+        ground_station: args.ground_station.as_ref(),
+        start: !args.wait_for_start,
     }))?;
     let wall_s = wall.now().since_start().as_secs_f64();
     let document = FlightDocument::new(&flown, plan.plan_digest.clone(), wall_s);

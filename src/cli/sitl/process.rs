@@ -44,6 +44,7 @@ pub(super) fn spawn_companion(
     mission: &Path,
     directory: &Path,
     speed: f64,
+    start: Option<&str>,
     role: Role,
     vehicle: &Path,
     lines: &mpsc::UnboundedSender<(Role, Line)>,
@@ -55,7 +56,8 @@ pub(super) fn spawn_companion(
         .arg(mission)
         .arg("--vehicle")
         .arg(vehicle)
-        .args(["--start", "--clock-rate", &speed.to_string()])
+        .args(start)
+        .args(["--clock-rate", &speed.to_string()])
         .stdin(Stdio::null())
         .stdout(Stdio::null())
         .stderr(Stdio::piped())

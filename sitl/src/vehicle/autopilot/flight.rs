@@ -66,6 +66,11 @@ impl Flight {
         self.over_home = false;
     }
 
+    /// The point to hold, and the heading there if it shall change.
+    pub fn go_to(&mut self, position_enu_m: Vector3<f64>, heading_rad: Option<f64>) {
+        self.hold_here(position_enu_m, heading_rad.unwrap_or(self.heading_rad));
+    }
+
     pub fn taking_off(&self) -> bool {
         self.takeoff_altitude_enu_m.is_some()
     }

@@ -19,6 +19,7 @@ mod commands;
 mod flight;
 mod modes;
 mod offboard;
+mod reposition;
 mod streams;
 mod telemetry;
 
@@ -153,6 +154,7 @@ impl Autopilot {
             MavMessage::PARAM_REQUEST_LIST(_) => {
                 self.parameter_queue.extend((0..self.parameters.len()).map(|k| (from.link, k)));
             }
+            MavMessage::REQUEST_DATA_STREAM(m) => self.request_data_stream(from.link, &m, now),
             MavMessage::PARAM_REQUEST_READ(m) => self.read_parameter(from, &m, router),
             MavMessage::PARAM_SET(m) => self.set_parameter(&m, router),
             MavMessage::TIMESYNC(m) if m.tc1 == 0 => {
@@ -209,6 +211,15 @@ impl Autopilot {
         };
         self.offboard.counters.not_in_control += u64::from(!takes);
         takes
+    }
+
+    /// The old way to ask for telemetry. PX4 does not listen to it.
+    fn request_data_stream(&mut self, link: usize, m: &REQUEST_DATA_STREAM_DATA, now: Duration) {
+        if self.firmware == Firmware::ArduCopter {
+            let firmware = self.firmware;
+            let streams = self.streams.entry(link).or_insert_with(|| streams::Streams::new(firmware, now));
+            streams.set_group(m.req_stream_id as u8, m.start_stop == 1, m.req_message_rate, now);
+        }
     }
 
     fn read_parameter(&self, from: Sender, m: &PARAM_REQUEST_READ_DATA, router: &mut Router) {

@@ -26,6 +26,13 @@ impl Autopilot {
         Some(match id {
             HEARTBEAT_DATA::ID => self.heartbeat(),
             AUTOPILOT_VERSION_DATA::ID => self.version(),
+            // ArduCopter has none, and says so.
+            PROTOCOL_VERSION_DATA::ID if px4 => MavMessage::PROTOCOL_VERSION(PROTOCOL_VERSION_DATA {
+                version: 200,
+                min_version: 100,
+                max_version: 200,
+                ..PROTOCOL_VERSION_DATA::DEFAULT
+            }),
             ATTITUDE_DATA::ID => self.attitude_message(sensed, ms),
             ATTITUDE_QUATERNION_DATA::ID => self.quaternion_message(sensed, ms),
             LOCAL_POSITION_NED_DATA::ID if position_valid => self.local_position(sensed, ms),
