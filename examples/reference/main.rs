@@ -4,11 +4,11 @@
 //! cargo run --release --no-default-features --example reference -- TABLE [--every K] [--threads N] [--starts N]
 //! ```
 //!
-//! TABLE is `no-jitter`, `methods`, `methods-jitter`, `jitter`, `variants`, `robust`, `times`, `misses` or `plans` (CSV); `--every K` takes every K-th scenario.
+//! TABLE is `no-jitter`, `methods`, `methods-jitter`, `jitter`, `variants`, `robust`, `times`, `fresh` or `plans` (CSV); `--every K` takes every K-th scenario.
 //! Rates are in bit/s/Hz (the scenarios' bandwidth is 1 MHz).
 
 mod data;
-mod misses;
+mod fresh;
 mod tables;
 
 use std::process::ExitCode;
@@ -33,11 +33,11 @@ fn main() -> ExitCode {
         Some("variants") => tables::variants,
         Some("robust") => tables::robust,
         Some("times") => tables::times,
-        Some("misses") => misses::table,
+        Some("fresh") => fresh::table,
         Some("plans") => tables::plans,
         _ => {
             eprintln!(
-                "usage: reference no-jitter|methods|methods-jitter|jitter|variants|robust|times|misses|plans [--every K] [--threads N] [--starts N] [--seed N]"
+                "usage: reference no-jitter|methods|methods-jitter|jitter|variants|robust|times|fresh|plans [--every K] [--threads N] [--starts N] [--seed N]"
             );
             return ExitCode::from(2);
         }

@@ -5,6 +5,7 @@ use super::expectation::kernel::{Raw, Workspace};
 use super::expectation::samples::Samples;
 use super::robust::{Combination, Draws};
 use super::setup::Setup;
+use super::solver::dense::Matrix;
 use super::solver::{self, Constraints, Outcome, Vars, active_set, interior_point};
 use super::variables::Chart;
 
@@ -47,6 +48,8 @@ pub struct Local {
     pub value: f64,
     /// Whether the solver's tolerance was met.
     pub converged: bool,
+    /// The inverse Hessian that its solver learnt, in the chart's variables.
+    pub curvature: Option<Matrix>,
 }
 
 /// Memory of evaluations, one per thread.
@@ -120,7 +123,12 @@ impl Memory {
             let value = -outcome.value;
             let gained = best.as_ref().is_none_or(|b| value > b.value + 1e-9);
             if gained {
-                best = Some(Local { raw: chart.raw(&outcome.x), value, converged: outcome.converged });
+                best = Some(Local {
+                    raw: chart.raw(&outcome.x),
+                    value,
+                    converged: outcome.converged,
+                    curvature: outcome.curvature,
+                });
             }
             x = outcome.x;
             if !gained || !on_cut(setup, cells, &chart.raw(&x), chart.length_m) {

@@ -3,8 +3,13 @@
 //! P_I is at its cap, which is optimal with [.]^+ inside the expectation.
 //!
 //! 1. *Screen.* From many starts, on few samples (or a soft maximum), with J's axis on the user (phase 2), which costs
-//!    next to nothing nearly everywhere and saves two variables.
-//! 2. *Polish.* The best distinct ends, all variables free, on more and more samples (or with a sharper maximum).
+//!    next to nothing nearly everywhere and saves two variables. Under jitter all starts are followed for a few
+//!    iterations, and the better ones to the end.
+//! 2. *Polish.* The best distinct ends, all variables free, on more and more samples (or with a sharper maximum). Each
+//!    stage goes on with the curvature that the one before has learnt.
+//!
+//! Starts beyond a method's own number (`Options::starts`) are a search of another kind, to check the first against:
+//! see [`starts::ELSEWHERE`]. More candidates are polished then, in proportion.
 
 use nalgebra::Vector3;
 
@@ -16,6 +21,7 @@ use super::problem::Objective;
 use super::robust::Resolution;
 use super::setup::Setup;
 use super::solver::active_set;
+use super::solver::dense::Matrix;
 use super::variables::{AxisChart, Chart, PowerChart};
 use super::{Found, Options, parallel, phase2, robust, starts};
 use crate::radio::pattern;
@@ -29,6 +35,11 @@ const SAMPLED_STARTS: usize = 36;
 const RESTRICTED_STARTS: usize = 96;
 /// Candidates that are polished without jitter.
 const EXACT_POLISHED: usize = 4;
+/// Iterations from every start of a screening under jitter, and of the better ones after that.
+const SCREEN_ITERATIONS: [usize; 2] = [15, 60];
+/// One in so many starts is followed to its end, at least so many.
+const SCREEN_SHARE: usize = 2;
+const SCREEN_LEAST: usize = 12;
 /// Samples of the screening.
 const SCREEN_SAMPLES: usize = 64;
 /// Samples, candidates and tolerance of the polishing, stage by stage.
@@ -52,7 +63,10 @@ pub(super) fn plan(setup: &Setup, options: &Options) -> Found {
         (true, Objective::WorstCase) if heeds_uncertainty => {
             over_draws(setup, options, robust::maximise_worst_case)
         }
-        (true, _) => polish(setup, options, screen(setup, options)),
+        (true, _) => {
+            let samples = samples(setup, options);
+            polish(setup, options, &samples, screen(setup, options, &samples))
+        }
     };
     match ends.first() {
         Some(best) => Found { raw: best.raw, converged: best.converged },
@@ -61,29 +75,46 @@ pub(super) fn plan(setup: &Setup, options: &Options) -> Found {
 }
 
 fn settings(iterations: usize, tolerance: f64) -> Solver {
-    Solver::ActiveSet(active_set::Settings { iterations, tolerance, ..active_set::Settings::default() })
+    continued(iterations, tolerance, None)
+}
+
+/// With the curvature of an earlier search on the same chart.
+fn continued(iterations: usize, tolerance: f64, curvature: Option<Matrix>) -> Solver {
+    Solver::ActiveSet(active_set::Settings {
+        iterations,
+        tolerance,
+        curvature,
+        ..active_set::Settings::default()
+    })
+}
+
+/// Candidates of a stage: its own number, or more where more starts are asked for.
+fn candidates(own: usize, options: &Options) -> usize {
+    own.max(own * options.starts.unwrap_or(0) / 100)
 }
 
 /// Without jitter, at the estimated positions.
 fn exact(setup: &Setup, options: &Options) -> Vec<Local> {
-    let chart = chart(setup, true, can_null(setup));
+    let charts = [chart(setup, true, can_null(setup)), chart(setup, false, false)];
     let count = options.starts.unwrap_or(EXACT_STARTS);
     let screened = parallel::map(options.threads, count, |memory: &mut Memory, index| {
         let mut raw = starts::start(setup, index, options.seed);
         let mut end = None;
         for sharpness in SCREEN_SHARPNESS {
             let target = Target::Exact(sharpness);
-            end = memory.maximise(setup, &chart, target, &raw, &settings(60, 1e-6)).or(end);
+            let chart = &charts[usize::from(starts::is_elsewhere(index))];
+            end = memory.maximise(setup, chart, target, &raw, &settings(60, 1e-6)).or(end);
             raw = end.map_or(raw, |e| e.raw);
         }
         end
     });
-    let best = distinct(setup, screened, EXACT_POLISHED);
+    let best = distinct(setup, screened, candidates(EXACT_POLISHED, options));
+    let chart = &charts[usize::from(count > starts::ELSEWHERE)];
     let polished = parallel::map(options.threads, best.len(), |memory: &mut Memory, index| {
         let mut end = best[index];
         for sharpness in POLISH_SHARPNESS {
             let target = Target::Exact(sharpness);
-            end = memory.maximise(setup, &chart, target, &end.raw, &settings(100, 1e-9)).unwrap_or(end);
+            end = memory.maximise(setup, chart, target, &end.raw, &settings(100, 1e-9)).unwrap_or(end);
         }
         Some(end)
     });
@@ -98,32 +129,49 @@ fn samples(setup: &Setup, options: &Options) -> Samples {
 }
 
 /// The best distinct ends of many starts on few samples.
-fn screen(setup: &Setup, options: &Options) -> Vec<Local> {
-    let coarse = samples(setup, options).first(SCREEN_SAMPLES);
-    let chart = chart(setup, true, false);
+fn screen(setup: &Setup, options: &Options, samples: &Samples) -> Vec<Local> {
+    let coarse = samples.first(SCREEN_SAMPLES);
+    let charts = [chart(setup, true, false), chart(setup, false, false)];
+    let chart_of = |index: usize| &charts[usize::from(starts::is_elsewhere(index))];
     let target = Target::Mean { samples: &coarse, clip: false };
     let count =
         options.starts.unwrap_or(if is_restricted(setup) { RESTRICTED_STARTS } else { SAMPLED_STARTS });
-    let screened = parallel::map(options.threads, count, |memory: &mut Memory, index| {
+    let begun = parallel::map(options.threads, count, |memory: &mut Memory, index| {
         let start = starts::start(setup, index, options.seed);
-        memory.maximise(setup, &chart, target, &start, &settings(60, 1e-4))
+        memory.maximise(setup, chart_of(index), target, &start, &settings(SCREEN_ITERATIONS[0], 1e-4))
     });
-    distinct(setup, screened, POLISH_SAMPLES[0].1)
+    let mut begun: Vec<(usize, Local)> =
+        begun.into_iter().enumerate().filter_map(|(index, end)| Some((index, end?))).collect();
+    begun.sort_by(|(_, a), (_, b)| b.value.total_cmp(&a.value));
+    begun.truncate((begun.len() / SCREEN_SHARE).max(SCREEN_LEAST));
+    let ends = parallel::map(options.threads, begun.len(), |memory: &mut Memory, at| {
+        let (index, end) = begun[at];
+        if end.converged {
+            return Some(end);
+        }
+        let solver = continued(SCREEN_ITERATIONS[1], 1e-4, end.curvature);
+        memory.maximise(setup, chart_of(index), target, &end.raw, &solver).or(Some(end))
+    });
+    distinct(setup, ends, candidates(POLISH_SAMPLES[0].1, options))
 }
 
 /// All variables free, on more and more samples, fewer and fewer candidates.
-fn polish(setup: &Setup, options: &Options, mut best: Vec<Local>) -> Vec<Local> {
-    let all = samples(setup, options);
+fn polish(setup: &Setup, options: &Options, all: &Samples, mut best: Vec<Local>) -> Vec<Local> {
     let chart = chart(setup, false, false);
-    for (count, candidates, tolerance) in POLISH_SAMPLES {
-        best.truncate(candidates);
+    for end in &mut best {
+        end.curvature = None;
+    }
+    for (count, own, tolerance) in POLISH_SAMPLES {
+        let kept = if own > 1 { candidates(own, options) } else { own };
+        best.truncate(kept);
         let samples = all.first(count);
         let target = Target::Mean { samples: &samples, clip: true };
         let polished = parallel::map(options.threads, best.len(), |memory: &mut Memory, index| {
             let end = best[index];
-            Some(memory.maximise(setup, &chart, target, &end.raw, &settings(100, tolerance)).unwrap_or(end))
+            let solver = continued(100, tolerance, end.curvature);
+            Some(memory.maximise(setup, &chart, target, &end.raw, &solver).unwrap_or(end))
         });
-        best = distinct(setup, polished, candidates);
+        best = distinct(setup, polished, kept);
     }
     best
 }
@@ -135,14 +183,15 @@ fn over_draws(
     options: &Options,
     maximise: impl Fn(&Setup, &Chart, Local, u64, Resolution, &mut Memory) -> Local + Sync,
 ) -> Vec<Local> {
-    let mut best = screen(setup, options);
+    let mut best = screen(setup, options, &samples(setup, options));
     let chart = chart(setup, false, false);
-    for (resolution, candidates) in OVER_DRAWS {
-        best.truncate(candidates);
+    for (resolution, own) in OVER_DRAWS {
+        let kept = if own > 1 { candidates(own, options) } else { own };
+        best.truncate(kept);
         let ends = parallel::map(options.threads, best.len(), |memory: &mut Memory, index| {
             Some(maximise(setup, &chart, best[index], options.seed, resolution, memory))
         });
-        best = distinct(setup, ends, candidates);
+        best = distinct(setup, ends, kept);
     }
     best
 }

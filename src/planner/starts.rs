@@ -9,8 +9,8 @@
 //! - J's power: where the interference that it leaves at the user, at its null and under jitter, is 3 to 100 times the
 //!   noise: from the link budget, never from its cap.
 //!
-//! The first starts take the kinds in turn, so that few of them suffice where the optimum is of the usual kind; later
-//! ones draw kinds and details at random.
+//! The first starts take the kinds in turn, so that few of them suffice where the optimum is of the usual kind. From
+//! [`ELSEWHERE`] on, half of them are drawn uniformly from all there is, in order to find what the kinds leave out.
 
 use nalgebra::{Vector2, Vector3};
 use rand::{RngExt, SeedableRng};
@@ -25,9 +25,38 @@ use crate::radio::pattern;
 /// A tilt limit below this changes the usual kinds of optima.
 pub const RESTRICTED_RAD: f64 = 1.2;
 
+/// From this start on, every other eight know nothing of what optima look like.
+pub const ELSEWHERE: usize = 128;
+
+/// Whether a start is drawn uniformly.
+pub fn is_elsewhere(index: usize) -> bool {
+    index >= ELSEWHERE && (index / 8) % 2 == 1
+}
+
+/// A start drawn uniformly: positions from the airspace, axes from the sphere, J's power from the whole logarithmic range.
+fn elsewhere(setup: &Setup, rng: &mut ChaCha8Rng) -> Raw {
+    let [low, high] = setup.problem.airspace.altitude_m;
+    let caps = setup.problem.radio.max_power_w;
+    let mut raw = [0.0; 14];
+    for part in raw.chunks_mut(VEHICLE) {
+        let (x, y) = setup.uniform(rng);
+        part[..3].copy_from_slice(&[x, y, rng.random_range(low..=high)]);
+        let (turn, z) = (rng.random_range(0.0..std::f64::consts::TAU), rng.random_range(0.0f64..1.0));
+        let r = (1.0 - z * z).sqrt();
+        (part[ANGLES], part[ANGLES + 1]) =
+            pattern::canonical_angles(&Vector3::new(r * turn.cos(), r * turn.sin(), z));
+    }
+    raw[POWER] = caps.i;
+    raw[VEHICLE + POWER] = caps.j * 10f64.powf(-6.0 * rng.random_range(0.0..1.0));
+    raw
+}
+
 /// Start `index`.
 pub fn start(setup: &Setup, index: usize, seed: u64) -> Raw {
     let mut rng = ChaCha8Rng::seed_from_u64(sobol::mix(seed, 0x57a7 + index as u64));
+    if is_elsewhere(index) {
+        return elsewhere(setup, &mut rng);
+    }
     let (i, axis) = information(setup, index, &mut rng);
     let j = jammer(setup, index, &mut rng);
     let user = setup.problem.user_enu_m;

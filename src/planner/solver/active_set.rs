@@ -9,8 +9,9 @@
 //! 4. A line search for the weak Wolfe conditions (1e-4, 0.9) within that length.
 //! 5. The update of H, skipped where it would lose definiteness (Nocedal and Wright, 6.17).
 //!
-//! Converged when the model promises less than the tolerance twice, with H as built and with H reset. Fails safely: the
-//! best point is always feasible and is returned with the status. Nothing allocates in an iteration.
+//! Converged when the model promises less than the tolerance. A step that the line search refuses is tried once more with
+//! H reset, that is along the gradient. Fails safely: the best point is always feasible and is returned with the status.
+//! Nothing allocates in an iteration.
 
 use super::dense::{self, Matrix};
 use super::{Constraints, MAX, Objective, Outcome, Vars};
@@ -24,11 +25,13 @@ pub struct Settings {
     pub tolerance: f64,
     /// Length of the first step.
     pub first_step: f64,
+    /// The inverse Hessian of a problem much like this one, in the same variables; `None` starts from the gradient.
+    pub curvature: Option<Matrix>,
 }
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { iterations: 100, tolerance: 1e-9, first_step: 0.2 }
+        Self { iterations: 100, tolerance: 1e-9, first_step: 0.2, curvature: None }
     }
 }
 
@@ -84,14 +87,14 @@ pub fn minimise(
         x: *start,
         value,
         gradient,
-        inverse_hessian: dense::identity(1.0),
-        scaled: false,
+        inverse_hessian: settings.curvature.unwrap_or_else(|| dense::identity(1.0)),
+        scaled: settings.curvature.is_some(),
         active: Active { rows: [0; MAX], len: 0 },
     };
     let mut converged = false;
     let mut iteration = 0;
     if !value.is_finite() {
-        return Outcome { x: *start, value: f64::INFINITY, iterations: 0, converged };
+        return Outcome { x: *start, value: f64::INFINITY, iterations: 0, converged, curvature: None };
     }
     while iteration < settings.iterations {
         iteration += 1;
@@ -120,19 +123,16 @@ pub fn minimise(
                 blocking,
             );
         if !moved {
-            if !state.scaled {
-                converged = slope >= -settings.tolerance;
+            converged = slope >= -settings.tolerance;
+            if converged || !state.scaled {
                 break;
             }
             // The curvature learnt may be stale: once more along the gradient.
             state.scaled = false;
-            if slope >= -settings.tolerance {
-                converged = true;
-                break;
-            }
         }
     }
-    Outcome { x: state.x, value: state.value, iterations: iteration, converged }
+    let curvature = state.scaled.then_some(state.inverse_hessian);
+    Outcome { x: state.x, value: state.value, iterations: iteration, converged, curvature }
 }
 
 /// The model's step on the working set, which loses rows with negative multipliers, and the slope along it.

@@ -61,7 +61,7 @@ pub fn minimise(
     constraints.refresh(start);
     let slack: Vec<f64> = (0..constraints.rows.len()).map(|k| constraints.slack(k, start)).collect();
     if !value.is_finite() || slack.iter().any(|r| !(*r > 0.0)) {
-        return Outcome { x: *start, value, iterations: 0, converged: false };
+        return Outcome { x: *start, value, iterations: 0, converged: false, curvature: None };
     }
     let mut barrier = settings.barrier;
     let multiplier = slack.iter().map(|r| barrier / r).collect();
@@ -75,7 +75,13 @@ pub fn minimise(
         }
         let residual = residual(&at, constraints);
         if residual <= settings.tolerance && barrier <= settings.tolerance {
-            return Outcome { x: at.x, value: at.value, iterations: iteration, converged: true };
+            return Outcome {
+                x: at.x,
+                value: at.value,
+                iterations: iteration,
+                converged: true,
+                curvature: None,
+            };
         }
         if residual <= 10.0 * barrier {
             barrier = (0.2 * barrier).max(0.1 * settings.tolerance);
@@ -96,11 +102,17 @@ pub fn minimise(
             resets += 1;
             if resets > 3 {
                 let converged = barrier <= settings.tolerance;
-                return Outcome { x: at.x, value: at.value, iterations: iteration, converged };
+                return Outcome {
+                    x: at.x,
+                    value: at.value,
+                    iterations: iteration,
+                    converged,
+                    curvature: None,
+                };
             }
         }
     }
-    Outcome { x: at.x, value: at.value, iterations: settings.iterations, converged: false }
+    Outcome { x: at.x, value: at.value, iterations: settings.iterations, converged: false, curvature: None }
 }
 
 /// Largest component of the Lagrangian's gradient.

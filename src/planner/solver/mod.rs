@@ -106,4 +106,6 @@ pub struct Outcome {
     pub iterations: usize,
     /// Whether the tolerance was met.
     pub converged: bool,
+    /// The inverse Hessian as it was learnt, if the method learns one and has.
+    pub curvature: Option<dense::Matrix>,
 }
