@@ -149,6 +149,7 @@ impl Flight {
         if let Some(process) = &mut self.processes[role] {
             let at = process.instant(now);
             process.executive.shutdown(at);
+            process.wakes_at = now;
         }
     }
 
@@ -240,15 +241,17 @@ impl Flight {
         let tick_us = TICK.as_micros() as u64;
         let mut next = Duration::from_micros((self.now.as_micros() as u64 / tick_us + 1) * tick_us);
         for role in Role::BOTH {
-            let process = self.processes[role].as_ref().filter(|process| !process.frozen);
-            let for_it = process.map(|process| {
-                let arrivals = [&self.to_companion[role], &self.pair[role.peer()]].map(Pipe::next_arrival);
-                arrivals.into_iter().flatten().fold(process.wakes_at(), Duration::min)
-            });
-            let events = [for_it, self.to_vehicle[role].next_arrival()];
+            let events = [self.next_of_companion(role), self.to_vehicle[role].next_arrival()];
             next = events.into_iter().flatten().fold(next, Duration::min);
         }
         next
+    }
+
+    /// When a companion has something to do; `None` while it runs not.
+    fn next_of_companion(&self, role: Role) -> Option<Duration> {
+        let process = self.processes[role].as_ref().filter(|process| !process.frozen)?;
+        let arrivals = [&self.to_companion[role], &self.pair[role.peer()]].map(Pipe::next_arrival);
+        Some(arrivals.into_iter().flatten().fold(process.wakes_at, Duration::min))
     }
 
     fn collect_frames(&mut self) {
@@ -261,16 +264,17 @@ impl Flight {
     }
 
     fn run_companion(&mut self, role: Role, observer: &mut impl Observer) -> Result<(), FlightError> {
-        let Some(mut process) = self.processes[role].take() else {
+        if self.processes[role].is_none() {
             // Nobody listens.
             self.lost += self.to_companion[role].overflow(0, self.now);
             self.lost += self.pair[role.peer()].overflow(0, self.now);
-            return Ok(());
-        };
-        if !process.frozen {
-            self.run(role, &mut process, observer)?;
-            self.outcomes[role] = process.executive.outcome(process.instant(self.now));
         }
+        if self.next_of_companion(role).is_none_or(|at| at > self.now) {
+            return Ok(());
+        }
+        let Some(mut process) = self.processes[role].take() else { return Ok(()) };
+        self.run(role, &mut process, observer)?;
+        self.outcomes[role] = process.executive.outcome(process.instant(self.now));
         if self.outcomes[role].is_none() {
             self.processes[role] = Some(process);
         }
@@ -302,6 +306,7 @@ impl Flight {
             } else if let Some(bytes) = self.pair[role.peer()].receive(now) {
                 self.hear_peer(role, process, &bytes, observer);
             } else {
+                process.wakes_at = process.simulation_time(deadline);
                 return Ok(());
             }
         }

@@ -2,17 +2,22 @@
 //! with no socket, no sleep and no clock. Every message crosses as bytes.
 //!
 //! `world` tells the world of a mission and its plan; `path` is a link that may lose, delay, repeat and reorder;
-//! `process` is one companion as its operating system would run it; `flight` moves all of them from event to event.
+//! `process` is one companion as its operating system would run it; `flight` moves all of them from event to event;
+//! `faults` draws what goes wrong; `scenario` flies a mission again and again, each time with a seed and its faults.
 
+mod faults;
 mod flight;
 mod path;
 mod process;
+mod scenario;
 mod vehicle;
 mod world;
 
+pub use faults::{Change, Fault, Lengths, Schedule, draw};
 pub use flight::{Flight, FlightError, Observer, Setup, Wire};
 pub use path::Path;
 pub use process::Given;
+pub use scenario::{Flown, Scenario, ScenarioError, Witness};
 pub use vehicle::{VehicleText, actuation, vehicle};
 pub use world::world_config;
 

@@ -36,6 +36,8 @@ pub(super) struct Process {
     pub from_peer: Decoder<wire::MavMessage>,
     /// Stopped by a signal: it does nothing, and its sockets fill up.
     pub frozen: bool,
+    /// The simulation time at which it wants to be called, as it said when it was last called.
+    pub wakes_at: Duration,
     role: Role,
     /// Simulation time of its start.
     began: Duration,
@@ -55,6 +57,7 @@ impl Process {
             from_vehicle: Decoder::default(),
             from_peer: Decoder::default(),
             frozen: false,
+            wakes_at: now,
             role,
             began: now,
         }
@@ -65,9 +68,8 @@ impl Process {
         Instant::from_start(now.saturating_sub(self.began) + reads_at_start(self.role))
     }
 
-    /// The simulation time at which it wants to be called.
-    pub fn wakes_at(&self) -> Duration {
-        let deadline = self.executive.poll_timeout().0.since_start();
-        deadline.saturating_sub(reads_at_start(self.role)) + self.began
+    /// The simulation time at which its clock reads `instant`.
+    pub fn simulation_time(&self, instant: Instant) -> Duration {
+        instant.since_start().saturating_sub(reads_at_start(self.role)) + self.began
     }
 }

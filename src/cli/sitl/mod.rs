@@ -1,7 +1,7 @@
 //! `veilwing sitl`: the main job on one machine. The simulated world in this process, the two companions in
 //! processes of their own, MAVLink over loopback UDP between them.
 
-mod document;
+pub(super) mod document;
 mod faults;
 mod files;
 mod ground;
@@ -104,7 +104,7 @@ fn fly(args: &Args, mission: &Mission, faults: Faults) -> Result<Exit, String> {
         start: !args.wait_for_start,
     }))?;
     let wall_s = wall.now().since_start().as_secs_f64();
-    let document = FlightDocument::new(&flown, plan.plan_digest.clone(), wall_s);
+    let document = FlightDocument::of_processes(&flown, plan.plan_digest.clone(), wall_s);
     directory.write_summary(&document)?;
     if args.out.is_some() {
         let timeline =
