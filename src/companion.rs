@@ -12,9 +12,8 @@ use tokio::sync::oneshot;
 use tracing::{debug, error, info, warn};
 
 use crate::config::LinkAddress;
-use crate::link::{Clock, Link, LinkConfig, LinkError};
+use crate::link::{Clock, Form, Link, LinkConfig, LinkError, PairLink};
 use crate::mission::{Executive, Notice, Outcome, Outgoing, Settings};
-use crate::pair::wire;
 use crate::planner::slots::Plan;
 use crate::role::Role;
 use crate::transmitter::Transmitter;
@@ -30,7 +29,7 @@ pub struct Companion {
     /// Link to the autopilot.
     pub autopilot: (LinkAddress, LinkConfig),
     /// Link to the other companion.
-    pub pair: (LinkAddress, LinkConfig),
+    pub pair: (LinkAddress, LinkConfig, Form),
     /// Makes the plan; runs on a thread of its own.
     pub planner: Box<dyn FnOnce() -> Result<Plan, String> + Send>,
 }
@@ -55,7 +54,7 @@ impl Companion {
         let role = self.settings.role;
         let mut autopilot: Link<AutopilotMessage> =
             Link::open(self.autopilot.0, self.autopilot.1, clock.clone()).await?;
-        let mut pair: Link<wire::MavMessage> = Link::open(self.pair.0, self.pair.1, clock.clone()).await?;
+        let mut pair = PairLink::open(self.pair.0, self.pair.1, self.pair.2, clock.clone()).await?;
         let mut executive = Executive::new(self.settings, self.transmitter, clock.now());
         let mut planning = Some(start_planning(self.planner));
         let mut stop = std::pin::pin!(stop);

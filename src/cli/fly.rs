@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use crate::companion::Companion;
-use crate::companion::settings::{settings, transmitter_settings};
+use crate::companion::settings::{pair_form, settings, transmitter_settings};
 use crate::config::{Mission, Vehicle};
 use crate::link::clock::Clock;
 use crate::link::{Key, LinkConfig, SigningConfig, TlogWriter};
@@ -119,7 +119,11 @@ fn companion(args: &Args, mission: Mission, vehicle: &Vehicle, clock: &Clock) ->
     let options = mission_options(&mission);
     Ok(Companion {
         autopilot: (vehicle.autopilot.link.clone(), link(AUTOPILOT, vehicle.autopilot.system_id, None)?),
-        pair: (vehicle.pair_link.clone(), link(PAIR, None, pair_signing)?),
+        pair: (
+            vehicle.pair_link.clone(),
+            link(PAIR, vehicle.pair_peer_system, pair_signing)?,
+            pair_form(vehicle),
+        ),
         transmitter: Transmitter::new(transmitter_settings(vehicle), clock.now()),
         settings: settings(&mission, vehicle, boot_id(clock), args.start),
         planner: Box::new(move || {

@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use crate::autopilot;
 use crate::config::{self, Mission, TransmitterKind, Vehicle};
+use crate::link::Form;
 use crate::mission::Settings;
 use crate::mission::interlock::Ceilings;
 use crate::pair;
@@ -54,6 +55,18 @@ pub fn settings(mission: &Mission, vehicle: &Vehicle, boot_id: u32, start_unaske
         },
         emission_authorised: vehicle.transmitter.simulated || mission.emission.is_some(),
         start_unasked,
+        start_utc: mission.tdma.start_utc,
+    }
+}
+
+/// How pair messages go over the pair link.
+#[must_use]
+pub fn pair_form(vehicle: &Vehicle) -> Form {
+    if vehicle.pair_tunnel {
+        // The vehicle file names the peer's system then.
+        Form::Tunnel { to_system: vehicle.pair_peer_system.unwrap_or_default() }
+    } else {
+        Form::Plain
     }
 }
 

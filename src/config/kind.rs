@@ -9,7 +9,7 @@ use toml::Spanned;
 use toml::de::DeValue;
 
 pub(super) use compound::{Each, Extent, List, Numbers};
-pub(super) use scalar::{Choice, Flag, Integer, Number, Parsed, Text};
+pub(super) use scalar::{Choice, Flag, Integer, Moment, Number, Parsed, Text};
 
 use super::diagnostic::Span;
 

@@ -64,7 +64,14 @@ fn val_defaults_are_those_of_the_interface() {
     assert_eq!(least.jitter, Jitter { std_rad, model: JitterModel::Euler, axes: JitterAxes::RollPitch });
     assert_eq!(
         least.tdma,
-        Tdma { slot_s: 20.0, guard_s: 1.0, settle_s: 3.0, order: Order::Listed, superframes: 1 }
+        Tdma {
+            slot_s: 20.0,
+            guard_s: 1.0,
+            settle_s: 3.0,
+            order: Order::Listed,
+            superframes: 1,
+            start_utc: None
+        }
     );
     let planner = PlannerSettings { method: Method::Veilwing, objective: Objective::Mean, free_yaw: false };
     assert_eq!(least.planner, planner);
@@ -96,6 +103,51 @@ fn val_vehicle_defaults_are_those_of_the_interface() {
     };
     assert_eq!(least.transmitter, leased);
     assert_eq!(least.limits, Limits::default());
+    assert_eq!((least.pair_peer_system, least.pair_tunnel), (None, false));
+}
+
+#[test]
+fn val_a_start_is_one_instant_however_it_is_written() {
+    let start = |text: &str| mission(&format!("{LEAST}[tdma]\nstart_utc = {text}\n"));
+    let utc = start("2026-11-21T18:00:00Z");
+    assert_eq!(utc.tdma.start_utc.map(|utc| utc.unix_us), Some(1_795_284_000_000_000));
+    for same in ["2026-11-21 18:00:00Z", "2026-11-21T19:30:00+01:30", "2026-11-21T10:00:00.000-08:00"] {
+        assert_eq!(start(same).tdma.start_utc, utc.tdma.start_utc, "{same}");
+        assert_eq!(start(same).digest(), utc.digest(), "{same}");
+    }
+    assert_ne!(start("2026-11-21T18:00:00.000001Z").digest(), utc.digest());
+    assert_ne!(mission(LEAST).digest(), utc.digest());
+    for (wrong, fragment) in [
+        ("2026-11-21T18:00:00", "offset from UTC open"),
+        ("2026-11-21", "offset from UTC open"),
+        ("\"2026-11-21T18:00:00Z\"", "without quotes"),
+        ("1969-12-31T23:59:59Z", "before 1970"),
+        ("1795284000", "without quotes"),
+    ] {
+        let text = format!("{LEAST}[tdma]\nstart_utc = {wrong}\n");
+        let findings = Mission::parse("m.toml", &text).unwrap_err().to_string();
+        assert!(findings.contains(fragment) && findings.contains("start_utc"), "{findings}");
+    }
+}
+
+#[test]
+fn val_a_tunnel_must_say_whom_it_leads_to() {
+    let text = |more: &str| {
+        format!(
+            "vehicle.role = \"i\"\nautopilot.system_id = 1\n[pair]\nlink = \"udpout:10.0.0.1:14600\"\n{more}"
+        )
+    };
+    let tunnel = vehicle(&text("tunnel = true\npeer_system_id = 2\n"));
+    assert_eq!((tunnel.pair_peer_system, tunnel.pair_tunnel), (Some(2), true));
+    for (more, line, fragment) in [
+        ("tunnel = true\n", 5, "whom TUNNEL is addressed to"),
+        ("tunnel = \"yes\"\n", 5, "true or false"),
+        ("peer_system_id = 1\n", 5, "this vehicle's own system_id"),
+        ("peer_system_id = 0\n", 5, "outside 1 to 255"),
+    ] {
+        let findings = Vehicle::parse("v.toml", &text(more)).unwrap_err().to_string();
+        assert!(findings.contains(fragment) && findings.contains(&format!("v.toml:{line}:")), "{findings}");
+    }
 }
 
 #[test]

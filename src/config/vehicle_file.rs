@@ -37,6 +37,20 @@ pub(super) fn describe(s: &mut Section<'_, '_>) -> Draft {
                 PATH,
             )
             .map(Into::into),
+        peer_system_id: s
+            .optional(
+                "peer_system_id",
+                "MAVLink system of the other companion; frames of others are turned away. Unset: any system's are taken.",
+                ID,
+            )
+            .map(byte),
+        tunnel: s.read(
+            "tunnel",
+            "Pair messages ride in TUNNEL, for a path across an autopilot, which drops messages it does not know; alike on \
+             both vehicles, and with peer_system_id.",
+            Flag,
+            false,
+        ),
     });
     let limits =
         s.table("limits", "What this vehicle may be asked for. Unset: what the mission says of it.", limits);

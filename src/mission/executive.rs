@@ -19,15 +19,16 @@ use crate::planner::slots::Plan;
 use crate::role::{PerVehicle, Role};
 use crate::schedule::order::Order;
 use crate::schedule::table::{Entry, Table, TableError, Timing};
-use crate::schedule::trajectory::{self, Limits, Start, Trajectory};
+use crate::schedule::trajectory::{self, Limits, Start as From, Trajectory};
 use crate::schedule::transit::{Router, TransitError};
-use crate::time::Instant;
+use crate::time::{Instant, Utc};
 use crate::transmitter::Transmitter;
 
 use super::course::{self, AgreementTime, Change, Health};
 use super::flight::Phase;
 use super::interlock::{Ceilings, Interlock, Silence};
 use super::slot::SlotRun;
+use super::start::Start;
 
 const HEARTBEAT_EVERY: Duration = Duration::from_secs(1);
 
@@ -58,6 +59,8 @@ pub struct Settings {
     pub emission_authorised: bool,
     /// Begin as soon as both vehicles are ready, without waiting for MISSION_START.
     pub start_unasked: bool,
+    /// When the transit to the first slot begins, unless the operator decides.
+    pub start_utc: Option<Utc>,
 }
 
 /// A message for one of the two links.
@@ -135,7 +138,7 @@ pub struct Executive {
     /// I: the instant the table counts from, known from the first proposal on.
     pub(super) table_zero: Option<Instant>,
     pub(super) home_enu_m: Option<Enu>,
-    pub(super) started: bool,
+    pub(super) start: Start,
     /// By the operator's order.
     pub(super) paused: bool,
     pub(super) agreement_time: AgreementTime,
@@ -180,7 +183,7 @@ impl Executive {
             next_slot: 0,
             table_zero: None,
             home_enu_m: None,
-            started: settings.start_unasked,
+            start: Start::new(settings.start_unasked, settings.start_utc),
             paused: false,
             agreement_time: AgreementTime::default(),
             abort_cause: None,
@@ -332,7 +335,7 @@ impl Executive {
             return Ok(());
         }
         let homes = PerVehicle::from_fn(|role| if role == self.settings.role { own } else { peer });
-        let start = homes.map(|home| Start { position_enu_m: self.above(home), attitude: Attitude::level() });
+        let start = homes.map(|home| From { position_enu_m: self.above(home), attitude: Attitude::level() });
         let router = Router::new(&self.settings.airspace, &self.settings.limits)?;
         let users: Vec<_> = plan.slots.iter().map(|slot| vec![slot.plan.vehicles.map(|v| v.pose)]).collect();
         let table = Table::build(&router, &start, &users, &self.settings.timing, self.settings.order)?;

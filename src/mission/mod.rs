@@ -9,5 +9,6 @@ mod operator;
 pub mod pose_monitor;
 mod reaction;
 mod slot;
+mod start;
 
 pub use executive::{Executive, Notice, Outcome, Outgoing, Settings};

@@ -69,7 +69,7 @@ impl Executive {
             return;
         }
         match order {
-            VeilwingOrder::VEILWING_ORDER_START => self.started = true,
+            VeilwingOrder::VEILWING_ORDER_START => self.start.ask(),
             VeilwingOrder::VEILWING_ORDER_RETURN => {
                 self.pair.silent(VeilwingSilence::VEILWING_SILENCE_OPERATOR, now);
                 self.abort("the operator ordered the return".into(), now);

@@ -8,6 +8,7 @@ use mavlink::dialects::ardupilotmega::MavMessage;
 use veilwing_sitl::vehicle::TICK;
 use veilwing_sitl::{Fault, World};
 
+use crate::link::Envelope;
 use crate::link::counters::Counters;
 use crate::mission::{Notice, Outcome, Outgoing};
 use crate::role::{PerVehicle, Role};
@@ -342,10 +343,10 @@ impl Flight {
         process.from_peer.feed(bytes);
         process.from_peer.end();
         while let Some(raw) = process.from_peer.next_frame(&mut self.counters[role]) {
-            match raw.parse() {
-                Ok(frame) => {
+            match raw.parse().and_then(|frame| process.form.open(frame.message)) {
+                Ok(message) => {
                     observer.frame(self.now, role, Wire::Pair, raw.bytes());
-                    process.executive.handle_pair(&frame.message, at);
+                    process.executive.handle_pair(&message, at);
                     self.send(role, process, observer);
                 }
                 Err(reason) => {
@@ -365,7 +366,8 @@ impl Flight {
                     (Wire::Autopilot, process.encoder.encode(own, &**message), &mut self.to_vehicle[role])
                 }
                 Outgoing::Pair(message) => {
-                    (Wire::Pair, process.encoder.encode(own, &**message), &mut self.pair[role])
+                    let envelope = Envelope::new(process.form, own, 0, (**message).clone());
+                    (Wire::Pair, process.encoder.encode(own, &envelope), &mut self.pair[role])
                 }
             };
             observer.frame(self.now, role, wire, frame.raw_bytes());

@@ -4,11 +4,11 @@ use std::time::Duration;
 
 use mavlink::dialects::ardupilotmega::MavMessage;
 
-use crate::companion::settings::{settings, transmitter_settings};
+use crate::companion::settings::{pair_form, settings, transmitter_settings};
 use crate::config::{Mission, Vehicle};
 use crate::link::codec::{Decoder, Encoder};
+use crate::link::{Envelope, Form};
 use crate::mission::Executive;
-use crate::pair::wire;
 use crate::planner::slots::Plan;
 use crate::role::Role;
 use crate::time::Instant;
@@ -33,7 +33,9 @@ pub(super) struct Process {
     pub executive: Executive,
     pub encoder: Encoder,
     pub from_vehicle: Decoder<MavMessage>,
-    pub from_peer: Decoder<wire::MavMessage>,
+    pub from_peer: Decoder<Envelope>,
+    /// In which form it speaks to its peer.
+    pub form: Form,
     /// Stopped by a signal: it does nothing, and its sockets fill up.
     pub frozen: bool,
     /// The simulation time at which it wants to be called, as it said when it was last called.
@@ -56,6 +58,7 @@ impl Process {
             encoder: Encoder::default(),
             from_vehicle: Decoder::default(),
             from_peer: Decoder::default(),
+            form: pair_form(&given.vehicle),
             frozen: false,
             wakes_at: now,
             role,

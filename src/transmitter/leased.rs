@@ -108,7 +108,8 @@ impl Leased {
     pub(super) fn silence(&mut self, now: Instant, out: &mut VecDeque<MavMessage>) {
         self.lease = None;
         self.unanswered.iter_mut().for_each(|command| command.revoked = true);
-        self.wanted = Wanted::Off { since: now, confirmed: false, repeat_at: now + until_next_off(Duration::ZERO) };
+        self.wanted =
+            Wanted::Off { since: now, confirmed: false, repeat_at: now + until_next_off(Duration::ZERO) };
         self.send_off(now, out);
     }
 

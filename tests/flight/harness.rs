@@ -52,7 +52,7 @@ pub fn yard() -> &'static Planned {
     YARD.get_or_init(|| planned(MISSION))
 }
 
-fn vehicle_file(mission: &Mission, role: Role, simulated: bool) -> Vehicle {
+fn vehicle_file(mission: &Mission, role: Role, simulated: bool, pair: &str) -> Vehicle {
     let text = VehicleText {
         role,
         autopilot_link: "udpout:127.0.0.1:1",
@@ -61,7 +61,8 @@ fn vehicle_file(mission: &Mission, role: Role, simulated: bool) -> Vehicle {
         simulated,
         log_dir: None,
     };
-    Vehicle::parse("vehicle.toml", &text.text()).unwrap()
+    // The text ends in the [pair] table.
+    Vehicle::parse("vehicle.toml", &(text.text() + pair)).unwrap()
 }
 
 /// What a flight left behind, all in simulation time.
@@ -90,6 +91,8 @@ pub struct Setup {
     pub given: PerVehicle<Planned>,
     pub simulated: bool,
     pub start_unasked: bool,
+    /// More lines for the [pair] tables of the vehicle files.
+    pub pair_lines: PerVehicle<&'static str>,
     pub pair: Path,
     pub seed: u64,
 }
@@ -100,6 +103,7 @@ impl Default for Setup {
             given: PerVehicle { i: yard().clone(), j: yard().clone() },
             simulated: true,
             start_unasked: true,
+            pair_lines: PerVehicle::default(),
             pair: Path::GOOD,
             seed: 1,
         }
@@ -135,7 +139,7 @@ impl Flight {
         config.seed = setup.seed;
         let given = PerVehicle::from_fn(|role| {
             let Planned { mission, plan } = setup.given[role].clone();
-            let vehicle = vehicle_file(&mission, role, setup.simulated);
+            let vehicle = vehicle_file(&mission, role, setup.simulated, setup.pair_lines[role]);
             Arc::new(Given { mission, plan, vehicle })
         });
         let setup = simulation::Setup {

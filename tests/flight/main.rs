@@ -7,3 +7,4 @@ mod agreement;
 mod faults;
 mod harness;
 mod nominal;
+mod tunnel;

@@ -44,6 +44,8 @@ pub(super) struct Setup<'a> {
     pub faults: Faults,
     pub speed: f64,
     pub directory: &'a Path,
+    /// Ports at which the companions find each other, instead of this process's own.
+    pub pair_relay: Option<PerVehicle<u16>>,
     pub actuation: PerVehicle<&'static str>,
     pub ground_station: Option<&'a HostPort>,
     /// Begin without waiting for MISSION_START.
@@ -137,11 +139,15 @@ pub(super) async fn fly(mut setup: Setup<'_>) -> Result<Flight, String> {
     let pair = PerVehicle { i: Port::bind().await?, j: Port::bind().await? };
     let (lines, mut log) = mpsc::unbounded_channel();
     let spawn = |role: Role| {
+        let pair_port = match &setup.pair_relay {
+            Some(ports) => ports[role],
+            None => pair[role].number()?,
+        };
         let vehicle = write_vehicle(
             setup.directory,
             role,
             autopilot[role].number()?,
-            pair[role].number()?,
+            pair_port,
             setup.actuation[role],
         )?;
         let start = setup.start.then_some("--start");

@@ -51,6 +51,16 @@ pub(super) struct Args {
     /// Take off only when the ground station sends MISSION_START (command 300) to either companion (component 191).
     #[arg(long, requires = "ground_station")]
     wait_for_start: bool,
+    /// Where a relay between the companions listens: loopback UDP ports for vehicle I and for vehicle J. Without it,
+    /// this process passes on what they say to each other.
+    #[arg(long, hide = true, value_name = "PORT,PORT", value_parser = parse_relay)]
+    pair_relay: Option<PerVehicle<u16>>,
+}
+
+fn parse_relay(text: &str) -> Result<PerVehicle<u16>, String> {
+    let ports =
+        text.split_once(',').and_then(|(i, j)| Some(PerVehicle { i: i.parse().ok()?, j: j.parse().ok()? }));
+    ports.ok_or_else(|| "give two UDP ports, such as 14601,14602".into())
 }
 
 fn parse_speed(text: &str) -> Result<f64, String> {
@@ -99,6 +109,7 @@ fn fly(args: &Args, mission: &Mission, faults: Faults) -> Result<Exit, String> {
         faults,
         speed: args.speed,
         directory: directory.path(),
+        pair_relay: args.pair_relay,
         actuation: PerVehicle::from_fn(|role| simulation::actuation(mission, role)),
         ground_station: args.ground_station.as_ref(),
         start: !args.wait_for_start,
