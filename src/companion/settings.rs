@@ -5,8 +5,8 @@ use std::time::Duration;
 use crate::autopilot;
 use crate::config::{self, Mission, TransmitterKind, Vehicle};
 use crate::link::Form;
-use crate::mission::Settings;
 use crate::mission::interlock::Ceilings;
+use crate::mission::{Scene, Settings};
 use crate::pair;
 use crate::role::{PerVehicle, Role};
 use crate::schedule::table::Timing;
@@ -54,6 +54,11 @@ pub fn settings(mission: &Mission, vehicle: &Vehicle, boot_id: u32, start_unaske
             vehicle_w: vehicle.limits.max_power_w.unwrap_or(f64::INFINITY),
         },
         emission_authorised: vehicle.transmitter.simulated || mission.emission.is_some(),
+        scene: Scene {
+            users_enu_m: mission.users.iter().map(|user| user.position_enu_m).collect(),
+            eavesdroppers_enu_m: mission.eavesdroppers.iter().map(|e| e.node.position_enu_m).collect(),
+            radio: mission.radio,
+        },
         start_unasked,
         start_utc: mission.tdma.start_utc,
     }

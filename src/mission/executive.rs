@@ -9,11 +9,11 @@ use std::collections::VecDeque;
 use std::time::Duration;
 
 use mavlink::MavHeader;
-use mavlink::dialects::ardupilotmega::{MavMessage, MavSeverity, MavState};
+use mavlink::dialects::ardupilotmega::{MavMessage, MavSeverity};
 
-use crate::autopilot::{self, Autopilot, Setpoint};
+use crate::autopilot::{self, Autopilot};
 use crate::geo::{Attitude, Enu};
-use crate::pair::{self, Coordinator, Local, PlanTerms, wire};
+use crate::pair::{self, Coordinator, PlanTerms, wire};
 use crate::planner::problem::Airspace;
 use crate::planner::slots::Plan;
 use crate::role::{PerVehicle, Role};
@@ -25,6 +25,7 @@ use crate::time::{Instant, Utc};
 use crate::transmitter::Transmitter;
 
 use super::course::{self, AgreementTime, Change, Health};
+use super::face::{Face, Scene};
 use super::flight::Phase;
 use super::interlock::{Ceilings, Interlock, Silence};
 use super::slot::SlotRun;
@@ -57,6 +58,8 @@ pub struct Settings {
     pub ceilings: Ceilings,
     /// The transmitter is simulated, or the mission authorises emission.
     pub emission_authorised: bool,
+    /// Nodes and radio, for the live figures.
+    pub scene: Scene,
     /// Begin as soon as both vehicles are ready, without waiting for MISSION_START.
     pub start_unasked: bool,
     /// When the transit to the first slot begins, unless the operator decides.
@@ -149,7 +152,8 @@ pub struct Executive {
     pub(super) stop_wanted: bool,
     pub(super) outcome: Option<Outcome>,
     pub(super) waiting_for: String,
-    shutting_down: Option<Instant>,
+    pub(super) shutting_down: Option<Instant>,
+    pub(super) face: Face,
     next_tick: Instant,
     next_heartbeat: Instant,
     notices: VecDeque<Notice>,
@@ -192,6 +196,7 @@ impl Executive {
             outcome: None,
             waiting_for: String::new(),
             shutting_down: None,
+            face: Face::new(now),
             next_tick: now,
             next_heartbeat: now,
             notices: VecDeque::new(),
@@ -211,6 +216,7 @@ impl Executive {
         self.autopilot.handle_message(header, message, now);
         self.interlock.handle_message(header, message, now);
         self.handle_operator(header, message, now);
+        self.handle_parameters(header, message);
         self.react(now);
     }
 
@@ -230,6 +236,7 @@ impl Executive {
             self.next_tick = (self.next_tick + period).max(now);
             self.react(now);
             self.feed_setpoint(now);
+            self.show(now);
         }
         if self.next_heartbeat <= now {
             self.next_heartbeat = now + HEARTBEAT_EVERY;
@@ -400,41 +407,6 @@ impl Executive {
         }
     }
 
-    fn feed_setpoint(&mut self, now: Instant) {
-        if self.shutting_down.is_some() {
-            return;
-        }
-        if let Some(motion) = &self.motion {
-            let sample = motion.sample(now);
-            let setpoint = Setpoint {
-                position_enu_m: sample.position_enu_m,
-                velocity_enu_m_s: sample.velocity_enu_m_s,
-                attitude: sample.attitude,
-            };
-            self.autopilot.set_setpoint(setpoint, now);
-        }
-    }
-
-    fn tell_pair(&mut self, now: Instant) {
-        let on_station = self.slot.as_ref().is_some_and(|slot| slot.monitor.check().is_ok())
-            && self.autopilot.fresh(now)
-            && self.autopilot.in_control();
-        let state = self.autopilot.state();
-        let local = Local {
-            home_enu_m: self.home_enu_m,
-            position_enu_m: state.position_enu_m.map(|p| p.value),
-            preflight_ok: self.preflight_ok,
-            airborne: self.phase.is_flying() && self.autopilot.in_control(),
-            on_station,
-            radiating: !self.interlock.is_off(now),
-            ended: self.phase.is_ending(),
-            returning: self.phase.is_returning(),
-            paused: self.paused,
-            landed: state.is_airborne() == Some(false),
-        };
-        self.pair.set_local(local, now);
-    }
-
     /// No word against the estimate: an autopilot that does not report its health is judged by its state's freshness.
     pub(super) fn estimator_ok(&self) -> bool {
         self.autopilot.state().estimator_ok.is_none_or(|ok| ok.value)
@@ -443,15 +415,5 @@ impl Executive {
     /// The autopilot's newest position.
     pub(super) fn position(&self) -> Option<Enu> {
         self.autopilot.state().position_enu_m.map(|p| p.value)
-    }
-
-    fn heartbeat(&self) -> MavMessage {
-        let system_status = match (&self.phase, &self.abort_cause) {
-            (_, Some(_)) => MavState::MAV_STATE_CRITICAL,
-            (Phase::Connecting, None) => MavState::MAV_STATE_BOOT,
-            (Phase::Standby, None) => MavState::MAV_STATE_STANDBY,
-            _ => MavState::MAV_STATE_ACTIVE,
-        };
-        autopilot::heartbeat(system_status)
     }
 }

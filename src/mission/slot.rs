@@ -10,7 +10,7 @@ use crate::time::Instant;
 use super::course::Course;
 use super::executive::{Executive, Motion};
 use super::flight::Phase;
-use super::pose_monitor::{PoseMonitor, Tolerance};
+use super::pose_monitor::PoseMonitor;
 
 /// A committed slot.
 #[derive(Debug, Clone)]
@@ -43,7 +43,7 @@ impl Executive {
                 closes_at: after_opening(entry.closes),
                 closing: false,
             },
-            monitor: PoseMonitor::new(vehicle.pose, Tolerance::for_jitter(self.settings.jitter_rad)),
+            monitor: PoseMonitor::new(vehicle.pose, self.face.tolerance(self.settings.jitter_rad)),
             user: planned.user.clone(),
             announced: false,
         };

@@ -33,7 +33,7 @@ use super::config::{Airframe, Firmware, VehicleConfig};
 use super::parameters::{Parameters, SetOutcome};
 use super::router::{Router, Sender, To};
 use crate::frames::heading_rad;
-use crate::geodesy::{LocalFrame, Origin};
+use crate::geodesy::{LocalFrame, Origin, Projection};
 
 pub(crate) use flight::Guidance;
 pub(crate) use modes::Mode;
@@ -103,7 +103,14 @@ impl Autopilot {
             system_id: config.system_id,
             firmware: config.firmware,
             airframe: config.airframe,
-            frame: LocalFrame::at(mission, origin),
+            frame: LocalFrame::at(
+                mission,
+                origin,
+                match config.firmware {
+                    Firmware::Px4 => Projection::GreatCircle,
+                    Firmware::ArduCopter => Projection::MetresPerDegree,
+                },
+            ),
             utc_start_us,
             ready_after: Duration::try_from_secs_f64(config.ready_after_s).unwrap_or_default(),
             parameters,

@@ -200,7 +200,7 @@ mod tests {
 
     fn frame() -> LocalFrame {
         let prague = Origin { lat_deg: 50.0, lon_deg: 14.0, alt_amsl_m: 200.0 };
-        LocalFrame::at(prague, Vector3::new(10.0, 20.0, 0.0))
+        LocalFrame::at(prague, Vector3::new(10.0, 20.0, 0.0), crate::geodesy::Projection::Tangent)
     }
 
     fn target(mask: u16) -> SET_POSITION_TARGET_LOCAL_NED_DATA {
