@@ -175,7 +175,7 @@ fn prop_both_components_tell_their_parameters() {
         &mut f.world,
         &MavMessage::PARAM_REQUEST_LIST(PARAM_REQUEST_LIST_DATA { target_system: 1, target_component: 0 }),
     );
-    f.pass(200);
+    f.pass(500);
     for component in [1u8, 68] {
         let values: Vec<_> = f.clients[0]
             .received

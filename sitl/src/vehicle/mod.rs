@@ -4,10 +4,13 @@ pub mod autopilot;
 pub mod config;
 pub(crate) mod control;
 pub(crate) mod dynamics;
+pub mod geometry;
 pub mod jitter;
 mod parameters;
+mod rotors;
 mod router;
 pub mod transmitter;
+pub mod traps;
 mod wind;
 
 use std::time::Duration;
@@ -21,10 +24,12 @@ use crate::geodesy::Origin;
 use crate::wire::WireCounters;
 use autopilot::{Autopilot, Guidance, Mode, Sensed, SetpointCounters};
 use config::{Firmware, VehicleConfig};
-use control::Controller;
-use dynamics::{Dynamics, Wrench};
+use control::{Controller, Estimate};
+use dynamics::Dynamics;
+use geometry::{Geometry, MAX_ROTORS};
 use jitter::{Jitter, JitterConfig};
 use parameters::SetOutcome;
+use rotors::{Allocator, Throttles, through_curves};
 use router::{Router, Sender, To};
 use transmitter::{Transmitter, TransmitterCounters};
 use wind::Wind;
@@ -82,6 +87,9 @@ pub struct Vehicle {
     config: VehicleConfig,
     dynamics: Dynamics,
     controller: Controller,
+    motor_curve: f64,
+    /// Of the whole charge, with all rotors at full throttle.
+    drain_per_s: f64,
     wind: Wind,
     jitter: Jitter,
     autopilot: Autopilot,
@@ -106,9 +114,12 @@ impl Vehicle {
         seed: u64,
     ) -> Self {
         let index = config.role.index();
-        let dynamics = Dynamics::new(config.body, config.airframe, config.home(), config.heading_rad);
+        let geometry = config.rotors();
+        let dynamics = Dynamics::new(config.body, &geometry, config.home(), config.heading_rad);
         Self {
-            controller: Controller::new(config.body, config.airframe),
+            controller: Controller::new(config.body, config.airframe, &geometry),
+            motor_curve: geometry.curve,
+            drain_per_s: drain_per_s(&config, &geometry),
             wind: Wind::new(config.wind, seed, index),
             jitter: Jitter::new(jitter, seed, index),
             autopilot: Autopilot::new(&config, mission, utc_start_us),
@@ -252,19 +263,36 @@ impl Vehicle {
         let sensed = self.sensed(now);
         let guidance = self.autopilot.tick(&sensed, &mut self.router);
         let dt = TICK.as_secs_f64();
-        let wrench = match guidance {
+        let throttles = self.throttles(&guidance, &sensed, dt);
+        let wind = self.wind.step(dt);
+        self.dynamics.step(&throttles, wind, dt);
+        self.battery = (self.battery - self.dynamics.rotors.load() * self.drain_per_s * dt).max(0.0);
+        self.ticks += 1;
+    }
+
+    /// What the motors are told, and through a curve that is not theirs if the autopilot believes in one.
+    fn throttles(&mut self, guidance: &Guidance, sensed: &Sensed, dt: f64) -> Throttles {
+        let state = Estimate {
+            position_enu_m: sensed.position_enu_m,
+            velocity_enu_m_s: sensed.velocity_enu_m_s,
+            attitude: sensed.nominal,
+            rates_flu_rad_s: sensed.rates_flu_rad_s,
+            contact: sensed.contact,
+        };
+        let throttles = match guidance {
             Guidance::Off => {
                 self.controller.reset();
-                Wrench::zero()
+                [0.0; MAX_ROTORS]
             }
-            Guidance::Fly(target, limits) => {
-                self.battery = (self.battery - dt / self.config.battery.endurance_s).max(0.0);
-                self.controller.step(&self.dynamics, &target, limits, dt)
-            }
+            Guidance::Fly(target, limits) => self.controller.step(&state, target, *limits, dt),
+            Guidance::Thrust(target) => self.controller.step_thrust(&state, target, dt),
         };
-        let wind = self.wind.step(dt);
-        self.dynamics.step(wrench, wind, dt);
-        self.ticks += 1;
+        match self.autopilot.believed_curve() {
+            Some(believed) if believed != self.motor_curve => {
+                throttles.map(|u| through_curves(u, believed, self.motor_curve))
+            }
+            _ => throttles,
+        }
     }
 
     /// A vehicle alone: everything due up to simulation time `to`, without a world around it.
@@ -309,7 +337,7 @@ impl Vehicle {
     }
 
     pub(crate) fn airborne(&self) -> bool {
-        !self.autopilot.landed
+        !self.autopilot.grounded
     }
 
     pub(crate) fn mode(&self) -> Mode {
@@ -326,6 +354,17 @@ impl Vehicle {
 
     pub(crate) fn fail_estimator(&mut self) {
         self.autopilot.estimator_ok = false;
+    }
+
+    pub(crate) fn lose_rotor(&mut self, rotor: usize) {
+        self.dynamics.rotors.lose(rotor);
+        if self.autopilot.drops_lost_rotors() {
+            self.controller.drop_rotor(rotor);
+        }
+    }
+
+    pub(crate) fn set_battery(&mut self, charge: f64) {
+        self.battery = charge.clamp(0.0, 1.0);
     }
 
     pub(crate) fn set_wind(&mut self, mean_enu_m_s: Vector3<f64>) {
@@ -350,7 +389,7 @@ impl Vehicle {
             mode: self.autopilot.mode_name(),
             companion_controlled: self.autopilot.mode == Mode::Companion,
             armed: self.autopilot.armed,
-            landed: self.autopilot.landed,
+            landed: self.autopilot.grounded,
             battery: self.battery,
             tx_power_w: self.transmitter.power_w(),
             slot: self.transmitter.emission().map(|e| e.slot),
@@ -367,6 +406,13 @@ impl Vehicle {
             power_commands: [accepted, denied, expired],
         }
     }
+}
+
+/// The charge that all rotors at full throttle take in a second: hovering takes the whole in the endurance.
+fn drain_per_s(config: &VehicleConfig, geometry: &Geometry) -> f64 {
+    let weight_n = config.body.mass_kg * dynamics::GRAVITY_M_S2;
+    let hover = Allocator::new(geometry).hover_load(weight_n);
+    if hover > 0.0 { 1.0 / (hover * config.battery.endurance_s) } else { 0.0 }
 }
 
 /// The simulation time of a tick.

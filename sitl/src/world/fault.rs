@@ -27,6 +27,25 @@ pub enum Fault {
         /// Where the air moves to, east, north, up.
         mean_enu_m_s: [f64; 3],
     },
+    /// A rotor stops for good. PX4 does without it if CA_FAILURE_MODE says so; an autopilot that does not know falls.
+    RotorLoss {
+        /// 0 for I, 1 for J.
+        vehicle: usize,
+        /// Its number in the geometry, from 0; one that is not there changes nothing.
+        rotor: usize,
+    },
+    /// The battery's charge falls at once.
+    BatteryLow {
+        /// 0 for I, 1 for J.
+        vehicle: usize,
+        /// 0 to 1.
+        charge: f64,
+    },
+    /// The transmitter obeys commands, but what it radiates never ends by itself.
+    TransmitterIgnoresExpiry {
+        /// 0 for I, 1 for J.
+        vehicle: usize,
+    },
     /// The transmitter goes on with what it radiates, whatever it is told and whenever its lease ends.
     TransmitterStuck {
         /// 0 for I, 1 for J.
@@ -48,6 +67,9 @@ impl Fault {
             | Self::PilotMode { vehicle }
             | Self::EstimatorFailure { vehicle }
             | Self::WindStep { vehicle, .. }
+            | Self::RotorLoss { vehicle, .. }
+            | Self::BatteryLow { vehicle, .. }
+            | Self::TransmitterIgnoresExpiry { vehicle }
             | Self::TransmitterStuck { vehicle }
             | Self::CompanionLost { vehicle } => vehicle,
         }

@@ -163,6 +163,9 @@ impl World {
             Fault::PilotMode { .. } => vehicle.pilot_takes_over(),
             Fault::EstimatorFailure { .. } => vehicle.fail_estimator(),
             Fault::WindStep { mean_enu_m_s, .. } => vehicle.set_wind(Vector3::from(mean_enu_m_s)),
+            Fault::RotorLoss { rotor, .. } => vehicle.lose_rotor(rotor),
+            Fault::BatteryLow { charge, .. } => vehicle.set_battery(charge),
+            Fault::TransmitterIgnoresExpiry { .. } => vehicle.transmitter_mut().endless = true,
             Fault::TransmitterStuck { .. } => vehicle.transmitter_mut().stuck = true,
             Fault::CompanionLost { .. } => {}
         }

@@ -216,7 +216,7 @@ pub fn attitude_target(config: &VehicleConfig, pose: &PlannedPose) -> MavMessage
     );
     MavMessage::SET_ATTITUDE_TARGET(SET_ATTITUDE_TARGET_DATA {
         q: [q.w as f32, q.i as f32, q.j as f32, q.k as f32],
-        type_mask: AttitudeTargetTypemask::from_bits_truncate(7),
+        type_mask: AttitudeTargetTypemask::from_bits_truncate(7 | 64),
         target_system: config.system_id,
         target_component: 1,
         ..SET_ATTITUDE_TARGET_DATA::DEFAULT

@@ -154,7 +154,8 @@ impl Autopilot {
         self.home_enu_m = sensed.position_enu_m;
         let (mode, takeoff) = (self.mode, self.flight.takeoff_altitude_enu_m);
         self.enter(mode, &sensed);
-        self.flight.begin(now, takeoff);
+        self.flight.takeoff_altitude_enu_m = takeoff;
+        (self.ground.armed_at, self.ground.flown) = (now, false);
         self.text(MavSeverity::MAV_SEVERITY_INFO, "Armed by command", router);
         MavResult::MAV_RESULT_ACCEPTED
     }
@@ -178,7 +179,7 @@ impl Autopilot {
         }
         if mode == Mode::Companion
             && self.firmware == Firmware::Px4
-            && self.armed
+            && (self.armed || !self.traps.ack_without_stream)
             && !self.offboard.proven(now)
         {
             return self.refuse("Switching to Offboard denied: no offboard signal", router);

@@ -17,11 +17,13 @@
 
 mod commands;
 mod flight;
+mod land;
 mod modes;
 mod offboard;
 mod reposition;
 mod streams;
 mod telemetry;
+mod tuning;
 
 use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
@@ -29,7 +31,7 @@ use std::time::Duration;
 use mavlink::dialects::ardupilotmega::*;
 use nalgebra::{UnitQuaternion, Vector3};
 
-use super::config::{Airframe, Firmware, VehicleConfig};
+use super::config::{Airframe, Firmware, Traps, VehicleConfig};
 use super::parameters::{Parameters, SetOutcome};
 use super::router::{Router, Sender, To};
 use crate::frames::heading_rad;
@@ -67,21 +69,27 @@ pub(crate) struct Sensed {
 pub(crate) struct Autopilot {
     system_id: u8,
     firmware: Firmware,
+    traps: Traps,
     airframe: Airframe,
     frame: LocalFrame,
     utc_start_us: u64,
     ready_after: Duration,
     pub parameters: Parameters,
+    tuning: tuning::Tuning,
     offboard: offboard::Offboard,
 
     pub mode: Mode,
     pub armed: bool,
+    /// As the autopilot believes.
     pub landed: bool,
+    /// As it is.
+    pub grounded: bool,
     /// OFFBOARD was lost to a silent stream and nobody has chosen another mode since: PX4 goes back by itself.
     resumes: bool,
     /// A failsafe chose the present mode.
     failsafe: bool,
     flight: flight::Flight,
+    ground: land::Ground,
     home_enu_m: Vector3<f64>,
     pub estimator_ok: bool,
     estimator_lost_at: Option<Duration>,
@@ -98,10 +106,14 @@ impl Autopilot {
         for name in ["MAV_SYS_ID", "SYSID_THISMAV"] {
             parameters.set(name, super::parameters::Value::Int(config.system_id.into()));
         }
+        if config.firmware == Firmware::Px4 {
+            parameters.describe_rotors(&config.rotors());
+        }
         let origin = config.home() + Vector3::from(config.local_origin_offset_enu_m);
         Self {
             system_id: config.system_id,
             firmware: config.firmware,
+            traps: config.traps,
             airframe: config.airframe,
             frame: LocalFrame::at(
                 mission,
@@ -113,6 +125,7 @@ impl Autopilot {
             ),
             utc_start_us,
             ready_after: Duration::try_from_secs_f64(config.ready_after_s).unwrap_or_default(),
+            tuning: tuning::Tuning::of(&parameters, config.firmware),
             parameters,
             offboard: offboard::Offboard::default(),
             mode: match config.firmware {
@@ -121,9 +134,11 @@ impl Autopilot {
             },
             armed: false,
             landed: true,
+            grounded: true,
             resumes: false,
             failsafe: false,
             flight: flight::Flight::at(config.home(), config.heading_rad),
+            ground: land::Ground::standing(),
             home_enu_m: config.home(),
             estimator_ok: true,
             estimator_lost_at: None,
@@ -203,7 +218,9 @@ impl Autopilot {
                 let home_alt_m = self.frame.geodetic(self.home_enu_m).alt_amsl_m;
                 self.offboard.global(m, self.firmware, &self.frame, home_alt_m, now);
             }
-            MavMessage::SET_ATTITUDE_TARGET(m) => self.offboard.attitude(m, &self.frame, now),
+            MavMessage::SET_ATTITUDE_TARGET(m) => {
+                self.offboard.attitude(m, self.firmware, &self.traps, &self.frame, now);
+            }
             _ => {}
         }
     }
@@ -255,6 +272,9 @@ impl Autopilot {
     /// One step: telemetry, failsafes, and what the vehicle shall do.
     pub fn tick(&mut self, sensed: &Sensed, router: &mut Router) -> Guidance {
         self.sensed = Some(*sensed);
+        if self.tuning.revision != self.parameters.revision {
+            self.tuning = tuning::Tuning::of(&self.parameters, self.firmware);
+        }
         self.tell(sensed, router);
         self.watch_land(sensed, router);
         self.watch_stream(sensed, router);
@@ -290,7 +310,7 @@ impl Autopilot {
         if self.firmware != Firmware::Px4 || !self.armed {
             return;
         }
-        let live = self.offboard.live(sensed.now, self.parameters.seconds("COM_OF_LOSS_T"));
+        let live = self.offboard.live(sensed.now, self.tuning.stream_timeout);
         if self.mode == Mode::Companion && !live {
             let action = self.parameters.real("COM_OBL_RC_ACT") as i32;
             let mode = match action {
@@ -302,7 +322,7 @@ impl Autopilot {
             };
             self.enter(mode, sensed);
             self.failsafe = true;
-            self.resumes = true;
+            self.resumes = self.traps.resume_takes_over;
             let text = format!("Failsafe: Offboard signal lost, switching to {}", mode.name(self.firmware));
             self.text(MavSeverity::MAV_SEVERITY_CRITICAL, &text, router);
         } else if self.resumes && live && self.offboard.proven(sensed.now) {
@@ -331,12 +351,12 @@ impl Autopilot {
 
     /// PX4's failure detector ends a flight at a tilt beyond FD_FAIL_R or FD_FAIL_P (0 switches it off).
     fn watch_attitude(&mut self, sensed: &Sensed, router: &mut Router) {
-        if self.firmware != Firmware::Px4 || !self.armed || self.landed {
+        let off = self.tuning.failure_deg.iter().all(|limit| *limit <= 0.0);
+        if self.firmware != Firmware::Px4 || off || !self.armed || self.landed {
             return;
         }
         let (roll, pitch, _) = self.frame.attitude_to_ned(&sensed.nominal).euler_angles();
-        for (name, angle) in [("FD_FAIL_R", roll), ("FD_FAIL_P", pitch)] {
-            let limit_deg = f64::from(self.parameters.real(name));
+        for (limit_deg, angle) in self.tuning.failure_deg.into_iter().zip([roll, pitch]) {
             if limit_deg > 0.0 && angle.to_degrees().abs() > limit_deg {
                 return self.terminate("Critical: attitude failure detected, terminating", router);
             }
@@ -370,6 +390,16 @@ impl Autopilot {
             let text = format!("Pilot took over: {}", self.mode.name(self.firmware));
             self.text(MavSeverity::MAV_SEVERITY_INFO, &text, router);
         }
+    }
+
+    /// PX4 allocates without a rotor that has failed, if CA_FAILURE_MODE says so.
+    pub fn drops_lost_rotors(&self) -> bool {
+        self.firmware == Firmware::Px4 && self.parameters.real("CA_FAILURE_MODE") == 1.0
+    }
+
+    /// The motors' curve that the autopilot believes in; `None` where it always knows the right one.
+    pub fn believed_curve(&self) -> Option<f64> {
+        self.tuning.curve
     }
 
     /// As the firmware's ground stations call the mode.

@@ -9,7 +9,8 @@ use mavlink::dialects::ardupilotmega::{
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
 use crate::geodesy::{LocalFrame, Origin};
-use crate::vehicle::config::Firmware;
+use crate::vehicle::config::{Firmware, Traps};
+use crate::vehicle::control::{RateTarget, ThrustTarget};
 
 /// PX4 wants setpoints at more than 2 Hz, for a second, before it trusts the stream.
 const LONGEST_GAP: Duration = Duration::from_millis(500);
@@ -60,6 +61,8 @@ pub(super) struct Offboard {
     pub setpoint: Option<Setpoint>,
     /// Attitude, body FLU to mission ENU, and when it came.
     pub attitude: Option<(UnitQuaternion<f64>, Duration)>,
+    /// PX4: attitude with thrust. Position and thrust exclude each other: the last writer wins.
+    pub thrust: Option<ThrustTarget>,
     pub counters: SetpointCounters,
     since: Option<Duration>,
     last: Option<Duration>,
@@ -88,6 +91,7 @@ impl Offboard {
     pub fn clear(&mut self) {
         self.setpoint = None;
         self.attitude = None;
+        self.thrust = None;
     }
 
     fn note(&mut self, now: Duration) {
@@ -167,6 +171,7 @@ impl Offboard {
         let mask = |values: Vector3<f64>, given: [Option<f64>; 3]| -> [Option<f64>; 3] {
             std::array::from_fn(|k| given[[1, 0, 2][k]].map(|_| values[k]))
         };
+        self.thrust = None;
         let yaw_given = fields.mask & 1024 == 0 && fields.yaw_rad.is_finite();
         self.setpoint = Some(Setpoint {
             position: mask(frame.position_to_enu(filled(position)), position),
@@ -177,18 +182,52 @@ impl Offboard {
         self.note(now);
     }
 
-    /// SET_ATTITUDE_TARGET: roll, pitch and yaw, apart from position. Thrust and rates are ignored.
-    pub fn attitude(&mut self, m: &SET_ATTITUDE_TARGET_DATA, frame: &LocalFrame, now: Duration) {
+    /// SET_ATTITUDE_TARGET. With `thrust_body` or thrust it is PX4's attitude control: the position is nobody's.
+    /// Without both it turns the body apart from its position, which stock PX4 does not know.
+    pub fn attitude(
+        &mut self,
+        m: &SET_ATTITUDE_TARGET_DATA,
+        firmware: Firmware,
+        traps: &Traps,
+        frame: &LocalFrame,
+        now: Duration,
+    ) {
+        const TILT_RATES_IGNORE: u8 = 1 | 2;
+        const THRUST_BODY_SET: u8 = 32;
+        const THROTTLE_IGNORE: u8 = 64;
         const ATTITUDE_IGNORE: u8 = 128;
         let q = m.q.map(f64::from);
         let quaternion = Quaternion::new(q[0], q[1], q[2], q[3]);
         let unit = (quaternion.norm() - 1.0).abs() <= NORM_TOLERANCE;
-        if m.type_mask.bits() & ATTITUDE_IGNORE != 0 || !unit {
+        let mask = m.type_mask.bits();
+        if mask & ATTITUDE_IGNORE != 0 || !unit {
             self.counters.invalid += 1;
             return;
         }
-        let ned_frd = UnitQuaternion::from_quaternion(quaternion);
-        self.attitude = Some((frame.attitude_to_enu(&ned_frd), now));
+        let attitude = frame.attitude_to_enu(&UnitQuaternion::from_quaternion(quaternion));
+        let in_body = mask & THRUST_BODY_SET != 0;
+        let thrusts = firmware == Firmware::Px4 && (in_body || mask & THROTTLE_IGNORE == 0);
+        if !thrusts && firmware == Firmware::Px4 && traps.attitude_needs_thrust {
+            // No offboard signal, and no word of it.
+            self.counters.invalid += 1;
+            return;
+        }
+        self.attitude = Some((attitude, now));
+        if thrusts {
+            // A multirotor's scalar thrust goes up; in the body's FRD axes up is negative z.
+            let [x, y, z] = if in_body { m.thrust_body } else { [0.0, 0.0, -m.thrust] }.map(f64::from);
+            let fights = traps.rates_fight_attitude && mask & TILT_RATES_IGNORE != TILT_RATES_IGNORE;
+            let rates = [m.body_roll_rate, m.body_pitch_rate, m.body_yaw_rate].map(f64::from);
+            self.setpoint = None;
+            self.thrust = Some(ThrustTarget {
+                attitude,
+                thrust_flu: Vector3::new(x, -y, -z),
+                rates: fights.then(|| RateTarget {
+                    rates_flu_rad_s: Vector3::new(rates[0], -rates[1], -rates[2]),
+                    thrust: m.thrust.into(),
+                }),
+            });
+        }
         self.note(now);
     }
 }
@@ -294,6 +333,8 @@ mod tests {
         for q in [[0.0; 4], [f32::NAN, 0.0, 0.0, 0.0], [2.0, 0.0, 0.0, 0.0]] {
             o.attitude(
                 &SET_ATTITUDE_TARGET_DATA { q, ..SET_ATTITUDE_TARGET_DATA::DEFAULT },
+                Firmware::Px4,
+                &Traps::default(),
                 &frame(),
                 Duration::ZERO,
             );
