@@ -13,7 +13,7 @@ use veilwing_sitl::WindConfig;
 fn main() {
     let mut config = config();
     config.jitter.std_deg = 2.0;
-    let wind = WindConfig { mean_enu_m_s: [4.0, 0.0, 0.0], gust_std_m_s: 1.0, gust_correlation_s: 2.0 };
+    let wind = WindConfig { mean_enu_m_s: [4.0, 0.0, 0.0], turbulence_m_s: 8.0 };
     config.vehicles.iter_mut().for_each(|v| v.wind = wind);
     let mut flight = Flight::new(config);
     flight.take_off();

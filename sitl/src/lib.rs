@@ -17,8 +17,11 @@ pub mod world;
 
 pub use frames::{Euler, antenna_axis};
 pub use geodesy::Origin;
+pub use vehicle::airframe_file::AirframeError;
 pub use vehicle::autopilot::SetpointCounters;
-pub use vehicle::config::{Airframe, BatteryConfig, Body, Firmware, Role, Traps, VehicleConfig, WindConfig};
+pub use vehicle::config::{
+    Airframe, BatteryConfig, Body, Firmware, Role, SensorConfig, Slip, Traps, VehicleConfig, WindConfig,
+};
 pub use vehicle::geometry::{AirframeModel, Geometry, MAX_ROTORS, Rotor};
 pub use vehicle::jitter::{JitterAxes, JitterConfig, JitterModel};
 pub use vehicle::{Vehicle, VehicleCounters, VehicleSnapshot};

@@ -2,6 +2,7 @@
 
 use nalgebra::Vector3;
 
+pub use super::autopilot::slip::Slip;
 use super::geometry::{AirframeModel, Geometry};
 use super::rotors;
 pub use super::traps::Traps;
@@ -71,15 +72,35 @@ impl Default for Body {
     }
 }
 
-/// Mean wind and its first-order (Gauss-Markov) gusts.
+/// Mean wind and Dryden turbulence (MIL-F-8785C, low altitude).
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct WindConfig {
     /// Where the air moves to, east, north, up.
     pub mean_enu_m_s: [f64; 3],
-    /// Standard deviation of the gust on each horizontal axis; the vertical one has half of it.
-    pub gust_std_m_s: f64,
-    /// Correlation time of the gusts; 0 takes 2 s.
-    pub gust_correlation_s: f64,
+    /// The wind at 20 feet (6 m) that the turbulence belongs to, m/s: 7.7 is light, 15.4 moderate, 23 severe
+    /// turbulence; 0 is none.
+    pub turbulence_m_s: f64,
+}
+
+/// What the autopilot's estimator gets wrong. The default is perfect.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct SensorConfig {
+    /// Standard deviation of the position error on each axis, metres; correlated over 20 s.
+    pub position_std_m: f64,
+    /// Standard deviation of the velocity error on each axis, m/s; correlated over 1 s.
+    pub velocity_std_m_s: f64,
+    /// Standard deviation of the attitude error about each body axis, degrees; correlated over 5 s.
+    pub attitude_std_deg: f64,
+    /// How old the estimate is, seconds; at most 1.
+    pub lag_s: f64,
+}
+
+impl SensorConfig {
+    /// A vehicle with centimetre positioning and a well-kept attitude.
+    #[must_use]
+    pub const fn typical() -> Self {
+        Self { position_std_m: 0.03, velocity_std_m_s: 0.02, attitude_std_deg: 0.1, lag_s: 0.01 }
+    }
 }
 
 /// A battery that drains with the rotors' power.
@@ -120,10 +141,14 @@ pub struct VehicleConfig {
     pub geometry: Option<Geometry>,
     /// Wind where this vehicle flies.
     pub wind: WindConfig,
+    /// What the estimator gets wrong.
+    pub sensors: SensorConfig,
     /// Battery.
     pub battery: BatteryConfig,
     /// Which manners of the firmware it has.
     pub traps: Traps,
+    /// A slip planted on purpose in what the autopilot hears, for tests of tests.
+    pub slip: Option<Slip>,
     /// Time from power-on until the autopilot agrees to arm.
     pub ready_after_s: f64,
     /// The transmitter's own limit.
@@ -145,8 +170,10 @@ impl VehicleConfig {
             body: Body::default(),
             geometry: None,
             wind: WindConfig::default(),
+            sensors: SensorConfig::default(),
             battery: BatteryConfig::default(),
             traps: Traps::default(),
+            slip: None,
             ready_after_s: 2.0,
             transmitter_max_dbm: 30.0,
         }
@@ -193,8 +220,11 @@ impl VehicleConfig {
             ("ready_after_s", self.ready_after_s),
             ("transmitter_max_dbm", self.transmitter_max_dbm),
             ("body.drag_n_s2_per_m2", body.drag_n_s2_per_m2),
-            ("wind.gust_std_m_s", self.wind.gust_std_m_s),
-            ("wind.gust_correlation_s", self.wind.gust_correlation_s),
+            ("wind.turbulence_m_s", self.wind.turbulence_m_s),
+            ("sensors.position_std_m", self.sensors.position_std_m),
+            ("sensors.velocity_std_m_s", self.sensors.velocity_std_m_s),
+            ("sensors.attitude_std_deg", self.sensors.attitude_std_deg),
+            ("sensors.lag_s", self.sensors.lag_s),
             ("battery.initial", self.battery.initial),
         ];
         finite.extend(body.pressure_offset_m.map(|v| ("body.pressure_offset_m", v)));

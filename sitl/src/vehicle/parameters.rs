@@ -151,10 +151,15 @@ impl Parameters {
 /// PX4's, with the defaults of a vehicle prepared for companion flight where the stock ones would end it
 /// (COM_OBL_RC_ACT, FD_FAIL_R/P) or make a lost rotor fatal (CA_FAILURE_MODE).
 const PX4: &[(&str, Value)] = &[
+    ("BAT_CRIT_THR", Value::Real(0.07)),
+    ("BAT_EMERGEN_THR", Value::Real(0.05)),
+    ("BAT_LOW_THR", Value::Real(0.15)),
     ("CA_FAILURE_MODE", Value::Int(1)),
     ("COM_ARM_WO_GPS", Value::Int(1)),
     ("COM_DISARM_LAND", Value::Real(2.0)),
     ("COM_DISARM_PRFLT", Value::Real(10.0)),
+    ("COM_DL_LOSS_T", Value::Int(10)),
+    ("COM_LOW_BAT_ACT", Value::Int(3)),
     ("COM_OBL_RC_ACT", Value::Int(5)),
     ("COM_OF_LOSS_T", Value::Real(1.0)),
     ("COM_RC_IN_MODE", Value::Int(4)),
@@ -182,6 +187,11 @@ const PX4: &[(&str, Value)] = &[
 /// ArduCopter's; lengths and speeds in centimetres, as it has them.
 const ARDUCOPTER: &[(&str, Value)] = &[
     ("ARMING_CHECK", Value::Int(1)),
+    ("BATT_CAPACITY", Value::Int(3300)),
+    ("BATT_CRT_MAH", Value::Int(330)),
+    ("BATT_FS_CRT_ACT", Value::Int(1)),
+    ("BATT_FS_LOW_ACT", Value::Int(2)),
+    ("BATT_LOW_MAH", Value::Int(660)),
     ("DISARM_DELAY", Value::Int(10)),
     ("FRAME_CLASS", Value::Int(3)),
     ("FRAME_TYPE", Value::Int(1)),

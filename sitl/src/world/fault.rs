@@ -10,6 +10,41 @@ pub enum Fault {
         /// Cut, or mended.
         on: bool,
     },
+    /// The companion's link to its vehicle loses and delays datagrams from now on, both directions; zeros mend it.
+    LinkDegraded {
+        /// 0 for I, 1 for J.
+        vehicle: usize,
+        /// Probability that a datagram is lost.
+        loss: f64,
+        /// Seconds, each way.
+        delay_s: f64,
+    },
+    /// GPS is lost (`on`) or back: the position runs away at 0.1 m/s^2, is given up after 5 s, and jumps back with GPS.
+    GpsLoss {
+        /// 0 for I, 1 for J.
+        vehicle: usize,
+        /// Lost, or back.
+        on: bool,
+    },
+    /// The position estimate jumps, for good.
+    EstimatorReset {
+        /// 0 for I, 1 for J.
+        vehicle: usize,
+        /// East, north, up, metres.
+        jump_enu_m: [f64; 3],
+    },
+    /// The autopilot's clock (SYSTEM_TIME) jumps.
+    ClockJump {
+        /// 0 for I, 1 for J.
+        vehicle: usize,
+        /// Seconds, forward if positive.
+        by_s: f64,
+    },
+    /// The autopilot restarts: its motors stop, it is silent for 3 s, and knows its parameters alone.
+    AutopilotRestart {
+        /// 0 for I, 1 for J.
+        vehicle: usize,
+    },
     /// The pilot takes the sticks.
     PilotMode {
         /// 0 for I, 1 for J.
@@ -64,6 +99,11 @@ impl Fault {
     pub const fn vehicle(&self) -> usize {
         match *self {
             Self::LinkLoss { vehicle, .. }
+            | Self::LinkDegraded { vehicle, .. }
+            | Self::GpsLoss { vehicle, .. }
+            | Self::EstimatorReset { vehicle, .. }
+            | Self::ClockJump { vehicle, .. }
+            | Self::AutopilotRestart { vehicle }
             | Self::PilotMode { vehicle }
             | Self::EstimatorFailure { vehicle }
             | Self::WindStep { vehicle, .. }

@@ -142,7 +142,12 @@ impl World {
             if self.ticks.is_multiple_of(TICKS_PER_SAMPLE) {
                 self.sample();
             }
+            let before = self.vehicles.each_ref().map(|v| v.transmitter().emission());
             self.vehicles.iter_mut().for_each(|v| v.tick(tick));
+            // A delayed command may have been carried out.
+            if self.vehicles.each_ref().map(|v| v.transmitter().emission()) != before {
+                self.watch();
+            }
             self.ticks += 1;
         }
         self.now = self.now.max(to);
@@ -160,6 +165,11 @@ impl World {
         self.monitor.fault();
         match fault {
             Fault::LinkLoss { on, .. } => vehicle.cut_companion_link(on),
+            Fault::LinkDegraded { loss, delay_s, .. } => vehicle.degrade_companion_link(loss, delay_s),
+            Fault::GpsLoss { on, .. } => vehicle.lose_gps(on, self.now),
+            Fault::EstimatorReset { jump_enu_m, .. } => vehicle.reset_estimator(Vector3::from(jump_enu_m)),
+            Fault::ClockJump { by_s, .. } => vehicle.jump_clock(by_s),
+            Fault::AutopilotRestart { .. } => vehicle.restart_autopilot(self.now),
             Fault::PilotMode { .. } => vehicle.pilot_takes_over(),
             Fault::EstimatorFailure { .. } => vehicle.fail_estimator(),
             Fault::WindStep { mean_enu_m_s, .. } => vehicle.set_wind(Vector3::from(mean_enu_m_s)),
@@ -194,7 +204,7 @@ impl World {
             position,
             home: vehicle.home_enu_m(),
             airborne: vehicle.airborne(),
-            confined: ![Mode::Position, Mode::Stabilize, Mode::Land].contains(&mode),
+            confined: vehicle.powered() && ![Mode::Position, Mode::Stabilize, Mode::Land].contains(&mode),
             companion: mode == Mode::Companion,
         }
     }

@@ -38,7 +38,8 @@ pub(crate) struct Seen {
     pub position: Vector3<f64>,
     pub home: Vector3<f64>,
     pub airborne: bool,
-    /// Its path is nobody's but the companion's or the autopilot's: not the pilot's, not a forced landing.
+    /// Its path is nobody's but the companion's or the autopilot's: not the pilot's, not a forced landing, and its
+    /// motors turn.
     pub confined: bool,
     /// It is the companion that flies it.
     pub companion: bool,

@@ -104,6 +104,7 @@ impl Autopilot {
             MavCmd::MAV_CMD_NAV_LAND => self.command_mode(Mode::Land, now, router),
             MavCmd::MAV_CMD_NAV_RETURN_TO_LAUNCH => self.command_mode(Mode::ReturnToLaunch, now, router),
             MavCmd::MAV_CMD_DO_REPOSITION => self.command_reposition(c, now, router),
+            MavCmd::MAV_CMD_USER_4 | MavCmd::MAV_CMD_USER_5 => self.command_offsets(c.id, [p1, p2]),
             MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL => self.command_interval(from.link, p1, p2, now),
             MavCmd::MAV_CMD_GET_MESSAGE_INTERVAL => self.command_get_interval(from.link, p1, router),
             MavCmd::MAV_CMD_REQUEST_MESSAGE => self.command_request(from.link, p1, router),
@@ -184,6 +185,10 @@ impl Autopilot {
         {
             return self.refuse("Switching to Offboard denied: no offboard signal", router);
         }
+        if mode == Mode::Companion && self.traps.mode_ack_alone && !self.mode_forgotten {
+            self.mode_forgotten = true;
+            return MavResult::MAV_RESULT_ACCEPTED;
+        }
         if self.mode != mode {
             if self.firmware == Firmware::ArduCopter {
                 // GUIDED starts from where it is, not from what was sent before.
@@ -253,7 +258,8 @@ impl Autopilot {
             streams.set_default(id, firmware, now);
         } else {
             let asked = Duration::from_micros(interval_us as u64).min(SLOWEST_INTERVAL);
-            if asked < FASTEST_INTERVAL && firmware == Firmware::ArduCopter {
+            let refuses = firmware == Firmware::ArduCopter && self.traps.fast_interval_refused;
+            if asked < FASTEST_INTERVAL && refuses {
                 return MavResult::MAV_RESULT_DENIED;
             }
             streams.set(id, asked.max(FASTEST_INTERVAL), now);

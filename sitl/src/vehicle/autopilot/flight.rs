@@ -67,7 +67,7 @@ impl Flight {
         self.takeoff_altitude_enu_m = None;
     }
 
-    fn level(&self) -> UnitQuaternion<f64> {
+    pub fn level(&self) -> UnitQuaternion<f64> {
         UnitQuaternion::from_axis_angle(&Vector3::z_axis(), self.heading_rad)
     }
 
@@ -122,6 +122,9 @@ impl Autopilot {
         if let Some(target) = self.offboard.thrust {
             return Guidance::Thrust(target);
         }
+        if let Some(angle) = &self.offboard.angle {
+            return self.follow_angle(angle, sensed);
+        }
         let timeout = self.tuning.stream_timeout;
         let mut target = self.flight.hold();
         if let Some(setpoint) = &self.offboard.setpoint {
@@ -131,7 +134,7 @@ impl Autopilot {
                 target.attitude = self.flight.level();
             }
             // ArduCopter keeps a position for ever, and stops a velocity.
-            if !stale || setpoint.has_position() {
+            if !stale || setpoint.has_position() && self.traps.position_kept {
                 target.position_enu_m = setpoint.position_at(sensed.now);
                 target.velocity_enu_m_s = if stale { [None; 3] } else { setpoint.velocity };
             } else {
@@ -140,7 +143,9 @@ impl Autopilot {
         } else if self.landed && self.firmware == Firmware::ArduCopter {
             return Guidance::Off;
         }
-        if let Some((attitude, at)) = self.offboard.attitude {
+        if let Some(attitude) = self.with_offsets(self.flight.heading_rad) {
+            target.attitude = attitude;
+        } else if let Some((attitude, at)) = self.offboard.attitude {
             // Old roll and pitch are levelled; the heading stays.
             if sensed.now.saturating_sub(at) <= timeout {
                 target.attitude = attitude;

@@ -8,6 +8,7 @@ use mavlink::dialects::ardupilotmega::{
 };
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
+use super::arducopter::Angle;
 use crate::geodesy::{LocalFrame, Origin};
 use crate::vehicle::config::{Firmware, Traps};
 use crate::vehicle::control::{RateTarget, ThrustTarget};
@@ -63,6 +64,11 @@ pub(super) struct Offboard {
     pub attitude: Option<(UnitQuaternion<f64>, Duration)>,
     /// PX4: attitude with thrust. Position and thrust exclude each other: the last writer wins.
     pub thrust: Option<ThrustTarget>,
+    /// ArduCopter: a lean of angle control, likewise.
+    pub angle: Option<Angle>,
+    /// The bridge script's roll and pitch (FRD), and whether they are flown.
+    pub offsets_rad: [f64; 2],
+    pub offsets_on: bool,
     pub counters: SetpointCounters,
     since: Option<Duration>,
     last: Option<Duration>,
@@ -92,6 +98,22 @@ impl Offboard {
         self.setpoint = None;
         self.attitude = None;
         self.thrust = None;
+        self.angle = None;
+    }
+
+    /// ArduCopter: stop, whatever was asked before.
+    pub fn stop(&mut self, now: Duration) {
+        self.clear();
+        self.setpoint =
+            Some(Setpoint { position: [None; 3], velocity: [Some(0.0); 3], heading_rad: None, at: now });
+    }
+
+    /// ArduCopter: angle control.
+    pub fn lean(&mut self, angle: Angle) {
+        let at = angle.at;
+        self.clear();
+        self.angle = Some(angle);
+        self.note(at);
     }
 
     fn note(&mut self, now: Duration) {
@@ -105,12 +127,15 @@ impl Offboard {
     pub fn local(
         &mut self,
         m: &SET_POSITION_TARGET_LOCAL_NED_DATA,
-        firmware: Firmware,
+        manners: (Firmware, &Traps),
         frame: &LocalFrame,
         now: Duration,
     ) {
         if m.coordinate_frame != MavFrame::MAV_FRAME_LOCAL_NED {
             self.counters.wrong_frame += 1;
+            if manners.0 == Firmware::ArduCopter && manners.1.odd_frame_stops {
+                self.stop(now);
+            }
             return;
         }
         let fields = Fields {
@@ -119,13 +144,13 @@ impl Offboard {
             velocity_ned: [m.vx, m.vy, m.vz].map(f64::from),
             yaw_rad: m.yaw.into(),
         };
-        self.take(&fields, firmware, frame, now);
+        self.take(&fields, manners, frame, now);
     }
 
     pub fn global(
         &mut self,
         m: &SET_POSITION_TARGET_GLOBAL_INT_DATA,
-        firmware: Firmware,
+        manners: (Firmware, &Traps),
         frame: &LocalFrame,
         home_alt_m: f64,
         now: Duration,
@@ -137,6 +162,9 @@ impl Offboard {
             }
             _ => {
                 self.counters.wrong_frame += 1;
+                if manners.0 == Firmware::ArduCopter && manners.1.odd_frame_stops {
+                    self.stop(now);
+                }
                 return;
             }
         };
@@ -149,17 +177,23 @@ impl Offboard {
             velocity_ned: [m.vx, m.vy, m.vz].map(f64::from),
             yaw_rad: m.yaw.into(),
         };
-        self.take(&fields, firmware, frame, now);
+        self.take(&fields, manners, frame, now);
     }
 
-    fn take(&mut self, fields: &Fields, firmware: Firmware, frame: &LocalFrame, now: Duration) {
+    fn take(
+        &mut self,
+        fields: &Fields,
+        (firmware, traps): (Firmware, &Traps),
+        frame: &LocalFrame,
+        now: Duration,
+    ) {
         let group = |first: u16, values: [f64; 3]| -> [Option<f64>; 3] {
             let given: [Option<f64>; 3] = std::array::from_fn(|k| {
                 (fields.mask & (first << k) == 0 && values[k].is_finite()).then_some(values[k])
             });
             // ArduCopter: one ignored axis drops its whole group.
             let whole = given.iter().all(Option::is_some);
-            if firmware == Firmware::ArduCopter && !whole { [None; 3] } else { given }
+            if firmware == Firmware::ArduCopter && traps.whole_groups && !whole { [None; 3] } else { given }
         };
         let (position, velocity) = (group(1, fields.position_ned), group(8, fields.velocity_ned));
         if position.iter().chain(&velocity).all(Option::is_none) {
@@ -171,7 +205,7 @@ impl Offboard {
         let mask = |values: Vector3<f64>, given: [Option<f64>; 3]| -> [Option<f64>; 3] {
             std::array::from_fn(|k| given[[1, 0, 2][k]].map(|_| values[k]))
         };
-        self.thrust = None;
+        (self.thrust, self.angle) = (None, None);
         let yaw_given = fields.mask & 1024 == 0 && fields.yaw_rad.is_finite();
         self.setpoint = Some(Setpoint {
             position: mask(frame.position_to_enu(filled(position)), position),
@@ -187,8 +221,7 @@ impl Offboard {
     pub fn attitude(
         &mut self,
         m: &SET_ATTITUDE_TARGET_DATA,
-        firmware: Firmware,
-        traps: &Traps,
+        (firmware, traps): (Firmware, &Traps),
         frame: &LocalFrame,
         now: Duration,
     ) {
@@ -268,7 +301,7 @@ mod tests {
     #[test]
     fn val_local_ned_lands_in_the_missions_enu() {
         let mut o = Offboard::default();
-        o.local(&target(0), Firmware::Px4, &frame(), Duration::ZERO);
+        o.local(&target(0), (Firmware::Px4, &Traps::default()), &frame(), Duration::ZERO);
         let s = o.setpoint.unwrap();
         assert!(near(s.position, [Some(12.0), Some(21.0), Some(3.0)]), "{s:?}");
         assert!(near(s.velocity, [Some(0.2), Some(0.1), Some(-0.3)]));
@@ -280,15 +313,15 @@ mod tests {
     #[test]
     fn prop_ignore_bits_per_firmware() {
         let mut o = Offboard::default();
-        o.local(&target(1 | 1024), Firmware::Px4, &frame(), Duration::ZERO);
+        o.local(&target(1 | 1024), (Firmware::Px4, &Traps::default()), &frame(), Duration::ZERO);
         let s = o.setpoint.unwrap();
         assert!(near(s.position, [Some(12.0), None, Some(3.0)]) && s.heading_rad.is_none());
-        o.local(&target(1), Firmware::ArduCopter, &frame(), Duration::ZERO);
+        o.local(&target(1), (Firmware::ArduCopter, &Traps::default()), &frame(), Duration::ZERO);
         assert!(!o.setpoint.unwrap().has_position());
-        o.local(&target(63), Firmware::Px4, &frame(), Duration::ZERO);
+        o.local(&target(63), (Firmware::Px4, &Traps::default()), &frame(), Duration::ZERO);
         let mut body = target(0);
         body.coordinate_frame = MavFrame::MAV_FRAME_BODY_NED;
-        o.local(&body, Firmware::Px4, &frame(), Duration::ZERO);
+        o.local(&body, (Firmware::Px4, &Traps::default()), &frame(), Duration::ZERO);
         assert_eq!((o.counters.accepted, o.counters.invalid, o.counters.wrong_frame), (2, 1, 1));
     }
 
@@ -309,7 +342,7 @@ mod tests {
                 type_mask: PositionTargetTypemask::from_bits_truncate(8 | 16 | 32 | 1024),
                 ..SET_POSITION_TARGET_GLOBAL_INT_DATA::DEFAULT
             };
-            o.global(&m, Firmware::Px4, &f, 200.0, Duration::ZERO);
+            o.global(&m, (Firmware::Px4, &Traps::default()), &f, 200.0, Duration::ZERO);
             assert!(near(o.setpoint.unwrap().position, [Some(50.0), Some(-30.0), Some(90.0)]));
         }
     }
@@ -320,10 +353,10 @@ mod tests {
         let mut o = Offboard::default();
         for k in 0..=5 {
             assert!(k == 5 || !o.proven(ms(k * 200)));
-            o.local(&target(0), Firmware::Px4, &frame(), ms(k * 200));
+            o.local(&target(0), (Firmware::Px4, &Traps::default()), &frame(), ms(k * 200));
         }
         assert!(o.proven(ms(1000)) && o.live(ms(2000), ms(1000)) && !o.live(ms(2001), ms(1000)));
-        o.local(&target(0), Firmware::Px4, &frame(), ms(1600));
+        o.local(&target(0), (Firmware::Px4, &Traps::default()), &frame(), ms(1600));
         assert!(!o.proven(ms(1600)), "a gap of 600 ms starts the second again");
     }
 
@@ -333,8 +366,7 @@ mod tests {
         for q in [[0.0; 4], [f32::NAN, 0.0, 0.0, 0.0], [2.0, 0.0, 0.0, 0.0]] {
             o.attitude(
                 &SET_ATTITUDE_TARGET_DATA { q, ..SET_ATTITUDE_TARGET_DATA::DEFAULT },
-                Firmware::Px4,
-                &Traps::default(),
+                (Firmware::Px4, &Traps::default()),
                 &frame(),
                 Duration::ZERO,
             );

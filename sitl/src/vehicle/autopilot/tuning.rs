@@ -17,6 +17,11 @@ pub(super) struct Tuning {
     /// FD_FAIL_R and FD_FAIL_P, degrees; 0 is off.
     pub failure_deg: [f64; 2],
     pub still: Still,
+    /// Charges, 0 to 1, that count as low, critical and an emergency.
+    pub charge: [f64; 3],
+    /// NAV_DLL_ACT or FS_GCS_ENABLE; 0 is off.
+    pub ground_station_action: i32,
+    pub ground_station_timeout: Duration,
     /// THR_MDL_FAC: the curve that the autopilot believes its motors to have.
     pub curve: Option<f64>,
 }
@@ -63,6 +68,15 @@ impl Tuning {
                 tilting_rad_s: real("LNDMC_ROT_MAX").to_radians(),
                 time: parameters.seconds("LNDMC_TRIG_TIME"),
             },
+            charge: if px4 {
+                ["BAT_LOW_THR", "BAT_CRIT_THR", "BAT_EMERGEN_THR"].map(real)
+            } else {
+                // ArduPilot counts what is left in mAh.
+                let capacity = real("BATT_CAPACITY").max(1.0);
+                [real("BATT_LOW_MAH") / capacity, real("BATT_CRT_MAH") / capacity, 0.0]
+            },
+            ground_station_action: parameters.real(if px4 { "NAV_DLL_ACT" } else { "FS_GCS_ENABLE" }) as i32,
+            ground_station_timeout: parameters.seconds(if px4 { "COM_DL_LOSS_T" } else { "FS_GCS_TIMEOUT" }),
             curve: px4.then(|| real("THR_MDL_FAC").clamp(0.0, 1.0)),
         }
     }

@@ -46,7 +46,7 @@ impl Rig {
         for k in 0..steps {
             let t = k as f64 * DT;
             let throttles = self.controller.step(&estimate(&self.body), &target(t), LIMITS, DT);
-            let wind = self.wind.step(DT);
+            let wind = self.wind.step(DT, 30.0, &self.body.velocity_enu_m_s);
             self.body.step(&throttles, wind, DT);
             see(t + DT, &self.body);
         }
@@ -82,7 +82,7 @@ fn prop_hold_at_every_tilt_is_centimetres_and_tenths_of_a_degree() {
 
 #[test]
 fn prop_hold_in_gusts() {
-    let wind = WindConfig { mean_enu_m_s: [6.0, 2.0, 0.0], gust_std_m_s: 1.5, gust_correlation_s: 2.0 };
+    let wind = WindConfig { mean_enu_m_s: [6.0, 2.0, 0.0], turbulence_m_s: 12.0 };
     let at = Vector3::new(0.0, 0.0, 100.0);
     let mut rig = Rig::new(Airframe::Omnidirectional, wind);
     let (mut squares, mut n) = (0.0, 0);
