@@ -6,6 +6,7 @@
 pub mod settings;
 
 use std::future::Future;
+use std::time::Duration;
 
 use mavlink::dialects::ardupilotmega::MavSeverity;
 use tokio::sync::oneshot;
@@ -19,6 +20,11 @@ use crate::role::Role;
 use crate::transmitter::Transmitter;
 
 type AutopilotMessage = mavlink::dialects::ardupilotmega::MavMessage;
+
+/// A deadline met later than this was missed: the process was not run.
+const WOKEN_LATE: Duration = Duration::from_millis(5);
+/// Messages taken before such a deadline.
+const MOST_WAITING: usize = 64;
 
 /// What a companion needs besides the executive's settings.
 pub struct Companion {
@@ -84,12 +90,33 @@ impl Companion {
                 // Deadlines before messages: no flood can hold up a setpoint.
                 () = clock.sleep_until(deadline) => {
                     tracing::trace!(why, "timeout");
+                    if clock.now() > deadline + WOKEN_LATE {
+                        take_waiting(&mut executive, &mut autopilot, &mut pair, &clock).await;
+                    }
                     executive.handle_timeout(clock.now());
                 }
                 frame = autopilot.recv() => executive.handle_autopilot(frame.header, &frame.message, clock.now()),
                 frame = pair.recv() => executive.handle_pair(&frame.message, clock.now()),
                 plan = planned(&mut planning) => executive.handle_plan(plan.map_err(CompanionError::Plan)?),
             }
+        }
+    }
+}
+
+/// Takes what has arrived meanwhile. A process that slept too long must not call state lost that waits at its door; a
+/// bounded number, so that a flood cannot hold up a setpoint here either.
+async fn take_waiting(
+    executive: &mut Executive,
+    autopilot: &mut Link<AutopilotMessage>,
+    pair: &mut PairLink,
+    clock: &Clock,
+) {
+    for _ in 0..MOST_WAITING {
+        tokio::select! {
+            biased;
+            frame = autopilot.recv() => executive.handle_autopilot(frame.header, &frame.message, clock.now()),
+            frame = pair.recv() => executive.handle_pair(&frame.message, clock.now()),
+            () = std::future::ready(()) => break,
         }
     }
 }

@@ -258,14 +258,30 @@ impl Autopilot {
         &self.settings
     }
 
+    /// When the older of position and attitude was received; `None` while one is unknown or the link is lost.
+    #[must_use]
+    pub fn state_since(&self) -> Option<Instant> {
+        let state = &self.telemetry.state;
+        let (position, attitude) = (state.position_enu_m?, state.attitude?);
+        (!self.link.is_lost()).then(|| position.received_at.min(attitude.received_at))
+    }
+
+    /// Time between two messages of position or attitude, whichever is longer, as granted and as they come.
+    #[must_use]
+    pub fn state_period(&self) -> Duration {
+        self.streams.state_period().unwrap_or_else(|| self.settings.period())
+    }
+
+    /// Age of the older of position and attitude; `None` as above.
+    #[must_use]
+    pub fn state_age(&self, now: Instant) -> Option<Duration> {
+        self.state_since().map(|since| now.saturating_since(since))
+    }
+
     /// Whether position and attitude were received a moment ago and the link stands.
     #[must_use]
     pub fn fresh(&self, now: Instant) -> bool {
-        let fresh = |age: Duration| age <= self.settings.freshness;
-        let state = &self.telemetry.state;
-        !self.link.is_lost()
-            && state.position_enu_m.is_some_and(|position| fresh(position.age(now)))
-            && state.attitude.is_some_and(|attitude| fresh(attitude.age(now)))
+        self.state_age(now).is_some_and(|age| age <= self.settings.freshness)
     }
 
     /// Whether we took control and the last heartbeat shows the companion's mode, armed.

@@ -83,6 +83,11 @@ fn val_setpoints_go_out_at_the_rate_and_never_outlive_the_executive() {
     assert!(last.unwrap().0 <= stalled + lifetime + Duration::from_millis(20), "{last:?}");
     // The autopilot's own failsafe follows, and is reported.
     world.until(3.0, |event| matches!(event, Event::ControlLost { .. }));
+    assert_eq!(world.fake.custom_mode, PX4_LOITER);
+    // It would go back to OFFBOARD at the next setpoint, by itself: an executive that is back must not cause that.
+    world.hold_here();
+    world.run(5.0);
+    assert_eq!(world.fake.custom_mode, PX4_LOITER);
 }
 
 #[test]

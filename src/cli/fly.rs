@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use crate::companion::Companion;
-use crate::companion::settings::{pair_form, settings, transmitter_settings};
+use crate::companion::settings::{allow_for_clock_rate, pair_form, settings, transmitter_settings};
 use crate::config::{Mission, Vehicle};
 use crate::link::clock::Clock;
 use crate::link::{Key, LinkConfig, SigningConfig, TlogWriter};
@@ -117,6 +117,8 @@ fn companion(args: &Args, mission: Mission, vehicle: &Vehicle, clock: &Clock) ->
         None => None,
     };
     let options = mission_options(&mission);
+    let mut settings = settings(&mission, vehicle, boot_id(clock), args.start);
+    allow_for_clock_rate(&mut settings, args.clock_rate);
     Ok(Companion {
         autopilot: (vehicle.autopilot.link.clone(), link(AUTOPILOT, vehicle.autopilot.system_id, None)?),
         pair: (
@@ -125,7 +127,7 @@ fn companion(args: &Args, mission: Mission, vehicle: &Vehicle, clock: &Clock) ->
             pair_form(vehicle),
         ),
         transmitter: Transmitter::new(transmitter_settings(vehicle), clock.now()),
-        settings: settings(&mission, vehicle, boot_id(clock), args.start),
+        settings,
         planner: Box::new(move || {
             plan_mission(&mission, &options).map(|timed| timed.plan).map_err(|error| error.to_string())
         }),

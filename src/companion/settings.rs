@@ -15,6 +15,8 @@ use crate::transmitter::{self, Kind, PowerParameter, Unit};
 
 /// The longest jam lease and transmitter lease: the time in which everything falls silent by itself.
 pub const LEASE: Duration = Duration::from_millis(500);
+/// How late a busy machine may run a process that is due.
+const SCHEDULING_DELAY: Duration = Duration::from_millis(25);
 /// Without a word for this long the other vehicle is lost and the mission is given up.
 pub const PEER_TIMEOUT: Duration = Duration::from_secs(3);
 
@@ -32,6 +34,7 @@ pub fn settings(mission: &Mission, vehicle: &Vehicle, boot_id: u32, start_unaske
     autopilot.tilt_rate_rad_s = limits[role].tilt_rate_rad_s;
     autopilot.firmware = vehicle.autopilot.firmware;
     autopilot.actuation = vehicle.autopilot.actuation;
+    autopilot.position_control.thrust_n = vehicle.autopilot.thrust_n;
     Settings {
         role,
         own,
@@ -73,6 +76,12 @@ pub fn pair_form(vehicle: &Vehicle) -> Form {
     } else {
         Form::Plain
     }
+}
+
+/// Allows for this machine's own delays where the companion's clock runs `rate` times as fast as the machine's: they
+/// last so many times longer on it.
+pub fn allow_for_clock_rate(settings: &mut Settings, rate: f64) {
+    settings.autopilot.scheduling_allowance = SCHEDULING_DELAY.mul_f64((rate - 1.0).clamp(0.0, 1e3));
 }
 
 /// What the driver of the vehicle's transmitter is told.

@@ -54,6 +54,8 @@ pub struct Autopilot {
     pub component_id: u8,
     /// Setpoints and state per second.
     pub rate_hz: f64,
+    /// Newtons per unit of thrust along body x, y, z, for [`Actuation::ThrustVector`]; `None`: from the autopilot.
+    pub thrust_n: Option<[f64; 3]>,
 }
 
 /// The payload radio.
@@ -295,6 +297,13 @@ fn check(draft: &Draft, file: &mut Document) {
     {
         let message = format!("`rate_hz` is {} Hz, too slow to fly by thrust vector", autopilot.rate_hz);
         refuse(file, "autopilot.rate_hz", &message, "give at least 50");
+    }
+    if autopilot.thrust_n.is_some()
+        && autopilot.actuation != Actuation::ThrustVector
+        && file.sound(&["autopilot.thrust_n", "autopilot.actuation"])
+    {
+        let message = format!("`thrust_n` means nothing with actuation \"{}\"", autopilot.actuation);
+        refuse(file, "autopilot.thrust_n", &message, "leave it out, or give actuation = \"thrust_vector\"");
     }
     check_pair(draft, file);
     let transmitter = &draft.transmitter;

@@ -1,7 +1,7 @@
 //! Every setting of the vehicle file, declared once: key, kind, range, unit, default, sentence.
 
 use super::address::LinkAddress;
-use super::kind::{Choice, Flag, Integer, Number, Parsed, Text};
+use super::kind::{Choice, Flag, Integer, Number, Numbers, Parsed, Text};
 use super::mission_file::{climb, power, speed, tilt, tilt_rate};
 use super::reader::Section;
 use super::vehicle::{
@@ -70,6 +70,7 @@ fn byte(value: u64) -> u8 {
     u8::try_from(value).unwrap_or(u8::MAX)
 }
 
+const NEWTONS: Number = Number::within("N", 0.01, 1e5);
 const ID: Integer = Integer { min: 1, max: 255 };
 
 fn autopilot(s: &mut Section<'_, '_>) -> Autopilot {
@@ -98,6 +99,12 @@ fn autopilot(s: &mut Section<'_, '_>) -> Autopilot {
         system_id: s.optional("system_id", "MAVLink system of the autopilot. Unset: the first that is heard.", ID).map(byte),
         component_id: byte(s.read("component_id", "MAVLink component of this companion.", ID, 191)),
         rate_hz: s.read("rate_hz", "Setpoints and state per second.", Number::within("Hz", 5.0, 400.0), 50.0),
+        thrust_n: s.optional(
+            "thrust_n",
+            "What one unit of thrust is worth along body x, y and z, for \"thrust_vector\"; ratios matter. Unset: from the \
+             autopilot's CA_ROTOR* parameters.",
+            Numbers([("x", NEWTONS), ("y", NEWTONS), ("z", NEWTONS)]),
+        ),
     }
 }
 

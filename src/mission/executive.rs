@@ -154,6 +154,8 @@ pub struct Executive {
     pub(super) waiting_for: String,
     pub(super) shutting_down: Option<Instant>,
     pub(super) face: Face,
+    /// J: I has been told that our state is late.
+    pub(super) told_late: bool,
     next_tick: Instant,
     next_heartbeat: Instant,
     notices: VecDeque<Notice>,
@@ -197,6 +199,7 @@ impl Executive {
             waiting_for: String::new(),
             shutting_down: None,
             face: Face::new(now),
+            told_late: false,
             next_tick: now,
             next_heartbeat: now,
             notices: VecDeque::new(),
@@ -231,6 +234,9 @@ impl Executive {
         self.autopilot.handle_timeout(now);
         self.pair.handle_timeout(now);
         self.interlock.handle_timeout(now);
+        if self.overdue_at().is_some_and(|at| at <= now) {
+            self.react(now);
+        }
         if self.next_tick <= now {
             let period = Duration::from_secs_f64(1.0 / self.settings.autopilot.rate_hz);
             self.next_tick = (self.next_tick + period).max(now);
@@ -249,7 +255,8 @@ impl Executive {
     #[must_use]
     pub fn poll_timeout(&self) -> (Instant, &'static str) {
         let own = [(self.next_tick, "tick"), (self.next_heartbeat, "heartbeat"), self.pair.poll_timeout()];
-        let lower = [self.autopilot.poll_timeout(), self.interlock.poll_timeout()];
+        let overdue = self.overdue_at().map(|at| (at, "late state"));
+        let lower = [self.autopilot.poll_timeout(), self.interlock.poll_timeout(), overdue];
         own.into_iter().chain(lower.into_iter().flatten()).min_by_key(|(at, _)| *at).unwrap_or(own[0])
     }
 
@@ -382,7 +389,7 @@ impl Executive {
     /// Lets the course of the slot decide, and says when the transmitter goes on and off, and why.
     fn drive(&mut self, now: Instant) {
         let health = Health {
-            state_fresh: self.autopilot.fresh(now),
+            state_fresh: self.may_radiate_on_state(now),
             in_control: self.autopilot.in_control() && self.shutting_down.is_none(),
             estimator_ok: self.estimator_ok(),
             pose_ok: self.pose_ok(now),
@@ -405,6 +412,7 @@ impl Executive {
             }
             Some(Change::Off(_)) | None => {}
         }
+        self.warn_if_late(now);
     }
 
     /// No word against the estimate: an autopilot that does not report its health is judged by its state's freshness.

@@ -10,6 +10,7 @@ mod operator;
 pub mod pose_monitor;
 mod reaction;
 mod slot;
+mod staleness;
 mod standing;
 mod start;
 

@@ -4,7 +4,11 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
 
 mod agreement;
+mod face;
 mod faults;
 mod harness;
+mod kinds;
 mod nominal;
+mod reaction;
+mod reaction_table;
 mod tunnel;

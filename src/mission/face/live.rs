@@ -9,8 +9,9 @@
 //! | `TX_DBM` | own power as the transmitter acknowledged it, dBm |
 //!
 //! They are the mission's model at what this companion knows: its own estimated pose and acknowledged power, the
-//! peer's reported position with the plan's attitude, and the plan's power while the peer says that it radiates. What
-//! an eavesdropper really hears nobody aboard can know.
+//! peer's reported position, and the plan's power while the peer says that it radiates. The peer does not report its
+//! attitude: it counts as the plan's, jittering as the mission expects, by its mean gain (J's null on the user would
+//! otherwise look perfect). What an eavesdropper really hears nobody aboard can know.
 
 use std::time::Duration;
 
@@ -21,7 +22,8 @@ use crate::mission::executive::Executive;
 use crate::mission::face::information::boot_ms;
 use crate::pair::wire::VeilwingFlags;
 use crate::planner::problem::Radio;
-use crate::radio::link::{Transmitter, sinr};
+use crate::radio::link::{NEAREST_M, Transmitter, received_power_w};
+use crate::radio::pattern;
 use crate::radio::secrecy;
 use crate::role::Role;
 use crate::time::Instant;
@@ -120,12 +122,17 @@ impl Executive {
             axis: other_plan.pose.antenna_axis(),
             tx_power_w: if radiates { other_plan.tx_power_w } else { 0.0 },
         };
-        let (i, j) = match role {
-            Role::I => (own, other),
-            Role::J => (other, own),
-        };
         let scene = &self.settings.scene;
-        let at = |node: &Enu| sinr(&i, &j, node, scene.radio.reference_gain, scene.radio.noise_power_w);
+        let Radio { reference_gain, noise_power_w, .. } = scene.radio;
+        let at = |node: &Enu| {
+            let from_own = received_power_w(&own, node, reference_gain);
+            let from_other = mean_received_power_w(&other, node, reference_gain, self.settings.jitter_rad);
+            let (i, j) = match role {
+                Role::I => (from_own, from_other),
+                Role::J => (from_other, from_own),
+            };
+            i / (j + noise_power_w)
+        };
         let user_sinr = at(scene.users_enu_m.get(entry.user_index)?);
         let eavesdropper_sinr: Vec<f64> = scene.eavesdroppers_enu_m.iter().map(at).collect();
         let heard = eavesdropper_sinr.iter().copied();
@@ -134,9 +141,42 @@ impl Executive {
     }
 }
 
+/// Mean power received from a transmitter whose axis jitters by `jitter_rad` about each of its two transverse axes, to
+/// second order: with `t` the cosine between axis and direction, `E t^2 = t^2 + s^2 (1 - 3 t^2)`, so that
+/// `E G = G + s^2 (2 - 3 G)`.
+fn mean_received_power_w(from: &Transmitter, node: &Enu, reference_gain: f64, jitter_rad: f64) -> f64 {
+    let path = node - from.position_enu_m;
+    let still = pattern::gain(&path, &from.axis);
+    let mean = (still + jitter_rad * jitter_rad * (2.0 - 3.0 * still)).clamp(0.0, 1.0);
+    let square = path.norm_squared().max(NEAREST_M * NEAREST_M);
+    reference_gain * mean * from.tx_power_w.max(0.0) / square
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn val_the_mean_gain_is_that_of_many_jittered_axes() {
+        use crate::geo::Attitude;
+        use rand::{RngExt, SeedableRng};
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(1);
+        let jitter_rad = 2f64.to_radians();
+        let mut gauss = || jitter_rad * ((0..12).map(|_| rng.random::<f64>()).sum::<f64>() - 6.0);
+        for node in [Enu::zeros(), Enu::new(30.0, 0.0, 0.0), Enu::new(100.0, 20.0, 50.0)] {
+            let level =
+                Transmitter { position_enu_m: Enu::new(0.0, 0.0, 50.0), axis: Enu::z(), tx_power_w: 0.5 };
+            let n = 20_000;
+            let powers = (0..n).map(|_| {
+                let axis = Attitude::from_euler(gauss(), gauss(), 0.0).antenna_axis();
+                received_power_w(&Transmitter { axis, ..level }, &node, 1.0)
+            });
+            let mean = powers.sum::<f64>() / f64::from(n);
+            let formula = mean_received_power_w(&level, &node, 1.0, jitter_rad);
+            // At the null the power's standard deviation is its mean: 0.7% of it for the mean of 20,000.
+            assert!((formula / mean - 1.0).abs() < 0.03, "{node}: {formula} {mean}");
+        }
+    }
 
     #[test]
     fn val_names_fit_and_come_round() {
