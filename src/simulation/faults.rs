@@ -107,7 +107,7 @@ impl Fault {
         self.sizes.iter().find(|(of, _)| *of == magnitude).map_or(0.0, |(_, size)| *size)
     }
 
-    /// For the log.
+    /// For the log, with whom it befalls.
     #[must_use]
     pub fn describe(&self) -> String {
         let whom = match self.roles.as_slice() {
@@ -115,17 +115,23 @@ impl Fault {
             [role] => format!("vehicle {role}"),
             _ => "both vehicles".to_owned(),
         };
+        format!("fault: {whom}: {}", self.what())
+    }
+
+    /// What happens, without to whom.
+    #[must_use]
+    pub fn what(&self) -> String {
         let lasting = self.duration.map_or(String::new(), |d| format!(" for {:.3} s", d.as_secs_f64()));
         let sizes: Vec<String> = self.sizes.iter().map(|(of, size)| format!("{of:?} {size:.3}")).collect();
         let sizes = if sizes.is_empty() { String::new() } else { format!(" ({})", sizes.join(", ")) };
-        format!("fault: {whom}: {}{sizes}{lasting}", self.kind.describe())
+        format!("{}{sizes}{lasting}", self.kind.describe())
     }
 
     /// What a degraded or cut link does to its datagrams; `None` for faults of anything else.
     #[must_use]
     pub fn path(&self) -> Option<Path> {
         match self.kind {
-            FaultKind::PairLoss => Some(Path::CUT),
+            FaultKind::PairLoss | FaultKind::LinkLoss => Some(Path::CUT),
             FaultKind::PairDegraded | FaultKind::LinkDegraded => Some(Path {
                 loss: self.size(Magnitude::Loss),
                 duplication: self.size(Magnitude::Duplication),
@@ -229,8 +235,19 @@ impl Schedule {
         Some(Change::Begins(fault))
     }
 
-    /// Those under way, in the order of their beginnings.
-    pub fn running(&self) -> impl DoubleEndedIterator<Item = &Fault> {
-        self.running.iter().map(|(fault, _)| fault)
+    /// Whether a fault of this kind is under way.
+    #[must_use]
+    pub fn runs(&self, kind: FaultKind, role: Role) -> bool {
+        self.running.iter().any(|(fault, _)| fault.kind == kind && fault.roles.contains(&role))
+    }
+
+    /// What a link suffers from the faults of these kinds that are under way: a cut, or else the newest.
+    #[must_use]
+    pub fn path(&self, kinds: &[FaultKind], role: Role) -> Option<Path> {
+        let newest_first = self.running.iter().rev().map(|(fault, _)| fault);
+        let paths = newest_first
+            .filter(|fault| kinds.contains(&fault.kind) && fault.roles.contains(&role))
+            .filter_map(Fault::path);
+        paths.reduce(|worst, path| if path == Path::CUT { path } else { worst })
     }
 }

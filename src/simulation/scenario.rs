@@ -228,18 +228,18 @@ impl Run {
                     self.flight.start(role);
                 }
                 FaultKind::CompanionStop => {
-                    let frozen = self.any_running(FaultKind::CompanionStop, role);
+                    let frozen = self.schedule.runs(FaultKind::CompanionStop, role);
                     self.flight.freeze(role, frozen);
                 }
                 FaultKind::PairLoss | FaultKind::PairDegraded => {
-                    let path = self.worst_path(&[FaultKind::PairLoss, FaultKind::PairDegraded], role);
-                    self.flight.set_pair_path(role, path);
+                    let path = self.schedule.path(&[FaultKind::PairLoss, FaultKind::PairDegraded], role);
+                    self.flight.set_pair_path(role, path.unwrap_or(Path::GOOD));
                 }
                 FaultKind::LinkDegraded => {
-                    let path = self.worst_path(&[FaultKind::LinkDegraded], role);
-                    self.flight.set_autopilot_path(role, path);
+                    let path = self.schedule.path(&[FaultKind::LinkDegraded], role);
+                    self.flight.set_autopilot_path(role, path.unwrap_or(Path::GOOD));
                 }
-                FaultKind::LinkLoss if !on && self.any_running(FaultKind::LinkLoss, role) => {}
+                FaultKind::LinkLoss if !on && self.schedule.runs(FaultKind::LinkLoss, role) => {}
                 // Logs are not written in virtual time, and the executive knows nothing of them.
                 FaultKind::DiskFull => {}
                 _ => {
@@ -249,23 +249,6 @@ impl Run {
                 }
             }
         }
-    }
-
-    fn any_running(&self, kind: FaultKind, role: Role) -> bool {
-        self.schedule.running().any(|fault| fault.kind == kind && fault.roles.contains(&role))
-    }
-
-    /// What a link suffers from several faults at once: a cut, or else the newest.
-    fn worst_path(&self, kinds: &[FaultKind], role: Role) -> Path {
-        let running = self.schedule.running().rev();
-        let paths = running
-            .filter(|fault| kinds.contains(&fault.kind) && fault.roles.contains(&role))
-            .filter_map(Fault::path);
-        let worse = |worst: Option<Path>, path: Path| match worst {
-            Some(worst) if path != Path::CUT => Some(worst),
-            _ => Some(path),
-        };
-        paths.fold(None, worse).unwrap_or(Path::GOOD)
     }
 
     /// Ends what would not end by itself, as the host of a simulated flight in real time does.

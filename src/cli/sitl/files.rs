@@ -63,8 +63,7 @@ impl Drop for Directory {
 pub(super) fn write_vehicle(
     directory: &Path,
     role: Role,
-    autopilot_port: u16,
-    pair_port: u16,
+    [autopilot_port, pair_port]: [u16; 2],
     actuation: &str,
 ) -> Result<PathBuf, String> {
     let name = role.to_string().to_lowercase();
