@@ -71,6 +71,8 @@ pub struct Flown {
     pub lost: u64,
     /// What the companions' decoders have turned away.
     pub counters: PerVehicle<Counters>,
+    /// As it was left.
+    pub world: World,
 }
 
 impl Flown {
@@ -294,6 +296,7 @@ impl Run {
             received,
             lost,
             counters: PerVehicle::from_fn(|role| self.flight.counters(role).clone()),
+            world: self.flight.world,
         }
     }
 }
@@ -311,4 +314,38 @@ fn is_excused(violation: &sim::Violation, faults: &[(Duration, Fault)]) -> bool 
     };
     let of_j = violation.detail.starts_with("J radiates");
     violation.invariant.starts_with('S') && broken(if of_j { Role::J } else { Role::I })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn val_a_broken_transmitter_excuses_its_own_emission_and_nothing_else() {
+        let broken = |role| {
+            let fault = Fault {
+                kind: FaultKind::TransmitterStuck,
+                roles: vec![role],
+                slot: None,
+                after: Duration::from_secs(30),
+                duration: None,
+                sizes: Vec::new(),
+                direction_rad: 0.0,
+            };
+            vec![(Duration::from_secs(30), fault)]
+        };
+        let violation =
+            |invariant, at_s, detail: &str| sim::Violation { invariant, at_s, detail: detail.into() };
+        let unprotected = violation("S1", 31.0, "I radiates while J does not jam its slot");
+        let jam = violation("S2", 31.0, "J radiates in no slot of the plan");
+        let near = violation("F1", 31.0, "the vehicles are 3.00 m apart; 5.00 m is the least");
+        let before = violation("S1", 29.0, "I radiates while J does not jam its slot");
+        for (violation, of_i, of_j) in
+            [(unprotected, true, false), (jam, false, true), (near, false, false), (before, false, false)]
+        {
+            assert_eq!(is_excused(&violation, &broken(Role::I)), of_i, "{violation:?}");
+            assert_eq!(is_excused(&violation, &broken(Role::J)), of_j, "{violation:?}");
+            assert!(!is_excused(&violation, &[]));
+        }
+    }
 }

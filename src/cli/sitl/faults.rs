@@ -45,11 +45,7 @@ impl Host<'_> {
     }
 
     fn note_fault(&mut self, kind: EventKind, fault: &Fault) {
-        let vehicle = match fault.roles.as_slice() {
-            [role] => Some(*role),
-            _ => None,
-        };
-        self.note(kind, vehicle, Severity::Warning, fault.what());
+        self.note(kind, fault.vehicle(), Severity::Warning, fault.what());
         if let Some(event) = self.events.last_mut() {
             event.code = Some(fault.kind.name().to_owned());
         }

@@ -9,7 +9,7 @@ use crate::role::Role;
 use crate::simulation::VehicleText;
 
 /// Kept where the operator said, or temporary and removed at the end.
-pub(super) struct Directory {
+pub(in crate::cli) struct Directory {
     path: PathBuf,
     temporary: bool,
 }

@@ -3,7 +3,7 @@
 
 pub(super) mod document;
 mod faults;
-mod files;
+pub(super) mod files;
 mod ground;
 mod host;
 mod port;
