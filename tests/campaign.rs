@@ -159,7 +159,7 @@ fn val_bad_input_is_refused() {
         (&[MISSION, "--faults", &meteor], "meteor.toml:2:8: `kind` is \"meteor\""),
         (&["--merge", "no-such-part.json"], "no-such-part.json"),
         (&["--merge", &no_campaign], "plan.json"),
-        (&[], "--merge"),
+        (&[], "<MISSION>"),
     ];
     for (arguments, complaint) in cases {
         let output = output(arguments);

@@ -222,3 +222,82 @@ impl Faults {
         Document::schema(fault_file::describe)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn laws(text: &str) -> Vec<FaultLaw> {
+        Faults::parse("f.toml", text).unwrap().laws
+    }
+
+    #[test]
+    fn val_every_kind_has_a_name_of_its_own_and_is_in_the_example() {
+        let example = include_str!("../../config/faults.toml");
+        let laws = laws(example);
+        let names: std::collections::BTreeSet<_> = FaultKind::ALL.iter().map(|kind| kind.name()).collect();
+        assert_eq!(names.len(), FaultKind::ALL.len());
+        assert_eq!(fault_file::KINDS.len(), FaultKind::ALL.len());
+        for kind in FaultKind::ALL {
+            assert!(laws.iter().any(|law| law.kind == *kind), "{} is not in config/faults.toml", kind.name());
+            assert!(!kind.name().is_empty());
+        }
+    }
+
+    #[test]
+    fn val_a_fixed_fault_and_a_law_read() {
+        let laws = laws(
+            "[[fault]]\nkind = \"companion-kill\"\nvehicle = \"j\"\nslot = 1\nafter_s = 4.0\n\
+             [[fault]]\nkind = \"pair-degraded\"\nrate_per_hour = 30\nduration_s = [1, 2.5]\nloss = [0.1, 0.4]\n",
+        );
+        let fixed = FaultLaw {
+            kind: FaultKind::CompanionKill,
+            whom: Whom::J,
+            frequency: Frequency::Once(1.0),
+            slot: Some(1),
+            after_s: Some([4.0, 4.0]),
+            duration_s: None,
+            sizes: Vec::new(),
+        };
+        let law = FaultLaw {
+            kind: FaultKind::PairDegraded,
+            whom: Whom::Both,
+            frequency: Frequency::PerHour(30.0),
+            slot: None,
+            after_s: None,
+            duration_s: Some([1.0, 2.5]),
+            sizes: vec![
+                (Magnitude::Loss, [0.1, 0.4]),
+                (Magnitude::Duplication, [0.0; 2]),
+                (Magnitude::Delay, [0.001; 2]),
+                (Magnitude::Spread, [0.0; 2]),
+            ],
+        };
+        assert_eq!(laws, vec![fixed, law]);
+    }
+
+    #[test]
+    fn val_what_is_wrong_with_a_fault_is_said_with_its_place() {
+        let fault = |more: &str| format!("[[fault]]\n{more}\n");
+        let cases = [
+            (fault("kind = \"meteor\""), "f.toml:2:8: `kind` is \"meteor\""),
+            (fault("after_s = 1.0"), "has no `kind`"),
+            (fault("kind = \"pair-loss\"\nafter_s = nan"), "f.toml:3:11: `after_s` is NaN"),
+            (fault("kind = \"pair-loss\"\nduration_s = [3, 1]"), "f.toml:3:14: `duration_s` is inverted"),
+            (fault("kind = \"link-loss\"\nvehicel = \"i\""), "did you mean `vehicle`?"),
+            (fault("kind = \"link-loss\"\nvehicle = \"k\""), "f.toml:3:11: `vehicle` is \"k\""),
+            (fault("kind = \"pilot-mode\"\nduration_s = 3"), "which does not end"),
+            (fault("kind = \"companion-restart\""), "companion-restart has no `duration_s`"),
+            (fault("kind = \"pair-loss\"\nloss = 0.5"), "f.toml:3:8: `loss` means nothing for pair-loss"),
+            (
+                fault("kind = \"link-loss\"\nprobability = 0.5\nrate_per_hour = 2"),
+                "`rate_per_hour` is given together with `probability`",
+            ),
+            (fault("kind = \"link-loss\"\nprobability = 1.5"), "above the maximum of 1"),
+        ];
+        for (text, complaint) in cases {
+            let said = Faults::parse("f.toml", &text).unwrap_err().to_string();
+            assert!(said.contains(complaint), "{text}{said}");
+        }
+    }
+}

@@ -107,25 +107,40 @@ impl Fault {
         self.sizes.iter().find(|(of, _)| *of == magnitude).map_or(0.0, |(_, size)| *size)
     }
 
-    /// For the log.
+    /// The vehicle that it befalls; `None` if both.
+    #[must_use]
+    pub fn vehicle(&self) -> Option<Role> {
+        match self.roles.as_slice() {
+            [role] => Some(*role),
+            _ => None,
+        }
+    }
+
+    /// For the log, with whom it befalls.
     #[must_use]
     pub fn describe(&self) -> String {
-        let whom = match self.roles.as_slice() {
-            [role] if self.kind.is_of_the_pair() => format!("from vehicle {role}"),
-            [role] => format!("vehicle {role}"),
-            _ => "both vehicles".to_owned(),
+        let whom = match self.vehicle() {
+            Some(role) if self.kind.is_of_the_pair() => format!("from vehicle {role}"),
+            Some(role) => format!("vehicle {role}"),
+            None => "both vehicles".to_owned(),
         };
+        format!("fault: {whom}: {}", self.what())
+    }
+
+    /// What happens, without to whom.
+    #[must_use]
+    pub fn what(&self) -> String {
         let lasting = self.duration.map_or(String::new(), |d| format!(" for {:.3} s", d.as_secs_f64()));
         let sizes: Vec<String> = self.sizes.iter().map(|(of, size)| format!("{of:?} {size:.3}")).collect();
         let sizes = if sizes.is_empty() { String::new() } else { format!(" ({})", sizes.join(", ")) };
-        format!("fault: {whom}: {}{sizes}{lasting}", self.kind.describe())
+        format!("{}{sizes}{lasting}", self.kind.describe())
     }
 
     /// What a degraded or cut link does to its datagrams; `None` for faults of anything else.
     #[must_use]
     pub fn path(&self) -> Option<Path> {
         match self.kind {
-            FaultKind::PairLoss => Some(Path::CUT),
+            FaultKind::PairLoss | FaultKind::LinkLoss => Some(Path::CUT),
             FaultKind::PairDegraded | FaultKind::LinkDegraded => Some(Path {
                 loss: self.size(Magnitude::Loss),
                 duplication: self.size(Magnitude::Duplication),
@@ -229,8 +244,115 @@ impl Schedule {
         Some(Change::Begins(fault))
     }
 
-    /// Those under way, in the order of their beginnings.
-    pub fn running(&self) -> impl DoubleEndedIterator<Item = &Fault> {
-        self.running.iter().map(|(fault, _)| fault)
+    /// Whether a fault of this kind is under way.
+    #[must_use]
+    pub fn runs(&self, kind: FaultKind, role: Role) -> bool {
+        self.running.iter().any(|(fault, _)| fault.kind == kind && fault.roles.contains(&role))
+    }
+
+    /// What a link suffers from the faults of these kinds that are under way: a cut, or else the newest.
+    #[must_use]
+    pub fn path(&self, kinds: &[FaultKind], role: Role) -> Option<Path> {
+        let newest_first = self.running.iter().rev().map(|(fault, _)| fault);
+        let paths = newest_first
+            .filter(|fault| kinds.contains(&fault.kind) && fault.roles.contains(&role))
+            .filter_map(Fault::path);
+        paths.reduce(|worst, path| if path == Path::CUT { path } else { worst })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LENGTHS: Lengths = Lengths { flight_s: 80.0, slot_s: 9.0 };
+
+    fn laws(text: &str) -> Faults {
+        Faults::parse("f.toml", text).unwrap()
+    }
+
+    fn all(faults: &Faults, seeds: u64) -> Vec<Fault> {
+        (0..seeds).flat_map(|seed| draw(faults, seed, LENGTHS)).collect()
+    }
+
+    #[test]
+    fn val_faults_are_as_frequent_as_their_law_says_and_anywhere_in_the_flight() {
+        let n = 4000;
+        let once = all(&laws("[[fault]]\nkind = \"link-loss\"\nprobability = 0.2\n"), n);
+        let share = once.len() as f64 / n as f64;
+        assert!((share - 0.2).abs() < 4.0 * (0.2 * 0.8 / n as f64).sqrt(), "{share}");
+        let times: Vec<f64> = once.iter().map(|fault| fault.after.as_secs_f64()).collect();
+        assert!(times.iter().all(|at| (0.0..80.0).contains(at)));
+        // Uniform: mean 40, variance 80^2/12.
+        let mean = times.iter().sum::<f64>() / times.len() as f64;
+        assert!((mean - 40.0).abs() < 4.0 * 80.0 / (12.0 * times.len() as f64).sqrt(), "{mean}");
+        let of_i = once.iter().filter(|fault| fault.roles == [Role::I]).count() as f64 / times.len() as f64;
+        assert!((of_i - 0.5).abs() < 4.0 * 0.5 / (times.len() as f64).sqrt(), "{of_i}");
+        // 90 an hour are 2 in 80 s, with the variance of a Poisson law.
+        let poisson = all(&laws("[[fault]]\nkind = \"pilot-mode\"\nrate_per_hour = 90\n"), n);
+        let mean = poisson.len() as f64 / n as f64;
+        assert!((mean - 2.0).abs() < 4.0 * (2.0 / n as f64).sqrt(), "{mean}");
+    }
+
+    #[test]
+    fn val_what_is_fixed_is_not_drawn() {
+        let text =
+            "[[fault]]\nkind = \"wind-step\"\nvehicle = \"j\"\nslot = 2\nafter_s = 1.5\nspeed_m_s = 7\n";
+        for seed in 0..20 {
+            let [fault] = &draw(&laws(text), seed, LENGTHS)[..] else { panic!("one fault") };
+            assert_eq!(
+                (fault.after, fault.slot, &fault.roles[..]),
+                (Duration::from_millis(1500), Some(2), &[Role::J][..])
+            );
+            let Some(sim::Fault::WindStep { vehicle: 1, mean_enu_m_s: [e, n, 0.0] }) =
+                fault.in_the_world(Role::J, true)
+            else {
+                panic!("{fault:?}")
+            };
+            assert!((e.hypot(n) - 7.0).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn prop_a_law_added_at_the_end_changes_nothing_in_the_others() {
+        let one = "[[fault]]\nkind = \"link-loss\"\nprobability = 0.5\nduration_s = [1, 9]\n";
+        let two = format!("{one}[[fault]]\nkind = \"pilot-mode\"\n");
+        for seed in 0..100 {
+            let (alone, both) = (draw(&laws(one), seed, LENGTHS), draw(&laws(&two), seed, LENGTHS));
+            assert_eq!(both[..alone.len()], alone[..]);
+            assert_eq!(both.len(), alone.len() + 1);
+        }
+    }
+
+    fn fault(kind: FaultKind, after_s: u64, lasts_s: Option<u64>) -> Fault {
+        Fault {
+            kind,
+            roles: vec![Role::I],
+            slot: None,
+            after: Duration::from_secs(after_s),
+            duration: lasts_s.map(Duration::from_secs),
+            sizes: vec![(Magnitude::Loss, 0.2)],
+            direction_rad: 0.0,
+        }
+    }
+
+    #[test]
+    fn val_faults_begin_and_end_in_time_and_a_cut_outdoes_a_bad_link() {
+        let cut = fault(FaultKind::PairLoss, 2, Some(3));
+        let bad = fault(FaultKind::PairDegraded, 3, None);
+        let mut schedule = Schedule::new(vec![bad.clone(), cut.clone()]);
+        let kinds = [FaultKind::PairLoss, FaultKind::PairDegraded];
+        let seconds = Duration::from_secs;
+        assert_eq!((schedule.next(), schedule.poll(seconds(1))), (Some(seconds(2)), None));
+        assert_eq!(schedule.path(&kinds, Role::I), None);
+        assert_eq!(schedule.poll(seconds(2)), Some(Change::Begins(cut.clone())));
+        assert_eq!(schedule.next(), Some(seconds(3)));
+        assert_eq!(schedule.poll(seconds(3)), Some(Change::Begins(bad.clone())));
+        assert_eq!(schedule.path(&kinds, Role::I), Some(Path::CUT));
+        assert_eq!(schedule.path(&kinds, Role::J), None);
+        assert_eq!(schedule.poll(seconds(5)), Some(Change::Ends(cut)));
+        assert_eq!(schedule.path(&kinds, Role::I).map(|path| path.loss), Some(0.2));
+        assert_eq!((schedule.poll(seconds(99)), schedule.next()), (None, None));
+        assert!(schedule.runs(FaultKind::PairDegraded, Role::I));
     }
 }

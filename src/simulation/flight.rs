@@ -42,6 +42,8 @@ pub trait Observer {
     fn received(&mut self, _at: Duration, _role: Role, _header: MavHeader, _message: &MavMessage) {}
     /// A frame left or reached a companion.
     fn frame(&mut self, _at: Duration, _role: Role, _wire: Wire, _bytes: &[u8]) {}
+    /// The world after an event.
+    fn saw(&mut self, _world: &World) {}
     /// What is on the air has changed: I and J.
     fn on_air(&mut self, _at: Duration, _on: [bool; 2]) {}
 }
@@ -234,6 +236,7 @@ impl Flight {
             self.on_air = on;
             observer.on_air(self.now, on);
         }
+        observer.saw(&self.world);
         Ok(())
     }
 

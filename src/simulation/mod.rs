@@ -16,6 +16,7 @@ mod world;
 pub use faults::{Change, Fault, Lengths, Schedule, draw};
 pub use flight::{Flight, FlightError, Observer, Setup, Wire};
 pub use path::Path;
+pub(crate) use path::Pipe;
 pub use process::Given;
 pub use scenario::{Flown, Scenario, ScenarioError, Witness};
 pub use vehicle::{VehicleText, actuation, vehicle};

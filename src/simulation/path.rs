@@ -30,7 +30,7 @@ impl Path {
 
 /// A path and what is under way on it.
 #[derive(Debug, Clone)]
-pub(super) struct Pipe {
+pub(crate) struct Pipe {
     pub path: Path,
     rng: ChaCha8Rng,
     /// By arrival and, for those of one instant, by departure.

@@ -71,6 +71,8 @@ pub struct Flown {
     pub lost: u64,
     /// What the companions' decoders have turned away.
     pub counters: PerVehicle<Counters>,
+    /// As it was left.
+    pub world: World,
 }
 
 impl Flown {
@@ -228,18 +230,18 @@ impl Run {
                     self.flight.start(role);
                 }
                 FaultKind::CompanionStop => {
-                    let frozen = self.any_running(FaultKind::CompanionStop, role);
+                    let frozen = self.schedule.runs(FaultKind::CompanionStop, role);
                     self.flight.freeze(role, frozen);
                 }
                 FaultKind::PairLoss | FaultKind::PairDegraded => {
-                    let path = self.worst_path(&[FaultKind::PairLoss, FaultKind::PairDegraded], role);
-                    self.flight.set_pair_path(role, path);
+                    let path = self.schedule.path(&[FaultKind::PairLoss, FaultKind::PairDegraded], role);
+                    self.flight.set_pair_path(role, path.unwrap_or(Path::GOOD));
                 }
                 FaultKind::LinkDegraded => {
-                    let path = self.worst_path(&[FaultKind::LinkDegraded], role);
-                    self.flight.set_autopilot_path(role, path);
+                    let path = self.schedule.path(&[FaultKind::LinkDegraded], role);
+                    self.flight.set_autopilot_path(role, path.unwrap_or(Path::GOOD));
                 }
-                FaultKind::LinkLoss if !on && self.any_running(FaultKind::LinkLoss, role) => {}
+                FaultKind::LinkLoss if !on && self.schedule.runs(FaultKind::LinkLoss, role) => {}
                 // Logs are not written in virtual time, and the executive knows nothing of them.
                 FaultKind::DiskFull => {}
                 _ => {
@@ -249,23 +251,6 @@ impl Run {
                 }
             }
         }
-    }
-
-    fn any_running(&self, kind: FaultKind, role: Role) -> bool {
-        self.schedule.running().any(|fault| fault.kind == kind && fault.roles.contains(&role))
-    }
-
-    /// What a link suffers from several faults at once: a cut, or else the newest.
-    fn worst_path(&self, kinds: &[FaultKind], role: Role) -> Path {
-        let running = self.schedule.running().rev();
-        let paths = running
-            .filter(|fault| kinds.contains(&fault.kind) && fault.roles.contains(&role))
-            .filter_map(Fault::path);
-        let worse = |worst: Option<Path>, path: Path| match worst {
-            Some(worst) if path != Path::CUT => Some(worst),
-            _ => Some(path),
-        };
-        paths.fold(None, worse).unwrap_or(Path::GOOD)
     }
 
     /// Ends what would not end by itself, as the host of a simulated flight in real time does.
@@ -311,6 +296,7 @@ impl Run {
             received,
             lost,
             counters: PerVehicle::from_fn(|role| self.flight.counters(role).clone()),
+            world: self.flight.world,
         }
     }
 }
@@ -328,4 +314,38 @@ fn is_excused(violation: &sim::Violation, faults: &[(Duration, Fault)]) -> bool 
     };
     let of_j = violation.detail.starts_with("J radiates");
     violation.invariant.starts_with('S') && broken(if of_j { Role::J } else { Role::I })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn val_a_broken_transmitter_excuses_its_own_emission_and_nothing_else() {
+        let broken = |role| {
+            let fault = Fault {
+                kind: FaultKind::TransmitterStuck,
+                roles: vec![role],
+                slot: None,
+                after: Duration::from_secs(30),
+                duration: None,
+                sizes: Vec::new(),
+                direction_rad: 0.0,
+            };
+            vec![(Duration::from_secs(30), fault)]
+        };
+        let violation =
+            |invariant, at_s, detail: &str| sim::Violation { invariant, at_s, detail: detail.into() };
+        let unprotected = violation("S1", 31.0, "I radiates while J does not jam its slot");
+        let jam = violation("S2", 31.0, "J radiates in no slot of the plan");
+        let near = violation("F1", 31.0, "the vehicles are 3.00 m apart; 5.00 m is the least");
+        let before = violation("S1", 29.0, "I radiates while J does not jam its slot");
+        for (violation, of_i, of_j) in
+            [(unprotected, true, false), (jam, false, true), (near, false, false), (before, false, false)]
+        {
+            assert_eq!(is_excused(&violation, &broken(Role::I)), of_i, "{violation:?}");
+            assert_eq!(is_excused(&violation, &broken(Role::J)), of_j, "{violation:?}");
+            assert!(!is_excused(&violation, &[]));
+        }
+    }
 }

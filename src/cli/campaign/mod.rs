@@ -6,7 +6,7 @@ mod pool;
 mod shard;
 
 use std::io::IsTerminal;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use sha2::{Digest, Sha256};
 
@@ -64,7 +64,7 @@ pub(super) fn run(args: &Args) -> Exit {
     let outcome = match &args.mission {
         None => shard::merge(&args.merge).map(|document| show(args, &document)),
         Some(path) => match prepare(args, path) {
-            Ok((mission, faults)) => fly(args, &mission, &faults),
+            Ok((mission, faults)) => fly(args, (&mission, path), &faults),
             Err(exit) => return exit,
         },
     };
@@ -74,7 +74,7 @@ pub(super) fn run(args: &Args) -> Exit {
     })
 }
 
-fn prepare(args: &Args, path: &std::path::Path) -> Result<(Mission, Faults), Exit> {
+fn prepare(args: &Args, path: &Path) -> Result<(Mission, Faults), Exit> {
     let mission = load_mission(path)?;
     let faults = match &args.faults {
         None => Faults::default(),
@@ -86,7 +86,7 @@ fn prepare(args: &Args, path: &std::path::Path) -> Result<(Mission, Faults), Exi
     Ok((mission, faults))
 }
 
-fn fly(args: &Args, mission: &Mission, faults: &Faults) -> Result<Exit, String> {
+fn fly(args: &Args, (mission, file): (&Mission, &Path), faults: &Faults) -> Result<Exit, String> {
     let wall = Clock::real();
     let options = mission_options(mission);
     let timed = plan_mission(mission, &options).map_err(|error| error.to_string())?;
@@ -109,7 +109,7 @@ fn fly(args: &Args, mission: &Mission, faults: &Faults) -> Result<Exit, String> 
         let seed = seed.wrapping_add(run);
         let faults = draw(faults, seed, scenario.lengths());
         let flown = match &out {
-            Some(out) if alone => out.fly_with_logs(&scenario, seed, faults)?,
+            Some(out) if alone => out.fly_with_logs((mission, file), &scenario, seed, faults)?,
             _ => scenario.fly(seed, faults, &mut ())?,
         };
         let line = FlightLine::new(run, seed, &flown);

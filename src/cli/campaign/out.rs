@@ -6,13 +6,18 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
+use mavlink::dialects::ardupilotmega::MavSeverity;
 use serde::Serialize;
+use veilwing_sitl::{Recorder, World};
 
 use crate::cli::plan::write_plan;
 use crate::cli::sitl::document::{FlightDocument, FlightResult, Messages};
+use crate::cli::sitl::files::Directory;
+use crate::config::Mission;
 use crate::link::Rejection;
 use crate::link::tlog::append_record;
 use crate::mission::Notice;
+use crate::report::flight::{self, Event, EventKind, Severity};
 use crate::report::plan_document::PlanDocument;
 use crate::role::{PerVehicle, Role};
 use crate::simulation::{Change, Fault, Flown, Observer, Scenario, ScenarioError, Wire, Witness};
@@ -20,6 +25,9 @@ use crate::time::Utc;
 
 use super::document::{CampaignDocument, FaultLine, FlightLine, ViolationLine};
 use super::shard::Shard;
+
+/// The timeline of a flight has a record this often, and at each change.
+const RECORD_EVERY: Duration = Duration::from_millis(50);
 
 /// Where a campaign is kept.
 pub(super) struct Out {
@@ -68,9 +76,11 @@ impl Out {
         write_json(&self.path.join(name), document)
     }
 
-    /// Flies once and keeps all that was said and sent: `flight.log`, and a `.tlog` of every link.
+    /// Flies once and keeps all that was said, sent and seen: `flight.log`, a `.tlog` of every link, and what
+    /// `veilwing report` reads. `mission`: the mission and its file.
     pub fn fly_with_logs(
         &self,
+        mission: (&Mission, &Path),
         scenario: &Scenario,
         seed: u64,
         faults: Vec<Fault>,
@@ -78,6 +88,10 @@ impl Out {
         let mut logs = Logs::new(scenario.utc_start_us());
         let flown = scenario.fly(seed, faults, &mut logs)?;
         self.report(logs.write(&self.path));
+        let timeline =
+            flight::simulated::timeline(mission.0, &flown.world, &logs.recorder.finish(), logs.events);
+        let directory = Directory::new(Some(&self.path));
+        self.report(directory.and_then(|directory| directory.write_flight(mission.1, &timeline)));
         Ok(flown)
     }
 
@@ -115,12 +129,15 @@ struct Logs {
     text: String,
     autopilot: PerVehicle<Vec<u8>>,
     pair: PerVehicle<Vec<u8>>,
+    recorder: Recorder,
+    events: Vec<Event>,
 }
 
 impl Logs {
     fn new(utc_start_us: u64) -> Self {
         let (autopilot, pair) = (PerVehicle::default(), PerVehicle::default());
-        Self { utc_start_us, text: String::new(), autopilot, pair }
+        let recorder = Recorder::new(RECORD_EVERY);
+        Self { utc_start_us, text: String::new(), autopilot, pair, recorder, events: Vec::new() }
     }
 
     fn line(&mut self, at: Duration, text: &str) {
@@ -146,6 +163,27 @@ impl Logs {
 impl Observer for Logs {
     fn said(&mut self, at: Duration, role: Role, notice: &Notice) {
         self.line(at, &format!("{role}  {}", notice.text));
+        let severity = match notice.severity {
+            MavSeverity::MAV_SEVERITY_WARNING => Severity::Warning,
+            MavSeverity::MAV_SEVERITY_NOTICE
+            | MavSeverity::MAV_SEVERITY_INFO
+            | MavSeverity::MAV_SEVERITY_DEBUG => Severity::Info,
+            _ => Severity::Error,
+        };
+        let text = notice.text.clone();
+        self.events.push(Event {
+            at_s: at.as_secs_f64(),
+            kind: EventKind::Notice,
+            vehicle: Some(role),
+            severity,
+            phase: None,
+            code: None,
+            text,
+        });
+    }
+
+    fn saw(&mut self, world: &World) {
+        self.recorder.observe(world);
     }
 
     fn frame(&mut self, at: Duration, role: Role, wire: Wire, bytes: &[u8]) {
@@ -165,9 +203,19 @@ impl Observer for Logs {
 
 impl Witness for Logs {
     fn fault(&mut self, at: Duration, change: &Change) {
-        match change {
-            Change::Begins(fault) => self.line(at, &fault.describe()),
-            Change::Ends(fault) => self.line(at, &format!("{} is over", fault.describe())),
-        }
+        let (fault, kind, over) = match change {
+            Change::Begins(fault) => (fault, EventKind::Fault, ""),
+            Change::Ends(fault) => (fault, EventKind::FaultOver, " is over"),
+        };
+        self.line(at, &format!("{}{over}", fault.describe()));
+        self.events.push(Event {
+            at_s: at.as_secs_f64(),
+            kind,
+            vehicle: fault.vehicle(),
+            severity: Severity::Warning,
+            phase: None,
+            code: Some(fault.kind.name().to_owned()),
+            text: fault.what(),
+        });
     }
 }

@@ -9,7 +9,7 @@ use crate::role::Role;
 use crate::simulation::VehicleText;
 
 /// Kept where the operator said, or temporary and removed at the end.
-pub(super) struct Directory {
+pub(in crate::cli) struct Directory {
     path: PathBuf,
     temporary: bool,
 }
@@ -63,8 +63,7 @@ impl Drop for Directory {
 pub(super) fn write_vehicle(
     directory: &Path,
     role: Role,
-    autopilot_port: u16,
-    pair_port: u16,
+    [autopilot_port, pair_port]: [u16; 2],
     actuation: &str,
 ) -> Result<PathBuf, String> {
     let name = role.to_string().to_lowercase();

@@ -3,24 +3,24 @@
 
 pub(super) mod document;
 mod faults;
-mod files;
+pub(super) mod files;
 mod ground;
 mod host;
+mod port;
 mod process;
 
 use std::path::PathBuf;
 
-use crate::config::{HostPort, Mission};
+use crate::config::{Faults, HostPort, Mission};
 use crate::link::clock::Clock;
 use crate::report::flight;
 use crate::role::PerVehicle;
-use crate::simulation;
+use crate::simulation::{self, Scenario, draw};
 
 use super::plan::write_plan;
 use super::planning::{document as plan_document, mission_options, plan_mission};
 use super::{Exit, load_mission, print_json, print_text};
 use document::{FlightDocument, FlightResult};
-use faults::Faults;
 
 const EXAMPLES: &str = "Examples:
   veilwing sitl config/mission.toml --out flight-1
@@ -42,7 +42,7 @@ pub(super) struct Args {
     /// Keep plan, summary, logs and a .tlog of every link in this directory.
     #[arg(long)]
     out: Option<PathBuf>,
-    /// Faults to inject, a TOML file (README, "Faults").
+    /// What goes wrong, a TOML file (config/faults.toml); what it leaves open is drawn by the mission's seed.
     #[arg(long)]
     faults: Option<PathBuf>,
     /// A ground station (QGroundControl, MAVProxy) that listens there; both vehicles and both companions are on it.
@@ -77,18 +77,18 @@ pub(super) fn run(args: &Args) -> Exit {
     };
     let faults = match args.faults.as_deref().map(Faults::load).transpose() {
         Ok(faults) => faults.unwrap_or_default(),
-        Err(message) => {
-            eprintln!("{message}");
+        Err(errors) => {
+            eprintln!("{errors}");
             return Exit::Unusable;
         }
     };
-    fly(args, &mission, faults).unwrap_or_else(|message| {
+    fly(args, &mission, &faults).unwrap_or_else(|message| {
         eprintln!("error: {message}");
         Exit::Unusable
     })
 }
 
-fn fly(args: &Args, mission: &Mission, faults: Faults) -> Result<Exit, String> {
+fn fly(args: &Args, mission: &Mission, faults: &Faults) -> Result<Exit, String> {
     let wall = Clock::real();
     let options = mission_options(mission);
     let timed = plan_mission(mission, &options).map_err(|error| error.to_string())?;
@@ -99,6 +99,14 @@ fn fly(args: &Args, mission: &Mission, faults: Faults) -> Result<Exit, String> {
     }
     let config = simulation::world_config(mission, &timed.plan)?;
     let world = veilwing_sitl::World::new(config).map_err(|error| error.to_string())?;
+    let faults = match faults.laws.as_slice() {
+        [] => Vec::new(),
+        // Times of faults may depend on the length of the flight, which one in virtual time tells.
+        _ => {
+            let scenario = Scenario::new(mission, &timed.plan).map_err(|error| error.to_string())?;
+            draw(faults, mission.seed, scenario.lengths())
+        }
+    };
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()
@@ -107,6 +115,7 @@ fn fly(args: &Args, mission: &Mission, faults: Faults) -> Result<Exit, String> {
         mission: &args.mission,
         world,
         faults,
+        seed: mission.seed,
         speed: args.speed,
         directory: directory.path(),
         pair_relay: args.pair_relay,

@@ -27,6 +27,18 @@ pub(super) struct Companion {
     pub child: Child,
     pub end: Option<End>,
     pub asked_to_stop: Option<Instant>,
+    /// Dead, to be started again.
+    pub gone: bool,
+}
+
+/// How companions are started.
+pub(super) struct Spawning<'a> {
+    pub mission: &'a Path,
+    pub directory: &'a Path,
+    /// Simulated seconds per second.
+    pub speed: f64,
+    /// Begin without waiting for MISSION_START.
+    pub start: bool,
 }
 
 /// How a companion ended, in words.
@@ -39,12 +51,10 @@ pub(super) fn describe_end(end: End) -> String {
     }
 }
 
-/// Starts a companion; its log goes to a file in `directory`, and what the operator should see of it to `lines`.
+/// Starts a companion; its log goes to a file in the directory, after that of an earlier one, and what the operator
+/// should see of it to `lines`.
 pub(super) fn spawn_companion(
-    mission: &Path,
-    directory: &Path,
-    speed: f64,
-    start: Option<&str>,
+    &Spawning { mission, directory, speed, start }: &Spawning<'_>,
     role: Role,
     vehicle: &Path,
     lines: &mpsc::UnboundedSender<(Role, Line)>,
@@ -56,7 +66,7 @@ pub(super) fn spawn_companion(
         .arg(mission)
         .arg("--vehicle")
         .arg(vehicle)
-        .args(start)
+        .args(start.then_some("--start"))
         .args(["--clock-rate", &speed.to_string()])
         .stdin(Stdio::null())
         .stdout(Stdio::null())
@@ -70,7 +80,11 @@ pub(super) fn spawn_companion(
     eprintln!("[    0.0 s] {role}  companion started, process {pid}");
     let name = role.to_string().to_lowercase();
     let path = directory.join(format!("companion-{name}.log"));
-    let mut file = std::fs::File::create(&path).map_err(|error| format!("{}: {error}", path.display()))?;
+    let mut file = std::fs::OpenOptions::new()
+        .append(true)
+        .create(true)
+        .open(&path)
+        .map_err(|error| format!("{}: {error}", path.display()))?;
     if let Some(stderr) = child.stderr.take() {
         let lines = lines.clone();
         tokio::spawn(async move {
@@ -86,7 +100,7 @@ pub(super) fn spawn_companion(
             }
         });
     }
-    Ok(Companion { child, end: None, asked_to_stop: None })
+    Ok(Companion { child, end: None, asked_to_stop: None, gone: false })
 }
 
 /// A line of a companion's log, for the operator.
