@@ -16,6 +16,7 @@
 #![allow(deprecated)]
 
 mod commands;
+mod files;
 mod flight;
 mod land;
 mod modes;
@@ -179,6 +180,7 @@ impl Autopilot {
             MavMessage::REQUEST_DATA_STREAM(m) => self.request_data_stream(from.link, &m, now),
             MavMessage::PARAM_REQUEST_READ(m) => self.read_parameter(from, &m, router),
             MavMessage::PARAM_SET(m) => self.set_parameter(&m, router),
+            MavMessage::FILE_TRANSFER_PROTOCOL(m) => self.file_request(from, &m, router),
             MavMessage::TIMESYNC(m) if m.tc1 == 0 => {
                 let reply = TIMESYNC_DATA {
                     tc1: now.as_nanos() as i64,
