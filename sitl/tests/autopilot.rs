@@ -395,3 +395,25 @@ fn val_reposition_flies_to_the_point_in_each_firmwares_way() {
     assert!((north - n - 20.0).abs() < 0.3 && (east - e).abs() < 0.3 && (up - u - 30.0).abs() < 0.3);
     assert_eq!(f.world.snapshot().vehicles[0].mode, "GUIDED");
 }
+
+#[test]
+fn val_a_file_that_is_not_there_is_refused_and_not_ignored() {
+    let mut f = Flight::new(config());
+    // Sequence 41, session 7, open for reading (4), a path.
+    for (opcode, answer) in
+        [(4, [42, 0, 7, 129, 1, 4, 10]), (14, [42, 0, 7, 129, 1, 14, 7]), (2, [42, 0, 7, 128, 0, 2, 0])]
+    {
+        let mut payload = [0; 251];
+        payload[..4].copy_from_slice(&[41, 0, 7, opcode]);
+        let request =
+            FILE_TRANSFER_PROTOCOL_DATA { target_network: 0, target_system: 1, target_component: 1, payload };
+        f.clients[0].send(&mut f.world, &MavMessage::FILE_TRANSFER_PROTOCOL(request));
+        f.pass(20);
+        let said = f.clients[0].last(|m| match m {
+            MavMessage::FILE_TRANSFER_PROTOCOL(m) => Some(m.payload),
+            _ => None,
+        });
+        let said = said.unwrap();
+        assert_eq!([said[0], said[1], said[2], said[3], said[4], said[5], said[12]], answer);
+    }
+}

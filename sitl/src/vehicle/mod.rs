@@ -288,6 +288,11 @@ impl Vehicle {
         self.transmitter.expire(to);
     }
 
+    /// An operator's radio kill has passed on its way to the companion.
+    pub(crate) fn radio_kill_seen(&self) -> bool {
+        self.router.radio_kill_seen()
+    }
+
     pub(crate) fn transmitter(&self) -> &Transmitter {
         &self.transmitter
     }

@@ -104,6 +104,10 @@ impl World {
         let Some(target) = self.vehicles.get_mut(vehicle) else { return };
         let before = target.transmitter().emission();
         target.handle(link, bytes, self.now);
+        if target.radio_kill_seen() {
+            // The jammer obeys it at once: out of turn, as under a fault.
+            self.monitor.fault();
+        }
         if target.transmitter().emission() != before {
             self.watch();
         }

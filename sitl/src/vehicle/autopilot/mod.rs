@@ -18,6 +18,7 @@
 mod arducopter;
 mod commands;
 mod failsafe;
+mod files;
 mod flight;
 mod land;
 mod modes;
@@ -234,6 +235,7 @@ impl Autopilot {
             MavMessage::REQUEST_DATA_STREAM(m) => self.request_data_stream(from.link, &m, now),
             MavMessage::PARAM_REQUEST_READ(m) => self.read_parameter(from, &m, router),
             MavMessage::PARAM_SET(m) => self.set_parameter(&m, router),
+            MavMessage::FILE_TRANSFER_PROTOCOL(m) => self.file_request(from, &m, router),
             MavMessage::TIMESYNC(m) if m.tc1 == 0 => {
                 let reply = TIMESYNC_DATA {
                     tc1: self.uptime(now).as_nanos() as i64,

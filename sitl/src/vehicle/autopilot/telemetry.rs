@@ -225,6 +225,8 @@ impl Autopilot {
         let mut health = present;
         health.set(Has::MAV_SYS_STATUS_AHRS, self.estimator_ok);
         health.set(Has::MAV_SYS_STATUS_SENSOR_GPS, self.estimator_ok && self.gps_ok);
+        // No fence is a fence that is not breached: ArduCopter says so, and ground stations take its word.
+        health.set(Has::MAV_SYS_STATUS_GEOFENCE, self.firmware == Firmware::ArduCopter);
         health.set(Has::MAV_SYS_STATUS_PREARM_CHECK, self.unready(sensed.now).is_none());
         MavMessage::SYS_STATUS(SYS_STATUS_DATA {
             onboard_control_sensors_present: present,
