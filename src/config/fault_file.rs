@@ -20,7 +20,14 @@ pub(super) const KINDS: &[(&str, FaultKind)] = &[
     ("pair-degraded", FaultKind::PairDegraded),
     ("pilot-mode", FaultKind::PilotMode),
     ("estimator-failure", FaultKind::EstimatorFailure),
+    ("gps-loss", FaultKind::GpsLoss),
+    ("estimator-reset", FaultKind::EstimatorReset),
+    ("clock-jump", FaultKind::ClockJump),
+    ("autopilot-restart", FaultKind::AutopilotRestart),
+    ("battery-low", FaultKind::BatteryLow),
+    ("rotor-loss", FaultKind::RotorLoss),
     ("wind-step", FaultKind::WindStep),
+    ("transmitter-ignores-expiry", FaultKind::TransmitterIgnoresExpiry),
     ("transmitter-stuck", FaultKind::TransmitterStuck),
 ];
 
@@ -68,6 +75,34 @@ const SIZES: &[Size] = &[
         sentence: "Mean wind from then on, from a direction that is drawn; 6 if not given.",
         range: Number::within("m/s", 0.0, 60.0),
         default: [6.0; 2],
+    },
+    Size {
+        magnitude: Magnitude::Jump,
+        key: "jump_m",
+        sentence: "How far the position estimate jumps, in a horizontal direction that is drawn; 5 if not given.",
+        range: Number::within("m", 0.0, 1000.0),
+        default: [5.0; 2],
+    },
+    Size {
+        magnitude: Magnitude::ClockStep,
+        key: "step_s",
+        sentence: "How far the autopilot's clock jumps, forward if positive; 1 if not given.",
+        range: Number::within("s", -LONGEST_S, LONGEST_S),
+        default: [1.0; 2],
+    },
+    Size {
+        magnitude: Magnitude::Charge,
+        key: "charge",
+        sentence: "What is left in the battery, of 1; 0.1 if not given.",
+        range: Number::within("", 0.0, 1.0),
+        default: [0.1; 2],
+    },
+    Size {
+        magnitude: Magnitude::Rotor,
+        key: "rotor",
+        sentence: "Number of the rotor, from 0; 0 if not given. One that the airframe has not changes nothing.",
+        range: Number::within("", 0.0, 31.0),
+        default: [0.0; 2],
     },
 ];
 

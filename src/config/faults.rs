@@ -34,8 +34,22 @@ pub enum FaultKind {
     PilotMode,
     /// The vehicle's position estimate fails.
     EstimatorFailure,
+    /// GPS is lost: the position drifts, and jumps back with it.
+    GpsLoss,
+    /// The position estimate jumps, for good.
+    EstimatorReset,
+    /// The autopilot's UTC jumps.
+    ClockJump,
+    /// The autopilot restarts, in the air with its motors stopped.
+    AutopilotRestart,
+    /// The battery's charge falls at once.
+    BatteryLow,
+    /// A rotor stops.
+    RotorLoss,
     /// The mean wind changes.
     WindStep,
+    /// The transmitter obeys, but what it radiates never ends by itself.
+    TransmitterIgnoresExpiry,
     /// The transmitter keeps what it radiates, whatever it is told.
     TransmitterStuck,
 }
@@ -53,7 +67,14 @@ impl FaultKind {
         Self::DiskFull,
         Self::PilotMode,
         Self::EstimatorFailure,
+        Self::GpsLoss,
+        Self::EstimatorReset,
+        Self::ClockJump,
+        Self::AutopilotRestart,
+        Self::BatteryLow,
+        Self::RotorLoss,
         Self::WindStep,
+        Self::TransmitterIgnoresExpiry,
         Self::TransmitterStuck,
     ];
 
@@ -77,7 +98,14 @@ impl FaultKind {
             Self::PairDegraded => "pair link degraded",
             Self::PilotMode => "pilot takes over",
             Self::EstimatorFailure => "position estimate fails",
+            Self::GpsLoss => "GPS lost",
+            Self::EstimatorReset => "position estimate jumps",
+            Self::ClockJump => "autopilot's clock jumps",
+            Self::AutopilotRestart => "autopilot restarts",
+            Self::BatteryLow => "battery low",
+            Self::RotorLoss => "a rotor stops",
             Self::WindStep => "wind changes",
+            Self::TransmitterIgnoresExpiry => "transmitter ignores expiry",
             Self::TransmitterStuck => "transmitter sticks",
         }
     }
@@ -90,6 +118,10 @@ impl FaultKind {
                 &[Magnitude::Loss, Magnitude::Duplication, Magnitude::Delay, Magnitude::Spread]
             }
             Self::WindStep => &[Magnitude::WindSpeed],
+            Self::EstimatorReset => &[Magnitude::Jump],
+            Self::ClockJump => &[Magnitude::ClockStep],
+            Self::BatteryLow => &[Magnitude::Charge],
+            Self::RotorLoss => &[Magnitude::Rotor],
             _ => &[],
         }
     }
@@ -105,6 +137,8 @@ impl FaultKind {
                 | Self::LinkDegraded
                 | Self::PairLoss
                 | Self::PairDegraded
+                | Self::GpsLoss
+                | Self::DiskFull
         )
     }
 
@@ -117,7 +151,7 @@ impl FaultKind {
     /// Whether it leaves the transmitter to itself: nobody can silence it any more.
     #[must_use]
     pub const fn is_of_the_transmitter(self) -> bool {
-        matches!(self, Self::TransmitterStuck)
+        matches!(self, Self::TransmitterStuck | Self::TransmitterIgnoresExpiry)
     }
 
     /// Whether it is between the vehicles, and so has no one vehicle of its own unless one direction is meant.
@@ -140,6 +174,22 @@ pub enum Magnitude {
     Spread,
     /// Mean wind, m/s.
     WindSpeed,
+    /// Of the position, horizontally, metres.
+    Jump,
+    /// Of the clock, forward if positive, seconds.
+    ClockStep,
+    /// Left in the battery, 0 to 1.
+    Charge,
+    /// Number of a rotor, from 0.
+    Rotor,
+}
+
+impl Magnitude {
+    /// Whether it is a whole number.
+    #[must_use]
+    pub const fn is_whole(self) -> bool {
+        matches!(self, Self::Rotor)
+    }
 }
 
 /// Whom a fault befalls.

@@ -84,7 +84,11 @@ fn draw_one(law: &FaultLaw, rng: &mut ChaCha8Rng, lengths: Lengths) -> Fault {
     let after_s = between(law.after_s.unwrap_or([0.0, whole]));
     let duration_s = between(law.duration_s.unwrap_or_default());
     let direction_rad = between([0.0, TAU]);
-    let sizes = law.sizes.iter().map(|(magnitude, range)| (*magnitude, between(*range))).collect();
+    let mut size = |magnitude: Magnitude, [low, high]: [f64; 2]| {
+        // Each whole number of the range is as likely as any other.
+        if magnitude.is_whole() { between([low, high + 1.0]).floor().min(high) } else { between([low, high]) }
+    };
+    let sizes = law.sizes.iter().map(|(magnitude, range)| (*magnitude, size(*magnitude, *range))).collect();
     let drawn = if first { Role::I } else { Role::J };
     Fault {
         kind: law.kind,
@@ -105,6 +109,13 @@ fn draw_one(law: &FaultLaw, rng: &mut ChaCha8Rng, lengths: Lengths) -> Fault {
 impl Fault {
     fn size(&self, magnitude: Magnitude) -> f64 {
         self.sizes.iter().find(|(of, _)| *of == magnitude).map_or(0.0, |(_, size)| *size)
+    }
+
+    /// A vector of this size in the direction that was drawn: east, north, up.
+    fn horizontal(&self, magnitude: Magnitude) -> [f64; 3] {
+        let (sin, cos) = self.direction_rad.sin_cos();
+        let size = self.size(magnitude);
+        [size * cos, size * sin, 0.0]
     }
 
     /// The vehicle that it befalls; `None` if both.
@@ -157,14 +168,29 @@ impl Fault {
         let vehicle = index(role);
         match self.kind {
             FaultKind::LinkLoss => Some(sim::Fault::LinkLoss { vehicle, on }),
+            FaultKind::GpsLoss => Some(sim::Fault::GpsLoss { vehicle, on }),
             _ if !on => None,
+            FaultKind::EstimatorReset => {
+                let jump_enu_m = self.horizontal(Magnitude::Jump);
+                Some(sim::Fault::EstimatorReset { vehicle, jump_enu_m })
+            }
+            FaultKind::ClockJump => {
+                Some(sim::Fault::ClockJump { vehicle, by_s: self.size(Magnitude::ClockStep) })
+            }
+            FaultKind::AutopilotRestart => Some(sim::Fault::AutopilotRestart { vehicle }),
+            FaultKind::BatteryLow => {
+                Some(sim::Fault::BatteryLow { vehicle, charge: self.size(Magnitude::Charge) })
+            }
+            FaultKind::RotorLoss => {
+                Some(sim::Fault::RotorLoss { vehicle, rotor: self.size(Magnitude::Rotor) as usize })
+            }
+            FaultKind::TransmitterIgnoresExpiry => Some(sim::Fault::TransmitterIgnoresExpiry { vehicle }),
             FaultKind::PilotMode => Some(sim::Fault::PilotMode { vehicle }),
             FaultKind::EstimatorFailure => Some(sim::Fault::EstimatorFailure { vehicle }),
             FaultKind::TransmitterStuck => Some(sim::Fault::TransmitterStuck { vehicle }),
             FaultKind::WindStep => {
-                let speed = self.size(Magnitude::WindSpeed);
-                let (sin, cos) = self.direction_rad.sin_cos();
-                Some(sim::Fault::WindStep { vehicle, mean_enu_m_s: [speed * cos, speed * sin, 0.0] })
+                let mean_enu_m_s = self.horizontal(Magnitude::WindSpeed);
+                Some(sim::Fault::WindStep { vehicle, mean_enu_m_s })
             }
             FaultKind::CompanionKill
             | FaultKind::CompanionRestart

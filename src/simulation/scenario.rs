@@ -241,7 +241,7 @@ impl Run {
                     let path = self.schedule.path(&[FaultKind::LinkDegraded], role);
                     self.flight.set_autopilot_path(role, path.unwrap_or(Path::GOOD));
                 }
-                FaultKind::LinkLoss if !on && self.schedule.runs(FaultKind::LinkLoss, role) => {}
+                FaultKind::LinkLoss | FaultKind::GpsLoss if !on && self.schedule.runs(fault.kind, role) => {}
                 // Logs are not written in virtual time, and the executive knows nothing of them.
                 FaultKind::DiskFull => {}
                 _ => {
