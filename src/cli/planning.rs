@@ -2,13 +2,19 @@
 
 use std::time::Duration;
 
+use crate::companion::settings::transit_limits;
 use crate::config::{METHODS, Mission};
+use crate::geo::Pose;
 use crate::link::clock::Clock;
 use crate::planner::plan::SlotPlan;
 use crate::planner::problem::Method;
 use crate::planner::slots::{Plan, PlannedSlot, hex};
-use crate::planner::{Options, PlanError, plan_slot};
+use crate::planner::{Near, Options, PlanError, plan_slot, plan_slot_near};
 use crate::report::plan_document::{FORMAT, PlanDocument, SlotDocument};
+use crate::role::PerVehicle;
+use crate::schedule::choice;
+use crate::schedule::order::Order;
+use crate::schedule::transit::Router;
 
 /// A plan and what each slot's search took.
 #[derive(Debug, Clone)]
@@ -29,16 +35,36 @@ pub(crate) struct SlotError {
 pub(crate) fn plan_mission(mission: &Mission, options: &Options) -> Result<TimedPlan, SlotError> {
     let clock = Clock::real();
     let mut planning_time = Vec::new();
-    let mut slots = Vec::new();
+    let mut users = Vec::new();
     for (index, user) in mission.users.iter().enumerate() {
         let Some(problem) = mission.problem(index) else { continue };
         let started = clock.now();
-        let plan =
-            plan_slot(&problem, options).map_err(|error| SlotError { user: user.name.clone(), error })?;
+        let plans = match mission.tdma.order {
+            Order::Listed => plan_slot(&problem, options).map(|plan| vec![plan]),
+            Order::Shortest => plan_slot_near(&problem, options, Near::default()),
+        };
+        let plans = plans.map_err(|error| SlotError { user: user.name.clone(), error })?;
         planning_time.push(clock.now().saturating_since(started));
-        slots.push(PlannedSlot { user: user.name.clone(), plan });
+        users.push((user.name.clone(), plans));
     }
-    Ok(TimedPlan { plan: Plan::new(slots), planning_time })
+    let chosen = choose(mission, &users);
+    let slots = users.into_iter().zip(chosen).filter_map(|((user, mut plans), chosen)| {
+        (chosen < plans.len()).then(|| PlannedSlot { user, plan: plans.swap_remove(chosen) })
+    });
+    Ok(TimedPlan { plan: Plan::new(slots.collect()), planning_time })
+}
+
+/// Which of each user's plans is flown: the one that makes transits short, where the mission asks for that.
+fn choose(mission: &Mission, users: &[(String, Vec<SlotPlan>)]) -> Vec<usize> {
+    let poses: Vec<Vec<PerVehicle<Pose>>> = users
+        .iter()
+        .map(|(_, plans)| plans.iter().map(|plan| plan.vehicles.map(|vehicle| vehicle.pose)).collect())
+        .collect();
+    // An airspace in which nobody can be routed is refused when the slot table is made, with the reason.
+    Router::new(&mission.airspace, &transit_limits(mission)).map_or_else(
+        |_| vec![0; users.len()],
+        |router| choice::shortest(&router, &poses, mission.tdma.superframes),
+    )
 }
 
 /// The options that the mission file asks for.

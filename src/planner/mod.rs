@@ -1,6 +1,7 @@
 //! Chooses both poses and both transmit powers of a slot.
 //!
-//! [`plan_slot`] answers a [`problem::Problem`] by one of the methods of [`problem::Method`]; [`evaluate`] scores any
+//! [`plan_slot`] answers a [`problem::Problem`] by one of the methods of [`problem::Method`], [`plan_slot_near`] with
+//! nearly equal answers to choose among; [`evaluate`] scores any
 //! poses and powers; [`cap`] bounds every answer. Deterministic in problem and options, whatever the number of threads;
 //! iterations are budgeted and no clock is read.
 
@@ -108,10 +109,41 @@ pub enum PlanError {
 pub fn plan_slot(problem: &Problem, options: &Options) -> Result<SlotPlan, PlanError> {
     let setup = Setup::new(problem)?;
     let found = match options.method {
-        Method::Veilwing => search::plan(&setup, options),
+        Method::Veilwing => search::best(&setup, options),
         method => baseline::plan(&setup, method, options),
     };
     Ok(finish(&setup, options, found))
+}
+
+/// Which plans beside the best one are good enough to choose among.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Near {
+    /// Most plans in all.
+    pub most: usize,
+    /// How far the objective may lie below the best one's, as a part of it.
+    pub tolerance: f64,
+}
+
+impl Default for Near {
+    /// Four plans, a thousandth of the objective: what the search itself is trusted to.
+    fn default() -> Self {
+        Self { most: 4, tolerance: 1e-3 }
+    }
+}
+
+/// Plans one slot several times over: the best plan, and other optima that are nearly as good, best first. All of them
+/// were met on the way to the best one; the paper's methods look for no others.
+///
+/// # Errors
+/// As [`plan_slot`].
+pub fn plan_slot_near(problem: &Problem, options: &Options, near: Near) -> Result<Vec<SlotPlan>, PlanError> {
+    let setup = Setup::new(problem)?;
+    let near = Near { most: near.most.max(1), ..near };
+    let found = match options.method {
+        Method::Veilwing => search::near(&setup, options, near),
+        method => vec![baseline::plan(&setup, method, options)],
+    };
+    Ok(found.into_iter().map(|found| finish(&setup, options, found)).collect())
 }
 
 /// A rate below this is rounding, not secrecy.

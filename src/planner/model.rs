@@ -198,10 +198,10 @@ fn active(solver: &Solver) -> Solver {
 
 /// Moves `x` into the feasible set by projections, strictly inside if so asked; false if they do not settle.
 fn repair(constraints: &mut Constraints, x: &mut Vars, strictly: bool) -> bool {
-    let margin = if strictly { 1e-3 } else { 0.0 };
+    let mut margin = if strictly { 1e-3 } else { 0.0 };
     for round in 0..200 {
         // The margin shrinks where the feasible set is too thin for it.
-        let margin = margin * 0.9f64.powi(round / 2);
+        margin *= if round > 0 && round % 2 == 0 { 0.9 } else { 1.0 };
         constraints.refresh(x);
         let mut inside = true;
         for k in 0..constraints.rows.len() {

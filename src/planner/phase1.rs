@@ -12,7 +12,7 @@ use rand_chacha::ChaCha8Rng;
 /// Least distance of the eavesdroppers from the line at angle `nu_rad`, in metres.
 #[must_use]
 pub fn least_distance_m(nu_rad: f64, from_user: &[Vector2<f64>]) -> f64 {
-    let (s, c) = nu_rad.sin_cos();
+    let (s, c) = libm::sincos(nu_rad);
     from_user.iter().map(|p| (s * p.x - c * p.y).abs()).fold(f64::INFINITY, f64::min)
 }
 
@@ -24,7 +24,7 @@ pub fn line_angle(from_user: &[Vector2<f64>]) -> f64 {
     let across = from_user.iter().map(|p| Vector2::new(-p.y, p.x));
     let pairs = (0..from_user.len()).flat_map(|a| (0..a).map(move |b| (from_user[a], from_user[b])));
     for along in across.chain(pairs.flat_map(|(p, q)| [p - q, p + q])) {
-        let nu = along.y.atan2(along.x).rem_euclid(std::f64::consts::PI);
+        let nu = libm::atan2(along.y, along.x).rem_euclid(std::f64::consts::PI);
         let distance = least_distance_m(nu, from_user);
         if distance > best.1 {
             best = (nu, distance);
@@ -41,9 +41,10 @@ pub fn line_angle_by_annealing(from_user: &[Vector2<f64>], steps: usize, rng: &m
     let mut nu = rng.random_range(0.0..std::f64::consts::PI);
     let mut best = nu;
     for step in 0..steps {
-        let temperature = 0.2 * (1.0 - step as f64 / steps as f64).powi(3) + 1e-9;
+        let left = 1.0 - step as f64 / steps as f64;
+        let temperature = 0.2 * left * left * left + 1e-9;
         let trial = nu + 3.0 * temperature.sqrt() * rng.random_range(-1.0..1.0);
-        if rng.random_range(0.0..1.0) < ((energy(nu) - energy(trial)) / temperature).exp() {
+        if rng.random_range(0.0..1.0) < libm::exp((energy(nu) - energy(trial)) / temperature) {
             nu = trial;
         }
         if energy(nu) < energy(best) {
@@ -57,7 +58,8 @@ pub fn line_angle_by_annealing(from_user: &[Vector2<f64>], steps: usize, rng: &m
 /// `M v = (cos nu, sin nu, 0) x v`.
 #[must_use]
 pub fn axis_map(nu_rad: f64) -> Matrix3<f64> {
-    Vector3::new(nu_rad.cos(), nu_rad.sin(), 0.0).cross_matrix()
+    let (sin, cos) = libm::sincos(nu_rad);
+    Vector3::new(cos, sin, 0.0).cross_matrix()
 }
 
 #[cfg(test)]

@@ -16,6 +16,7 @@ use nalgebra::Vector3;
 
 use super::expectation::beams::Beams;
 use super::expectation::kernel::Raw;
+use super::expectation::logarithm::LogSum;
 use super::expectation::samples::Samples;
 use super::expectation::sobol;
 use super::model::{Local, Memory, Solver, Target};
@@ -102,12 +103,12 @@ impl Draws {
             }
             Combination::SoftMinimum(q) => {
                 let least = self.values.iter().copied().fold(f64::INFINITY, f64::min);
-                let weight = |value: f64| (-q * (value - least)).exp();
+                let weight = |value: f64| libm::exp(-q * (value - least));
                 let total: f64 = self.values.iter().map(|v| weight(*v)).sum();
                 for (value, of) in self.values.iter().zip(&self.gradients) {
                     add(weight(*value) / total, of);
                 }
-                least - total.ln() / q
+                least - libm::log(total) / q
             }
         }
     }
@@ -118,7 +119,7 @@ fn radius_m(node: &Eavesdropper) -> f64 {
     match node.uncertainty {
         Uncertainty::None => 0.0,
         Uncertainty::Disc { radius_m } => radius_m,
-        Uncertainty::Gaussian { std_m } => std_m * (-2.0 * QUANTILE.ln()).sqrt(),
+        Uncertainty::Gaussian { std_m } => std_m * (-2.0 * libm::log(QUANTILE)).sqrt(),
     }
 }
 
@@ -133,7 +134,8 @@ pub fn maximise_quantile(
 ) -> Local {
     let (draws, count) = match resolution {
         Resolution::Coarse => (64, 32),
-        Resolution::Fine => (256, 64),
+        Resolution::Fine if setup.jitters() => (512, 32),
+        Resolution::Fine => (1024, 1),
     };
     let positions = Samples::positions(setup.problem, draws, sobol::mix(seed, 2));
     let samples = Samples::shared(setup.problem, count, positions, sobol::mix(seed, 1));
@@ -274,7 +276,8 @@ impl Worst<'_> {
             for k in 0..2 * RING {
                 let angle = std::f64::consts::TAU * (k % RING) as f64 / RING as f64;
                 let r = if k < RING { radius } else { 0.5 * radius };
-                consider(self, centre + r * Vector3::new(angle.cos(), angle.sin(), 0.0), &mut best);
+                let (sin, cos) = libm::sincos(angle);
+                consider(self, centre + r * Vector3::new(cos, sin, 0.0), &mut best);
             }
             let mut step = 0.25 * radius;
             while step > 1e-3 * radius {
@@ -302,11 +305,11 @@ impl Worst<'_> {
     fn loss_at(&mut self, position: &Vector3<f64>, others: &[f64]) -> f64 {
         self.trial.clear();
         self.beams.sinr(position, &mut self.trial);
-        // Eight factors to a logarithm, as in the kernel.
+        // Eight factors at a time, as in the kernel.
         let products = self.trial.chunks(8).zip(others.chunks(8));
-        let total: f64 =
-            products.map(|(t, o)| t.iter().zip(o).map(|(a, b)| 1.0 + a.max(*b)).product::<f64>().ln()).sum();
-        total / self.beams.len() as f64
+        let mut total = LogSum::default();
+        products.for_each(|(t, o)| total.push(t.iter().zip(o).map(|(a, b)| 1.0 + a.max(*b)).product()));
+        total.value() / self.beams.len() as f64
     }
 }
 

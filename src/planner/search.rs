@@ -14,7 +14,7 @@
 use nalgebra::Vector3;
 
 use super::expectation::kernel::{ANGLES, VEHICLE};
-use super::expectation::samples::{Samples, Sequence};
+use super::expectation::samples::{LANES, Samples, Sequence};
 use super::expectation::sobol;
 use super::model::{Local, Memory, Solver, Target};
 use super::problem::Objective;
@@ -23,16 +23,15 @@ use super::setup::Setup;
 use super::solver::active_set;
 use super::solver::dense::Matrix;
 use super::variables::{AxisChart, Chart, PowerChart};
-use super::{Found, Options, parallel, phase2, robust, starts};
+use super::{Found, Near, Options, parallel, phase2, robust, starts};
 use crate::radio::pattern;
 
 /// Sharpness of the smoothed maximum per nat: screening, then polishing.
 const SCREEN_SHARPNESS: [f64; 2] = [15.0, 200.0];
 const POLISH_SHARPNESS: [f64; 3] = [2e3, 2e4, 2e5];
-/// Starts: without jitter, with, and with where tilt is limited.
-const EXACT_STARTS: usize = 24;
-const SAMPLED_STARTS: usize = 36;
-const RESTRICTED_STARTS: usize = 96;
+/// Starts without jitter and with it; of either, at any tilt and where tilt is limited.
+const EXACT_STARTS: [usize; 2] = [24, 64];
+const SAMPLED_STARTS: [usize; 2] = [36, 96];
 /// Candidates that are polished without jitter.
 const EXACT_POLISHED: usize = 4;
 /// Iterations from every start of a screening under jitter, and of the better ones after that.
@@ -46,32 +45,58 @@ const SCREEN_SAMPLES: usize = 64;
 const POLISH_SAMPLES: [(usize, usize, f64); 3] = [(256, 6, 1e-4), (512, 3, 1e-5), (2048, 1, 1e-7)];
 /// Candidates that are improved for a quantile or a worst case.
 const OVER_DRAWS: [(Resolution, usize); 2] = [(Resolution::Coarse, 4), (Resolution::Fine, 1)];
-/// Samples that share a draw of uncertain positions.
+/// Samples that share a draw of uncertain positions; without jitter a block, whose samples are then all the same.
 const SAMPLES_PER_DRAW: usize = 16;
 /// Least P_J over its cap, as a logarithm.
 const LEAST_LOG_POWER: f64 = -25.0;
 
 /// Plans by the global search.
-pub(super) fn plan(setup: &Setup, options: &Options) -> Found {
+pub(super) fn best(setup: &Setup, options: &Options) -> Found {
+    let found =
+        ends(setup, options, None).first().map(|end| Found { raw: end.raw, converged: end.converged });
+    found.unwrap_or_else(|| resort(setup, options))
+}
+
+/// Where no local search has found a finite value.
+fn resort(setup: &Setup, options: &Options) -> Found {
+    Found { raw: setup.resort(&starts::start(setup, 0, options.seed)), converged: false }
+}
+
+/// Plans by the global search: the best configuration, and of the other optima met on the way those within `near` of its
+/// value, best first.
+pub(super) fn near(setup: &Setup, options: &Options, near: Near) -> Vec<Found> {
+    let ends = ends(setup, options, Some(near));
+    let Some(best) = ends.first() else { return vec![resort(setup, options)] };
+    let least = best.value - near.tolerance * best.value.abs();
+    let kept = ends.iter().filter(|end| end.value >= least);
+    kept.map(|end| Found { raw: end.raw, converged: end.converged }).collect()
+}
+
+/// The best ends of the search; without `near` only the best one is brought to its full accuracy.
+fn ends(setup: &Setup, options: &Options, near: Option<Near>) -> Vec<Local> {
     let heeds_uncertainty = setup.heeds_uncertainty();
     let random = setup.jitters() || heeds_uncertainty;
-    let ends = match (random, setup.problem.objective) {
-        (false, _) => exact(setup, options),
+    match (random, setup.problem.objective) {
+        (false, _) => exact(setup, options, near),
         (true, Objective::Quantile) if heeds_uncertainty => {
-            over_draws(setup, options, robust::maximise_quantile)
+            over_draws(setup, options, near, robust::maximise_quantile)
         }
         (true, Objective::WorstCase) if heeds_uncertainty => {
-            over_draws(setup, options, robust::maximise_worst_case)
+            over_draws(setup, options, near, robust::maximise_worst_case)
         }
         (true, _) => {
             let samples = samples(setup, options);
-            polish(setup, options, &samples, screen(setup, options, &samples))
+            polish(setup, options, near, &samples, screen(setup, options, &samples))
         }
-    };
-    match ends.first() {
-        Some(best) => Found { raw: best.raw, converged: best.converged },
-        None => Found { raw: setup.resort(&starts::start(setup, 0, options.seed)), converged: false },
     }
+}
+
+/// How many candidates the last stage takes from `best`: those that may still end near the best one.
+fn last(best: &[Local], near: Option<Near>) -> usize {
+    let Some((near, first)) = near.zip(best.first()) else { return 1 };
+    // Twice the tolerance: coarse values are not quite in the order of the fine ones.
+    let least = first.value - 2.0 * near.tolerance * first.value.abs();
+    best.iter().take(near.most).filter(|end| end.value >= least).count().max(1)
 }
 
 fn settings(iterations: usize, tolerance: f64) -> Solver {
@@ -94,9 +119,9 @@ fn candidates(own: usize, options: &Options) -> usize {
 }
 
 /// Without jitter, at the estimated positions.
-fn exact(setup: &Setup, options: &Options) -> Vec<Local> {
+fn exact(setup: &Setup, options: &Options, near: Option<Near>) -> Vec<Local> {
     let charts = [chart(setup, true, can_null(setup)), chart(setup, false, false)];
-    let count = options.starts.unwrap_or(EXACT_STARTS);
+    let count = options.starts.unwrap_or(EXACT_STARTS[usize::from(is_restricted(setup))]);
     let screened = parallel::map(options.threads, count, |memory: &mut Memory, index| {
         let mut raw = starts::start(setup, index, options.seed);
         let mut end = None;
@@ -118,13 +143,14 @@ fn exact(setup: &Setup, options: &Options) -> Vec<Local> {
         }
         Some(end)
     });
-    distinct(setup, polished, 1)
+    distinct(setup, polished, near.map_or(1, |n| n.most))
 }
 
 /// The sample set of a plan; the sets of its stages are the first so many of it.
 fn samples(setup: &Setup, options: &Options) -> Samples {
     let count = POLISH_SAMPLES[POLISH_SAMPLES.len() - 1].0;
-    let draws = if setup.heeds_uncertainty() { count / SAMPLES_PER_DRAW } else { 1 };
+    let per_draw = if setup.jitters() { SAMPLES_PER_DRAW } else { LANES };
+    let draws = if setup.heeds_uncertainty() { count / per_draw } else { 1 };
     Samples::new(setup.problem, count, draws, sobol::mix(options.seed, 1), Sequence::Sobol)
 }
 
@@ -134,8 +160,7 @@ fn screen(setup: &Setup, options: &Options, samples: &Samples) -> Vec<Local> {
     let charts = [chart(setup, true, false), chart(setup, false, false)];
     let chart_of = |index: usize| &charts[usize::from(starts::is_elsewhere(index))];
     let target = Target::Mean { samples: &coarse, clip: false };
-    let count =
-        options.starts.unwrap_or(if is_restricted(setup) { RESTRICTED_STARTS } else { SAMPLED_STARTS });
+    let count = options.starts.unwrap_or(SAMPLED_STARTS[usize::from(is_restricted(setup))]);
     let begun = parallel::map(options.threads, count, |memory: &mut Memory, index| {
         let start = starts::start(setup, index, options.seed);
         memory.maximise(setup, chart_of(index), target, &start, &settings(SCREEN_ITERATIONS[0], 1e-4))
@@ -156,13 +181,19 @@ fn screen(setup: &Setup, options: &Options, samples: &Samples) -> Vec<Local> {
 }
 
 /// All variables free, on more and more samples, fewer and fewer candidates.
-fn polish(setup: &Setup, options: &Options, all: &Samples, mut best: Vec<Local>) -> Vec<Local> {
+fn polish(
+    setup: &Setup,
+    options: &Options,
+    near: Option<Near>,
+    all: &Samples,
+    mut best: Vec<Local>,
+) -> Vec<Local> {
     let chart = chart(setup, false, false);
     for end in &mut best {
         end.curvature = None;
     }
     for (count, own, tolerance) in POLISH_SAMPLES {
-        let kept = if own > 1 { candidates(own, options) } else { own };
+        let kept = if own > 1 { candidates(own, options) } else { last(&best, near) };
         best.truncate(kept);
         let samples = all.first(count);
         let target = Target::Mean { samples: &samples, clip: true };
@@ -181,12 +212,13 @@ fn polish(setup: &Setup, options: &Options, all: &Samples, mut best: Vec<Local>)
 fn over_draws(
     setup: &Setup,
     options: &Options,
+    near: Option<Near>,
     maximise: impl Fn(&Setup, &Chart, Local, u64, Resolution, &mut Memory) -> Local + Sync,
 ) -> Vec<Local> {
     let mut best = screen(setup, options, &samples(setup, options));
     let chart = chart(setup, false, false);
     for (resolution, own) in OVER_DRAWS {
-        let kept = if own > 1 { candidates(own, options) } else { own };
+        let kept = if own > 1 { candidates(own, options) } else { last(&best, near) };
         best.truncate(kept);
         let ends = parallel::map(options.threads, best.len(), |memory: &mut Memory, index| {
             Some(maximise(setup, &chart, best[index], options.seed, resolution, memory))

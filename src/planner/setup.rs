@@ -42,7 +42,7 @@ impl<'a> Setup<'a> {
         let air = &problem.airspace;
         let region =
             Region::new(&air.area_enu_m).ok_or(PlanError::EmptyArea { vertices: air.area_enu_m.len() })?;
-        let reach_m = region.diameter_m().hypot(air.altitude_m[1] - air.altitude_m[0]);
+        let reach_m = libm::hypot(region.diameter_m(), air.altitude_m[1] - air.altitude_m[0]);
         if reach_m < air.min_separation_m {
             return Err(PlanError::SeparationImpossible { separation_m: air.min_separation_m, reach_m });
         }
@@ -59,7 +59,7 @@ impl<'a> Setup<'a> {
                 user: [user.x, user.y, user.z],
                 budget_m2_w: radio.reference_gain / radio.noise_power_w,
             },
-            length_m: (nearest - user.xy()).norm().hypot(height).clamp(10.0, 1000.0),
+            length_m: libm::hypot((nearest - user.xy()).norm(), height).clamp(10.0, 1000.0),
             region,
             tilt_rad: [tilt(Role::I), tilt(Role::J)],
         })

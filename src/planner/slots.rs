@@ -13,7 +13,8 @@ pub struct PlannedSlot {
     pub plan: SlotPlan,
 }
 
-/// The plan of a mission: a slot for each user, in the mission file's order.
+/// The plan of a mission: a slot for each user, in the mission file's order, each with the poses that were chosen for it.
+/// In which order they are flown the slot table settles, which knows where the vehicles start (`schedule::table`).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plan {
     /// SHA-256 over users, poses and powers, bit for bit: what the two companions compare.

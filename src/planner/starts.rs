@@ -41,13 +41,13 @@ fn elsewhere(setup: &Setup, rng: &mut ChaCha8Rng) -> Raw {
     for part in raw.chunks_mut(VEHICLE) {
         let (x, y) = setup.uniform(rng);
         part[..3].copy_from_slice(&[x, y, rng.random_range(low..=high)]);
-        let (turn, z) = (rng.random_range(0.0..std::f64::consts::TAU), rng.random_range(0.0f64..1.0));
+        let (sin, cos) = libm::sincos(rng.random_range(0.0..std::f64::consts::TAU));
+        let z = rng.random_range(0.0f64..1.0);
         let r = (1.0 - z * z).sqrt();
-        (part[ANGLES], part[ANGLES + 1]) =
-            pattern::canonical_angles(&Vector3::new(r * turn.cos(), r * turn.sin(), z));
+        (part[ANGLES], part[ANGLES + 1]) = pattern::canonical_angles(&Vector3::new(r * cos, r * sin, z));
     }
     raw[POWER] = caps.i;
-    raw[VEHICLE + POWER] = caps.j * 10f64.powf(-6.0 * rng.random_range(0.0..1.0));
+    raw[VEHICLE + POWER] = caps.j * libm::pow(10.0, -6.0 * rng.random_range(0.0..1.0));
     raw
 }
 
@@ -81,7 +81,7 @@ fn information(setup: &Setup, index: usize, rng: &mut ChaCha8Rng) -> (Vector3<f6
         let turn = index / 2;
         let node = problem.eavesdroppers[turn % n].position_enu_m;
         let altitude = altitude(setup, turn / n, rng);
-        let reach = setup.tilt_rad[0].min(1.3).tan() * (altitude - node.z).abs();
+        let reach = libm::tan(setup.tilt_rad[0].min(1.3)) * (altitude - node.z).abs();
         let radius = if index.is_multiple_of(3) { reach } else { reach * rng.random_range(0.0f64..1.0) };
         let at = setup.allowed(around(node.xy(), radius, altitude, rng));
         return (at, at - node);
@@ -94,7 +94,7 @@ fn information(setup: &Setup, index: usize, rng: &mut ChaCha8Rng) -> (Vector3<f6
         0 => phase1::line_angle(&from_user),
         1 => {
             let p = from_user[(index / 3) % n];
-            p.y.atan2(p.x) + std::f64::consts::FRAC_PI_2
+            libm::atan2(p.y, p.x) + std::f64::consts::FRAC_PI_2
         }
         _ => rng.random_range(0.0..std::f64::consts::PI),
     };
@@ -112,7 +112,7 @@ fn jammer(setup: &Setup, index: usize, rng: &mut ChaCha8Rng) -> Vector3<f64> {
     let above_user = if restricted { index % 3 != 2 } else { index % 8 == 5 };
     if above_user {
         let altitude = altitude(setup, index / 3, rng);
-        let reach = setup.tilt_rad[1].min(1.0).tan() * (altitude - user.z).abs();
+        let reach = libm::tan(setup.tilt_rad[1].min(1.0)) * (altitude - user.z).abs();
         let radius = if index.is_multiple_of(2) { reach } else { reach * rng.random_range(0.0f64..1.0) };
         return setup.allowed(around(user.xy(), radius, altitude, rng));
     }
@@ -140,7 +140,8 @@ fn altitude(setup: &Setup, turn: usize, rng: &mut ChaCha8Rng) -> f64 {
 /// A point at a distance from `centre`, in a random direction.
 fn around(centre: Vector2<f64>, radius: f64, z: f64, rng: &mut ChaCha8Rng) -> Vector3<f64> {
     let angle = rng.random_range(0.0..std::f64::consts::TAU);
-    Vector3::new(centre.x + radius * angle.cos(), centre.y + radius * angle.sin(), z)
+    let (sin, cos) = libm::sincos(angle);
+    Vector3::new(centre.x + radius * cos, centre.y + radius * sin, z)
 }
 
 /// J's power at a start.
@@ -151,6 +152,6 @@ fn jammer_power_w(setup: &Setup, j: &Vector3<f64>, draw: f64) -> f64 {
     if leak <= 0.0 {
         return cap;
     }
-    let over_noise = 3.0 * 33f64.powf(draw);
+    let over_noise = 3.0 * libm::pow(33.0, draw);
     (over_noise * (j - problem.user_enu_m).norm_squared() / (setup.scene.budget_m2_w * leak)).min(cap)
 }

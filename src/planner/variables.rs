@@ -130,7 +130,7 @@ impl Chart {
             out[POWER] = match self.powers[v] {
                 PowerChart::Fixed(w) => w,
                 PowerChart::Linear { max_w } => max_w * power.clamp(0.0, 1.0),
-                PowerChart::Log { max_w, .. } => max_w * power.min(0.0).exp(),
+                PowerChart::Log { max_w, .. } => max_w * libm::exp(power.min(0.0)),
             };
         }
         raw
@@ -142,7 +142,7 @@ impl Chart {
             AxisChart::Fixed(angles) => angles,
             AxisChart::Angles { yaw: on } => [x[0], x[1], yaw(on)],
             AxisChart::Tilt { yaw: on, .. } => {
-                let ((st, ct), (sa, ca)) = (x[0].sin_cos(), x[1].sin_cos());
+                let ((st, ct), (sa, ca)) = (libm::sincos(x[0]), libm::sincos(x[1]));
                 let (roll, pitch) = pattern::canonical_angles(&Vector3::new(st * ca, st * sa, ct));
                 [roll, pitch, yaw(on)]
             }
@@ -176,8 +176,8 @@ impl Chart {
                 AxisChart::Tilt { yaw, limit_rad } => {
                     let y = pattern::antenna_axis(from[ANGLES], from[ANGLES + 1], 0.0);
                     let y = if y.z < 0.0 { -y } else { y };
-                    to[3] = y.x.hypot(y.y).atan2(y.z).min(limit_rad);
-                    to[4] = if y.x == 0.0 && y.y == 0.0 { 0.0 } else { y.y.atan2(y.x) };
+                    to[3] = libm::atan2(libm::hypot(y.x, y.y), y.z).min(limit_rad);
+                    to[4] = if y.x == 0.0 && y.y == 0.0 { 0.0 } else { libm::atan2(y.y, y.x) };
                     if yaw {
                         to[5] = from[ANGLES + 2];
                     }
@@ -187,7 +187,7 @@ impl Chart {
             match self.powers[v] {
                 PowerChart::Fixed(_) => {}
                 PowerChart::Linear { max_w } => to[at] = from[POWER] / max_w,
-                PowerChart::Log { max_w, floor } => to[at] = (from[POWER] / max_w).ln().clamp(floor, 0.0),
+                PowerChart::Log { max_w, floor } => to[at] = libm::log(from[POWER] / max_w).clamp(floor, 0.0),
             }
         }
         x
@@ -208,7 +208,7 @@ impl Chart {
                 AxisChart::Fixed(_) => {}
                 AxisChart::Angles { .. } => to[3..5].copy_from_slice(&from[ANGLES..ANGLES + 2]),
                 AxisChart::Tilt { .. } => {
-                    let ((st, ct), (sa, ca)) = (x[3].sin_cos(), x[4].sin_cos());
+                    let ((st, ct), (sa, ca)) = (libm::sincos(x[3]), libm::sincos(x[4]));
                     let by_axis = angles_transposed(&Vector3::new(st * ca, st * sa, ct), droll, dpitch);
                     to[3] = by_axis.dot(&Vector3::new(ct * ca, ct * sa, -st));
                     to[4] = by_axis.dot(&Vector3::new(-st * sa, st * ca, 0.0));
@@ -301,14 +301,14 @@ fn angles_transposed(y: &Vector3<f64>, droll: f64, dpitch: f64) -> Vector3<f64> 
 
 /// An axis turned into the tilt limit along its azimuth, and the Jacobian of that.
 fn limited(y: Vector3<f64>, limit_rad: f64) -> (Vector3<f64>, Matrix3<f64>) {
-    let horizontal = y.x.hypot(y.y);
-    if limit_rad >= ANY_TILT_RAD || horizontal <= limit_rad.tan() * y.z.abs() {
+    let horizontal = libm::hypot(y.x, y.y);
+    if limit_rad >= ANY_TILT_RAD || horizontal <= libm::tan(limit_rad) * y.z.abs() {
         return (y, Matrix3::identity());
     }
     // (x, y) scaled to the length tan(limit) |z|: with z = 0 straight up is as good as any.
     let up = if y.z < 0.0 { -1.0 } else { 1.0 };
     let (ux, uy) = (y.x / horizontal, y.y / horizontal);
-    let reach = limit_rad.tan();
+    let reach = libm::tan(limit_rad);
     let z = y.z.abs().max(1e-9 * horizontal);
     let axis = Vector3::new(reach * z * ux, reach * z * uy, up * z);
     let spread = reach * z / horizontal;

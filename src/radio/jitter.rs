@@ -54,7 +54,14 @@ pub fn axis(model: JitterModel, desired_rad: [f64; 3], w_rad: [f64; 3]) -> Vecto
 /// The antenna axis in the desired body frame after the small rotation `exp([w])`.
 #[must_use]
 pub fn body_axis(w_rad: [f64; 3]) -> Vector3<f64> {
-    Rotation3::new(Vector3::from(w_rad)) * Vector3::z()
+    let angle = Vector3::from(w_rad).norm();
+    if angle == 0.0 {
+        return Vector3::z();
+    }
+    let [x, y, z] = w_rad.map(|c| c / angle);
+    let (sin, cos) = libm::sincos(angle);
+    let turn = z * (1.0 - cos);
+    Vector3::new(y * sin + x * turn, -x * sin + y * turn, cos + z * turn)
 }
 
 /// Number of noise components per vehicle: 2, or 3 with yaw.

@@ -5,9 +5,9 @@ use nalgebra::Vector3;
 /// The antenna axis (paper 1.1): the third column of `Rz(yaw) Ry(pitch) Rx(roll)`, a unit vector in ENU.
 #[must_use]
 pub fn antenna_axis(roll_rad: f64, pitch_rad: f64, yaw_rad: f64) -> Vector3<f64> {
-    let (sr, cr) = roll_rad.sin_cos();
-    let (sp, cp) = pitch_rad.sin_cos();
-    let (sy, cy) = yaw_rad.sin_cos();
+    let (sr, cr) = libm::sincos(roll_rad);
+    let (sp, cp) = libm::sincos(pitch_rad);
+    let (sy, cy) = libm::sincos(yaw_rad);
     // Rz(yaw) applied to the yaw-free axis (cos roll sin pitch, -sin roll, cos roll cos pitch).
     Vector3::new(cy * cr * sp + sy * sr, sy * cr * sp - cy * sr, cr * cp)
 }
@@ -32,9 +32,9 @@ pub fn gain(direction: &Vector3<f64>, axis: &Vector3<f64>) -> f64 {
 #[must_use]
 pub fn canonical_angles(axis: &Vector3<f64>) -> (f64, f64) {
     let up = if axis.z < 0.0 { -axis } else { *axis };
-    let in_plane = up.x.hypot(up.z);
-    let roll = if up.y == 0.0 { 0.0 } else { (-up.y).atan2(in_plane) };
-    let pitch = if in_plane == 0.0 { 0.0 } else { up.x.atan2(up.z) };
+    let in_plane = libm::hypot(up.x, up.z);
+    let roll = if up.y == 0.0 { 0.0 } else { libm::atan2(-up.y, in_plane) };
+    let pitch = if in_plane == 0.0 { 0.0 } else { libm::atan2(up.x, up.z) };
     (roll, pitch)
 }
 

@@ -5,7 +5,7 @@
 #[must_use]
 pub fn signed_bit_s_hz(user_sinr: f64, eavesdropper_sinr: impl IntoIterator<Item = f64>) -> f64 {
     let strongest = eavesdropper_sinr.into_iter().fold(0.0, f64::max);
-    (user_sinr.ln_1p() - strongest.ln_1p()) / std::f64::consts::LN_2
+    (libm::log1p(user_sinr) - libm::log1p(strongest)) / std::f64::consts::LN_2
 }
 
 /// The secrecy rate in bit/s (paper 1.6): `B [log2(1 + Gamma_0) - max_j log2(1 + Gamma_j)]^+`.

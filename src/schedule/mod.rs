@@ -5,7 +5,9 @@
 //! it is a pure function of plan, airspace, limits and starting positions: the companions of both vehicles compute
 //! the same table, bit for bit.
 
+pub mod choice;
 pub mod geofence;
+mod legs;
 pub mod order;
 mod route;
 pub mod separation;

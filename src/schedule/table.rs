@@ -11,14 +11,13 @@
 //! All times are since the mission's start instant, which both vehicles agree on. The table is a pure function of its
 //! inputs: the same plan, limits and starting positions give the same table on both vehicles, bit for bit.
 
-use std::collections::BTreeMap;
 use std::time::Duration;
 
-use super::order::{Order, Places, Tour};
+use super::legs::Legs;
+use super::order::{Order, Tour};
 use super::trajectory::{Start, Trajectory};
-use super::transit::{Router, Separation, Transit, TransitError};
+use super::transit::{Router, Separation, TransitError};
 use crate::geo::Pose;
-use crate::planner::plan::SlotPlan;
 use crate::role::PerVehicle;
 
 /// Slots open on multiples of this: both vehicles' logs and clocks show round figures.
@@ -147,9 +146,9 @@ impl Table {
             let (slot_s, guard_s) = (timing.slot.as_secs_f64(), timing.guard.as_secs_f64());
             return Err(TableError::NoAirtime { slot_s, guard_s });
         }
-        let mut legs = Legs::new(router, start, users);
+        let mut legs = Legs::new(router, Some(start), users);
         let tour = legs.tour(superframes, order)?;
-        legs.table(&tour, timing)
+        entries(&mut legs, &tour, timing)
     }
 
     /// The entry of the slot or transit in progress at `t` since the mission's start; `None` after the end.
@@ -159,129 +158,33 @@ impl Table {
     }
 }
 
-/// The plans of one user that are nearly as good as its best: rate at least `1 - tolerance` of the best one's, by
-/// position in `plans`, the best first and equal ones in their order. Given to [`Table::build`] as the user's
-/// candidates, they let transits be short at a bounded price in rate.
-#[must_use]
-pub fn near_best(plans: &[SlotPlan], tolerance: f64) -> Vec<usize> {
-    let best_bps = plans.iter().map(|plan| plan.secrecy_rate_bps).fold(f64::NEG_INFINITY, f64::max);
-    let mut near: Vec<usize> =
-        (0..plans.len()).filter(|&k| plans[k].secrecy_rate_bps >= best_bps * (1.0 - tolerance)).collect();
-    near.sort_by(|&a, &b| plans[b].secrecy_rate_bps.total_cmp(&plans[a].secrecy_rate_bps));
-    near
-}
-
-/// The transits between places, planned when first asked for.
-struct Legs<'a> {
-    router: &'a Router,
-    start: &'a PerVehicle<Start>,
-    /// The user and poses of each place, user by user.
-    places: Vec<(usize, PerVehicle<Pose>)>,
-    /// Each user's places.
-    of_user: Vec<Vec<usize>>,
-    /// From a place (or the start) to a place.
-    planned: BTreeMap<(Option<usize>, usize), Result<Transit, TransitError>>,
-}
-
-impl<'a> Legs<'a> {
-    fn new(router: &'a Router, start: &'a PerVehicle<Start>, users: &[Vec<PerVehicle<Pose>>]) -> Self {
-        let mut places = Vec::new();
-        let mut of_user = Vec::new();
-        for (user, candidates) in users.iter().enumerate() {
-            of_user.push((places.len()..places.len() + candidates.len()).collect());
-            places.extend(candidates.iter().map(|&poses| (user, poses)));
-        }
-        Self { router, start, places, of_user, planned: BTreeMap::new() }
+/// Strings the tour's transits and slots together.
+fn entries(legs: &mut Legs, tour: &Tour, timing: &Timing) -> Result<Table, TableError> {
+    let mut entries = Vec::new();
+    let mut transit_starts = Duration::ZERO;
+    let mut before = None;
+    let visits = (0..timing.superframes).flat_map(|_| &tour.visits);
+    for (slot, &(user_index, place)) in (0..=u16::MAX).zip(visits) {
+        let transit = legs.transit(before, place)?;
+        let arrived = transit_starts.saturating_add(transit.duration());
+        let opens = rounded_up(arrived.saturating_add(timing.settle));
+        let closes = opens.saturating_add(timing.slot);
+        entries.push(Entry {
+            slot,
+            user_index,
+            candidate: legs.candidate(user_index, place),
+            transit: transit.trajectories,
+            separation: transit.separation,
+            transit_starts,
+            opens,
+            closes,
+            radiate_from: opens.saturating_add(timing.guard / 2),
+            radiate_until: closes.saturating_sub(timing.guard / 2),
+        });
+        transit_starts = closes;
+        before = Some(place);
     }
-
-    fn leg(&mut self, from: Option<usize>, to: usize) -> &Result<Transit, TransitError> {
-        self.planned.entry((from, to)).or_insert_with(|| {
-            let start = match from {
-                Some(place) => self.places[place]
-                    .1
-                    .map(|pose| Start { position_enu_m: pose.position_enu_m, attitude: pose.attitude() }),
-                None => *self.start,
-            };
-            self.router.plan(&start, &self.places[to].1)
-        })
-    }
-
-    fn time(&mut self, from: Option<usize>, to: usize) -> Duration {
-        self.leg(from, to).as_ref().map_or(Duration::MAX, Transit::duration)
-    }
-
-    /// A leg that must exist.
-    fn transit(&mut self, from: Option<usize>, to: usize) -> Result<Transit, TableError> {
-        let (from_user, to_user) = (from.map(|place| self.places[place].0), self.places[to].0);
-        let leg = self.leg(from, to).clone();
-        leg.map_err(|source| TableError::Transit { from: from_user, to: to_user, source })
-    }
-
-    fn tour(&mut self, superframes: u16, order: Order) -> Result<Tour, TableError> {
-        let n = self.places.len();
-        let last = self.of_user.len() - 1;
-        // Only legs that may be flown are planned: a leg that is not flown may well be impossible.
-        let flown = |from: Option<usize>, to: usize| match (order, from) {
-            (Order::Shortest, None) => true,
-            (Order::Shortest, Some(from)) => from != to || (last == 0 && superframes > 1),
-            (Order::Listed, None) => to == 0,
-            (Order::Listed, Some(from)) => to == from + 1 || (superframes > 1 && from == last && to == 0),
-        };
-        let mut from_start = vec![Duration::MAX; n];
-        let mut between = vec![Duration::MAX; n * n];
-        for (to, (to_user, _)) in self.places.clone().into_iter().enumerate() {
-            if flown(None, to_user) {
-                from_start[to] = self.time(None, to);
-            }
-            for from in (0..n).filter(|&from| flown(Some(self.places[from].0), to_user)).collect::<Vec<_>>() {
-                between[from * n + to] = self.time(Some(from), to);
-            }
-        }
-        let places = Places { of_user: self.of_user.clone(), from_start, between, superframes };
-        places.tour(order).ok_or_else(|| self.first_failure(superframes))
-    }
-
-    /// Why there is no tour.
-    fn first_failure(&self, superframes: u16) -> TableError {
-        let failed =
-            self.planned.iter().find_map(|((from, to), leg)| Some((*from, *to, leg.as_ref().err()?)));
-        match failed {
-            Some((from, to, source)) => TableError::Transit {
-                from: from.map(|place| self.places[place].0),
-                to: self.places[to].0,
-                source: source.clone(),
-            },
-            None => TableError::Empty { users: self.of_user.len(), superframes },
-        }
-    }
-
-    fn table(&mut self, tour: &Tour, timing: &Timing) -> Result<Table, TableError> {
-        let mut entries = Vec::new();
-        let mut transit_starts = Duration::ZERO;
-        let mut before = None;
-        let visits = (0..timing.superframes).flat_map(|_| &tour.visits);
-        for (slot, &(user_index, place)) in (0..=u16::MAX).zip(visits) {
-            let transit = self.transit(before, place)?;
-            let arrived = transit_starts.saturating_add(transit.duration());
-            let opens = rounded_up(arrived.saturating_add(timing.settle));
-            let closes = opens.saturating_add(timing.slot);
-            entries.push(Entry {
-                slot,
-                user_index,
-                candidate: place - self.of_user[user_index][0],
-                transit: transit.trajectories,
-                separation: transit.separation,
-                transit_starts,
-                opens,
-                closes,
-                radiate_from: opens.saturating_add(timing.guard / 2),
-                radiate_until: closes.saturating_sub(timing.guard / 2),
-            });
-            transit_starts = closes;
-            before = Some(place);
-        }
-        Ok(Table { entries, ends: transit_starts })
-    }
+    Ok(Table { entries, ends: transit_starts })
 }
 
 /// `t` rounded up to the grid.
@@ -297,7 +200,6 @@ mod tests {
 
     use super::*;
     use crate::geo::{Attitude, Enu};
-    use crate::planner::plan::{BoundKind, Status, VehiclePlan};
     use crate::planner::problem::Airspace;
     use crate::role::Role;
     use crate::schedule::testing;
@@ -383,24 +285,6 @@ mod tests {
         let listed = built(&users, &once, Order::Listed).unwrap();
         assert_eq!(users_of(&listed), [(0, 0), (1, 0), (2, 1)]);
         assert!(shortest.ends < listed.ends);
-    }
-
-    #[test]
-    fn val_plans_near_the_best_come_best_first() {
-        let plan = |secrecy_rate_bps| SlotPlan {
-            status: Status::Converged,
-            vehicles: poses(0.0).map(|pose| VehiclePlan { pose, tx_power_w: 0.1 }),
-            secrecy_rate_bps,
-            standard_error_bps: 0.0,
-            upper_bound_bps: 20e6,
-            upper_bound_kind: BoundKind::Cap,
-            user_sinr: 1.0,
-            eavesdropper_sinr: vec![],
-        };
-        let plans = [9.89e6, 9.95e6, 10e6, 9.95e6, 9.9e6].map(plan);
-        assert_eq!(near_best(&plans, 0.01), [2, 1, 3, 4]);
-        assert_eq!(near_best(&plans, 0.0), [2]);
-        assert_eq!(near_best(&[], 0.1), [0; 0]);
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! The antenna axis of one vehicle under a block of attitude noise.
 
-use super::samples::{LANES, Lane, Noise};
+use super::noise::Noise;
+use super::samples::{LANES, Lane};
 
 /// Axes of one vehicle in a block: Y, and the axes about which roll and pitch turn it.
 pub struct Axes {
@@ -22,7 +23,10 @@ impl Desired {
     /// From roll, pitch and yaw.
     #[must_use]
     pub fn new(angles: &[f64]) -> Self {
-        let trig = [0, 1, 2].map(|i: usize| [angles[i].cos(), angles[i].sin()]);
+        let trig = [0, 1, 2].map(|i: usize| {
+            let (sin, cos) = libm::sincos(angles[i]);
+            [cos, sin]
+        });
         let [[cr, sr], [cp, sp], [cy, sy]] = trig;
         let rotation = [
             [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],

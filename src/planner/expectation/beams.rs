@@ -4,6 +4,7 @@ use nalgebra::Vector3;
 
 use super::attitude::Desired;
 use super::kernel::{ANGLES, Link, POWER, Raw, Scene, VEHICLE, power};
+use super::logarithm::LogSum;
 use super::samples::{LANES, Lane, Samples};
 
 /// Both antennas of a configuration at every sample of a shared set: what a search over a node's position needs.
@@ -59,6 +60,8 @@ impl Beams {
         let [x, y, z] = self.scene.user;
         let mut sinr = Vec::with_capacity(self.len());
         self.sinr(&Vector3::new(x, y, z), &mut sinr);
-        sinr.iter().map(|s| s.ln_1p()).sum::<f64>() / self.len().max(1) as f64
+        let mut sum = LogSum::default();
+        sinr.iter().for_each(|s| sum.push(1.0 + s));
+        sum.value() / self.len().max(1) as f64
     }
 }

@@ -31,7 +31,7 @@ impl Term {
         // |u x Y|^2 keeps its accuracy near a null, where 1 - t^2 cancels.
         let gain = [0, 1].map(|v: usize| square(&cross(&link[v].u, &axes[v])));
         let (a, b) = (link[0].k * gain[0], 1.0 + link[1].k * gain[1]);
-        Self { link, t, a, b, log: (a / b).ln_1p() }
+        Self { link, t, a, b, log: libm::log1p(a / b) }
     }
 
     /// Adds `c` times the gradient of `ln(1 + a / b)`.
@@ -73,8 +73,9 @@ impl Exact {
         self.terms.clear();
         self.terms.extend(eavesdroppers.map(|node| Term::new(&node, &axes, raw, budget)));
         let top = self.terms.iter().map(|t| t.log).fold(0.0, f64::max);
-        let weight =
-            |log: f64| if q.is_finite() { (q * (log - top)).exp() } else { f64::from(u8::from(log >= top)) };
+        let weight = |log: f64| {
+            if q.is_finite() { libm::exp(q * (log - top)) } else { f64::from(u8::from(log >= top)) }
+        };
         let sum: f64 = self.terms.iter().map(|t| weight(t.log)).sum();
         if let Some(out) = gradient {
             out.fill(0.0);
@@ -88,15 +89,15 @@ impl Exact {
                 }
             }
         }
-        let excess = if q.is_finite() { sum.max(f64::MIN_POSITIVE).ln() / q } else { 0.0 };
+        let excess = if q.is_finite() { libm::log(sum.max(f64::MIN_POSITIVE)) / q } else { 0.0 };
         user.log - top - excess
     }
 }
 
 /// The axes about which roll, pitch and yaw turn the antenna.
 fn turning_axes(angles: &[f64]) -> [[f64; 3]; 3] {
-    let (sp, cp) = angles[1].sin_cos();
-    let (sy, cy) = angles[2].sin_cos();
+    let (sp, cp) = libm::sincos(angles[1]);
+    let (sy, cy) = libm::sincos(angles[2]);
     [[cy * cp, sy * cp, -sp], [-sy, cy, 0.0], [0.0, 0.0, 1.0]]
 }
 

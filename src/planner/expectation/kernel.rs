@@ -22,7 +22,9 @@
 use nalgebra::Vector3;
 
 use super::attitude::{Axes, Desired};
-use super::samples::{LANES, Lane, Noise, Samples};
+use super::logarithm::LogSum;
+use super::noise::Noise;
+use super::samples::{LANES, Lane, Samples};
 use crate::radio::link::NEAREST_M;
 
 /// A configuration of the pair, flat: position (3), roll, pitch, yaw, power in W of I, then of J.
@@ -288,17 +290,17 @@ impl Workspace {
         clip: bool,
         mut sums: Option<&mut [Sums; 2]>,
     ) -> f64 {
-        let mut total = 0.0;
+        let mut total = LogSum::default();
         for noise in blocks {
             let axes = [desired[0].axes(&noise[0]), desired[1].axes(&noise[1])];
             let ratio = match sums.as_deref_mut() {
                 Some(sums) => self.block_gradient(&axes, clip, sums),
                 None => self.block(&axes, clip),
             };
-            // One logarithm for the block: a ratio is below 2^120, eight of them far below the largest number.
-            total += ratio.iter().product::<f64>().ln();
+            // A ratio is below 2^120: eight of them are far below the largest number.
+            total.push(ratio.iter().product::<f64>());
         }
-        total
+        total.value()
     }
 
     /// f of every sample in nats per hertz, draw by draw, through `visit(draw, f)`.
@@ -309,7 +311,7 @@ impl Workspace {
             for noise in blocks {
                 let axes = [desired[0].axes(&noise[0]), desired[1].axes(&noise[1])];
                 for ratio in self.block(&axes, false) {
-                    visit(index, ratio.ln());
+                    visit(index, libm::log(ratio));
                 }
             }
         }

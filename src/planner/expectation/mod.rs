@@ -4,9 +4,12 @@ pub mod attitude;
 pub mod beams;
 pub mod exact;
 pub mod kernel;
+pub mod logarithm;
+pub mod noise;
 pub mod normal;
 pub mod samples;
 pub mod sobol;
+mod trigonometry;
 
 use super::plan::VehiclePlan;
 use super::problem::{Objective, Problem};

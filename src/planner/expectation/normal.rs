@@ -5,16 +5,42 @@
 /// Wichura's algorithm AS 241 (Applied Statistics 37, 1988), PPND16: relative accuracy about 1e-16.
 #[must_use]
 pub fn quantile(p: f64) -> f64 {
-    let q = p - 0.5;
-    if q.abs() <= 0.425 {
-        let r = 0.180_625 - q * q;
-        return q * polynomial(&CENTRE.0, r) / polynomial(&CENTRE.1, r);
+    if (p - 0.5).abs() <= CENTRE_HALF_WIDTH { central(p) } else { outer(p) }
+}
+
+/// [`quantile`] of each.
+#[must_use]
+#[inline(always)]
+pub fn quantiles<const COUNT: usize>(p: &[f64; COUNT]) -> [f64; COUNT] {
+    // Five in six are central: all as if they were, then the others again.
+    let mut out = [0.0; COUNT];
+    for (x, p) in out.iter_mut().zip(p) {
+        *x = central(*p);
     }
+    for (x, p) in out.iter_mut().zip(p) {
+        if !((p - 0.5).abs() <= CENTRE_HALF_WIDTH) {
+            *x = outer(*p);
+        }
+    }
+    out
+}
+
+const CENTRE_HALF_WIDTH: f64 = 0.425;
+
+#[inline(always)]
+fn central(p: f64) -> f64 {
+    let q = p - 0.5;
+    let r = 0.180_625 - q * q;
+    q * polynomial(&CENTRE.0, r) / polynomial(&CENTRE.1, r)
+}
+
+fn outer(p: f64) -> f64 {
+    let q = p - 0.5;
     let tail = if q < 0.0 { p } else { 1.0 - p };
     if tail == 0.0 {
         return f64::INFINITY.copysign(q);
     }
-    let r = (-tail.ln()).sqrt();
+    let r = (-libm::log(tail)).sqrt();
     let x = if r <= 5.0 {
         polynomial(&MIDDLE.0, r - 1.6) / polynomial(&MIDDLE.1, r - 1.6)
     } else {
@@ -23,8 +49,13 @@ pub fn quantile(p: f64) -> f64 {
     x.copysign(q)
 }
 
+#[inline(always)]
 fn polynomial(coefficients: &[f64; 8], x: f64) -> f64 {
-    coefficients.iter().rev().fold(0.0, |sum, c| sum * x + c)
+    let mut sum = coefficients[7];
+    for k in (0..7).rev() {
+        sum = sum * x + coefficients[k];
+    }
+    sum
 }
 
 type Rational = ([f64; 8], [f64; 8]);
@@ -129,6 +160,16 @@ mod tests {
             assert!((slope / expected - 1.0).abs() < 1e-5, "{p}");
             assert!((quantile(1.0 - p) + x).abs() < 1e-13);
         }
+    }
+
+    #[test]
+    fn val_many_at_once_are_one_by_one() {
+        for k in 0..100 {
+            let p = [0, 1, 2, 3, 4, 5, 6, 7].map(|l: u32| (f64::from(8 * k + l) + 0.5) / 800.0);
+            assert_eq!(quantiles(&p), p.map(quantile));
+        }
+        assert_eq!(quantiles(&[0.0, 0.5, 1.0]), [f64::NEG_INFINITY, 0.0, f64::INFINITY]);
+        assert!(quantiles(&[f64::NAN])[0].is_nan());
     }
 
     #[test]

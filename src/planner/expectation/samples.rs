@@ -2,8 +2,8 @@
 
 use nalgebra::Vector3;
 
-use super::{normal, sobol};
-use crate::planner::problem::{Eavesdropper, Jitter, JitterModel, Problem, Uncertainty};
+use super::noise::{self, Noise, Uniform};
+use crate::planner::problem::Problem;
 use crate::radio::jitter;
 
 /// Samples handled together: one arithmetic instruction a lane, whatever the machine's vector width.
@@ -21,15 +21,6 @@ pub enum Sequence {
     MonteCarlo,
 }
 
-/// One vehicle's noise in a block, in the form in which the kernel uses it.
-#[derive(Debug, Clone, Copy)]
-pub enum Noise {
-    /// Cosine and sine of the noise of roll, pitch and yaw: (c, s) each.
-    Euler([[Lane; 2]; 3]),
-    /// The antenna axis in the desired body frame.
-    Body([Lane; 3]),
-}
-
 /// A sample set, common to every evaluation of a plan (common random numbers).
 #[derive(Debug, Clone)]
 pub struct Samples {
@@ -43,21 +34,6 @@ pub struct Samples {
     shared: bool,
 }
 
-/// First dimension of the sequence that moves positions; attitude noise comes before.
-const POSITION_DIMENSION: usize = 8;
-
-/// A coordinate of a point, by index and dimension.
-fn uniform(sequence: Sequence, seed: u64) -> impl Fn(usize, usize) -> f64 {
-    let set = sobol::Scrambled::new(seed);
-    move |index, dimension| match sequence {
-        Sequence::Sobol => set.coordinate(index as u32, dimension),
-        Sequence::MonteCarlo => {
-            let word = sobol::mix(sobol::mix(seed, dimension as u64), index as u64);
-            ((word >> 11) as f64 + 0.5) / 53f64.exp2()
-        }
-    }
-}
-
 impl Samples {
     /// `count` samples (rounded up to whole blocks) over `draws` draws of the positions, each with noise of its own: for
     /// a mean over both. One draw is the estimates.
@@ -65,13 +41,12 @@ impl Samples {
     pub fn new(problem: &Problem, count: usize, draws: usize, seed: u64, sequence: Sequence) -> Self {
         let draws = draws.max(1);
         let per_draw = count.div_ceil(LANES * draws).max(1);
-        let uniform = uniform(sequence, seed);
-        let noise =
-            (0..draws * per_draw).map(|block| block_noise(&problem.jitter, block, &uniform)).collect();
+        let uniform = Uniform::new(sequence, seed);
+        let noise = noise::blocks(&problem.jitter, draws * per_draw, uniform);
         let draws = if draws == 1 {
             vec![problem.eavesdroppers.iter().map(|e| e.position_enu_m).collect()]
         } else {
-            (0..draws).map(|draw| positions(&problem.eavesdroppers, draw, &uniform)).collect()
+            (0..draws).map(|draw| noise::positions(&problem.eavesdroppers, draw, &uniform)).collect()
         };
         Self { noise, draws, per_draw, shared: false }
     }
@@ -81,18 +56,16 @@ impl Samples {
     #[must_use]
     pub fn shared(problem: &Problem, count: usize, draws: Vec<Vec<Vector3<f64>>>, seed: u64) -> Self {
         let count = if jitter::is_present(&problem.jitter) { count } else { 1 };
-        let uniform = uniform(Sequence::Sobol, seed);
-        let noise: Vec<_> = (0..count.div_ceil(LANES).max(1))
-            .map(|block| block_noise(&problem.jitter, block, &uniform))
-            .collect();
+        let uniform = Uniform::new(Sequence::Sobol, seed);
+        let noise = noise::blocks(&problem.jitter, count.div_ceil(LANES).max(1), uniform);
         Self { per_draw: noise.len(), noise, draws, shared: true }
     }
 
     /// `count` draws of the positions.
     #[must_use]
     pub fn positions(problem: &Problem, count: usize, seed: u64) -> Vec<Vec<Vector3<f64>>> {
-        let uniform = uniform(Sequence::Sobol, seed);
-        (0..count).map(|draw| positions(&problem.eavesdroppers, draw, &uniform)).collect()
+        let uniform = Uniform::new(Sequence::Sobol, seed);
+        (0..count).map(|draw| noise::positions(&problem.eavesdroppers, draw, &uniform)).collect()
     }
 
     /// The first `count` samples (rounded up to whole draws): of a Sobol set, itself one.
@@ -141,55 +114,4 @@ impl Samples {
             self.draws.push(positions);
         }
     }
-}
-
-fn block_noise(jitter: &Jitter, block: usize, uniform: &impl Fn(usize, usize) -> f64) -> [Noise; 2] {
-    let components = jitter::components(jitter.axes);
-    let mut w = [[[0.0; LANES]; 3]; 2];
-    if jitter::is_present(jitter) {
-        for (vehicle, axes) in w.iter_mut().enumerate() {
-            for (component, lane) in axes.iter_mut().take(components).enumerate() {
-                for (l, value) in lane.iter_mut().enumerate() {
-                    let u = uniform(block * LANES + l, vehicle * components + component);
-                    *value = jitter.std_rad * normal::quantile(u);
-                }
-            }
-        }
-    }
-    w.map(|axes| match jitter.model {
-        JitterModel::Euler => Noise::Euler(axes.map(|lane| [lane.map(f64::cos), lane.map(f64::sin)])),
-        JitterModel::Body => {
-            let mut axis = [[0.0; LANES]; 3];
-            for l in 0..LANES {
-                let y = jitter::body_axis([axes[0][l], axes[1][l], axes[2][l]]);
-                for (lane, component) in axis.iter_mut().zip(y.iter()) {
-                    lane[l] = *component;
-                }
-            }
-            Noise::Body(axis)
-        }
-    })
-}
-
-/// All eavesdroppers' positions in one draw.
-fn positions(
-    nodes: &[Eavesdropper],
-    draw: usize,
-    uniform: &impl Fn(usize, usize) -> f64,
-) -> Vec<Vector3<f64>> {
-    nodes
-        .iter()
-        .enumerate()
-        .map(|(node, eavesdropper)| {
-            let u = uniform(draw, POSITION_DIMENSION + 2 * node);
-            let angle = std::f64::consts::TAU * uniform(draw, POSITION_DIMENSION + 2 * node + 1);
-            let radius = match eavesdropper.uncertainty {
-                Uncertainty::None => 0.0,
-                Uncertainty::Disc { radius_m } => radius_m * u.sqrt(),
-                // The radius of a two-dimensional Gaussian follows Rayleigh's law.
-                Uncertainty::Gaussian { std_m } => std_m * (-2.0 * u.ln()).sqrt(),
-            };
-            eavesdropper.position_enu_m + radius * Vector3::new(angle.cos(), angle.sin(), 0.0)
-        })
-        .collect()
 }

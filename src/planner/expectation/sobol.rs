@@ -57,6 +57,7 @@ const fn directions() -> [[u32; BITS]; NET_DIMENSIONS] {
 
 /// The unscrambled point `index` in `dimension` (below [`NET_DIMENSIONS`]), as a 32-bit fraction.
 #[must_use]
+#[inline(always)]
 fn sobol(index: u32, dimension: usize) -> u32 {
     let mut rest = index;
     let mut x = 0;
@@ -72,7 +73,14 @@ fn sobol(index: u32, dimension: usize) -> u32 {
     x
 }
 
+/// The middle of a cell of the finest resolution: never 0 nor 1.
+#[inline(always)]
+fn middle(bits: u32) -> f64 {
+    (f64::from(bits) + 0.5) / (1u64 << BITS) as f64
+}
+
 /// A nested uniform scramble of the bits of `x`, most significant first.
+#[inline(always)]
 fn nested_scramble(x: u32, seed: u32) -> u32 {
     let mut x = x.reverse_bits();
     x ^= x.wrapping_mul(0x3d20_adea);
@@ -118,9 +126,26 @@ impl Scrambled {
             // A nested scramble of the index maps every aligned power-of-two block of points onto another.
             sobol(nested_scramble(index, pair as u32), dimension % 2)
         };
-        // The middle of the cell: never 0 nor 1.
-        (f64::from(nested_scramble(bits, scramble as u32 ^ (scramble >> 32) as u32)) + 0.5)
-            / (BITS as f64).exp2()
+        middle(nested_scramble(bits, scramble as u32 ^ (scramble >> 32) as u32))
+    }
+
+    /// Coordinate `dimension` (of the net) of the points from `first` on, a multiple of their number, which is a power
+    /// of two: a point of the net is the exclusive or of those of its index's bits.
+    #[must_use]
+    #[inline(always)]
+    pub fn aligned<const COUNT: usize>(&self, first: u32, dimension: usize) -> [f64; COUNT] {
+        let scramble = mix(self.seed, dimension as u64);
+        let scramble = scramble as u32 ^ (scramble >> 32) as u32;
+        let base = sobol(first, dimension);
+        let mut bits = [0; COUNT];
+        for (l, b) in bits.iter_mut().enumerate() {
+            *b = base ^ sobol(l as u32, dimension);
+        }
+        let mut out = [0.0; COUNT];
+        for (x, b) in out.iter_mut().zip(bits) {
+            *x = middle(nested_scramble(b, scramble));
+        }
+        out
     }
 }
 
@@ -148,6 +173,18 @@ mod tests {
                     *x,
                     "{index} {dimension}"
                 );
+            }
+        }
+    }
+
+    #[test]
+    fn val_points_in_one_go_are_the_points_one_by_one() {
+        let set = Scrambled::new(11);
+        for dimension in 0..NET_DIMENSIONS {
+            for first in [0, 8, 2040] {
+                let all: [f64; 8] = set.aligned(first, dimension);
+                let one_by_one = [0, 1, 2, 3, 4, 5, 6, 7].map(|l: u32| set.coordinate(first + l, dimension));
+                assert_eq!(all, one_by_one);
             }
         }
     }

@@ -175,7 +175,8 @@ fn advance(
             x[k] += length * direction[k];
         }
         let value = objective.evaluate(&x, &mut trial);
-        let barriers: f64 = at.slack.iter().zip(steps).map(|(r, step)| (1.0 - length * step / r).ln()).sum();
+        let barriers: f64 =
+            at.slack.iter().zip(steps).map(|(r, step)| libm::log(1.0 - length * step / r)).sum();
         let change = value - at.value - barrier * barriers;
         if change <= ARMIJO * length * slope && change < 0.0 {
             damped_bfgs(&mut at.hessian, &x, &at.x, &trial, &at.gradient, n);
