@@ -10,5 +10,6 @@ pub mod pose_monitor;
 mod reaction;
 mod slot;
 mod start;
+mod turns;
 
 pub use executive::{Executive, Notice, Outcome, Outgoing, Settings};

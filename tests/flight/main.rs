@@ -7,4 +7,6 @@ mod agreement;
 mod faults;
 mod harness;
 mod nominal;
+mod start;
 mod tunnel;
+mod turns;
