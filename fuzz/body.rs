@@ -231,7 +231,7 @@ impl Target {
     /// length, the bytes.
     pub fn take(&mut self, mut input: &[u8]) {
         while let [head, length, rest @ ..] = input {
-            for _ in 0..head >> 1 & 0xF {
+            for _ in 0..(head >> 1) & 0xF {
                 self.pass(false);
             }
             let (datagram, rest) = rest.split_at(rest.len().min(usize::from(*length)));

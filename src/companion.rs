@@ -22,9 +22,9 @@ use crate::transmitter::Transmitter;
 type AutopilotMessage = mavlink::dialects::ardupilotmega::MavMessage;
 
 /// A deadline met later than this was missed: the process was not run.
-const WOKEN_LATE: Duration = Duration::from_millis(5);
+pub(crate) const WOKEN_LATE: Duration = Duration::from_millis(5);
 /// Messages taken before such a deadline.
-const MOST_WAITING: usize = 64;
+pub(crate) const MOST_WAITING: usize = 64;
 
 /// What a companion needs besides the executive's settings.
 pub struct Companion {

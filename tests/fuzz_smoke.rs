@@ -102,7 +102,7 @@ fn prop_a_million_random_frames_neither_panic_nor_raise_a_power() {
         if rng.random_range(0..50) == 0 {
             // As the fuzzer feeds it, with time passing.
             let length = u8::try_from(bytes.len()).unwrap_or(255);
-            let head = rng.random_range(0..16) << 1 | u8::from(to == Role::J);
+            let head = (rng.random_range(0..16) << 1) | u8::from(to == Role::J);
             target.take(&[&[head, length][..], &bytes].concat());
         } else {
             target.datagram(to, &bytes);

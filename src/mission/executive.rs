@@ -20,7 +20,7 @@ use crate::role::{PerVehicle, Role};
 use crate::schedule::order::Order;
 use crate::schedule::table::{Entry, Table, TableError, Timing};
 use crate::schedule::trajectory::{self, Limits, Start as From, Trajectory};
-use crate::schedule::transit::{Router, TransitError};
+use crate::schedule::transit::{Router, Separation, TransitError};
 use crate::time::{Instant, Utc};
 use crate::transmitter::Transmitter;
 
@@ -132,7 +132,7 @@ pub struct Executive {
     pub(super) phase_since: Instant,
     pub(super) plan: Option<Plan>,
     pub(super) table: Option<Table>,
-    /// From the last slot's poses to above the homes.
+    /// From the last slot's poses to above the homes, where both can fly at once.
     pub(super) home_trajectory: Option<Trajectory>,
     pub(super) preflight_ok: bool,
     pub(super) motion: Option<Motion>,
@@ -356,7 +356,8 @@ impl Executive {
         if let Some(last) = table.entries.last() {
             let from = PerVehicle::from_fn(|role| last.transit[role].end());
             let home = router.home(&from, &homes)?;
-            self.home_trajectory = Some(home.trajectories[self.settings.role].clone());
+            let together = home.separation == Separation::Paths;
+            self.home_trajectory = together.then(|| home.trajectories[self.settings.role].clone());
         }
         let slots =
             table.entries.iter().filter_map(|e| plan.slots.get(e.user_index)).map(|s| s.plan.vehicles);

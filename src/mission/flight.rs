@@ -116,6 +116,7 @@ impl Executive {
                     self.end_slot(now);
                 } else {
                     self.watch_peer_ending(now);
+                    self.keep_turns(now);
                 }
             }
             Phase::Holding { until } => {

@@ -13,6 +13,7 @@ mod slot;
 mod staleness;
 mod standing;
 mod start;
+mod turns;
 
 pub use executive::{Executive, Notice, Outcome, Outgoing, Settings};
 pub use face::Scene;

@@ -9,6 +9,7 @@ use veilwing_sitl::vehicle::TICK;
 use veilwing_sitl::{Fault, World};
 
 use crate::link::Envelope;
+use crate::companion::{MOST_WAITING, WOKEN_LATE};
 use crate::link::counters::Counters;
 use crate::mission::{Notice, Outcome, Outgoing};
 use crate::role::{PerVehicle, Role};
@@ -285,35 +286,46 @@ impl Flight {
         Ok(())
     }
 
-    /// One instant of a companion, in the order of its event loop: deadlines before messages, the autopilot's before
-    /// the peer's, and everything it says before it hears more.
+    /// One instant of a companion, in the order of its event loop: deadlines before messages (but for a process that
+    /// was not run, which first takes what waits), the autopilot's before the peer's, and everything it says before it
+    /// hears more.
     fn run(
         &mut self,
         role: Role,
         process: &mut Process,
         observer: &mut impl Observer,
     ) -> Result<(), FlightError> {
-        let now = self.now;
-        let at = process.instant(now);
-        let mut calls = 0;
+        let at = process.instant(self.now);
+        let (mut calls, mut waiting) = (0, 0);
         loop {
             self.send(role, process, observer);
             let (deadline, why) = process.executive.poll_timeout();
-            if deadline <= at {
+            let woken_late = deadline + WOKEN_LATE < at && waiting < MOST_WAITING;
+            if (deadline > at || woken_late) && self.hear(role, process, observer) {
+                waiting += 1;
+            } else if deadline <= at {
                 calls += 1;
                 if calls > MOST_CALLS {
-                    return Err(FlightError::Spinning { role, why, at: now });
+                    return Err(FlightError::Spinning { role, why, at: self.now });
                 }
                 process.executive.handle_timeout(at);
-            } else if let Some(bytes) = self.to_companion[role].receive(now) {
-                self.hear_autopilot(role, process, &bytes, observer);
-            } else if let Some(bytes) = self.pair[role.peer()].receive(now) {
-                self.hear_peer(role, process, &bytes, observer);
             } else {
                 process.wakes_at = process.simulation_time(deadline);
                 return Ok(());
             }
         }
+    }
+
+    /// Lets a companion hear the next datagram that has arrived, if there is one.
+    fn hear(&mut self, role: Role, process: &mut Process, observer: &mut impl Observer) -> bool {
+        if let Some(bytes) = self.to_companion[role].receive(self.now) {
+            self.hear_autopilot(role, process, &bytes, observer);
+        } else if let Some(bytes) = self.pair[role.peer()].receive(self.now) {
+            self.hear_peer(role, process, &bytes, observer);
+        } else {
+            return false;
+        }
+        true
     }
 
     fn hear_autopilot(

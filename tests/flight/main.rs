@@ -11,4 +11,6 @@ mod kinds;
 mod nominal;
 mod reaction;
 mod reaction_table;
+mod start;
 mod tunnel;
+mod turns;
