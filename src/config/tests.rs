@@ -528,26 +528,33 @@ fn val_a_parameter_transmitter_must_say_how_it_is_silenced() {
 
 #[test]
 fn val_broken_vehicle_files_say_what_is_wrong() {
-    for (from, to, at, fragment) in [
-        ("role = \"i\"", "role = \"k\"", (7, 8), "none of its values"),
-        ("role = \"i\"", "", (6, 1), "has no `role`"),
+    // With each: what is pointed at, and at which column of its line.
+    for (from, to, at, column, fragment) in [
+        ("role = \"i\"", "role = \"k\"", "role", 8, "none of its values"),
+        ("role = \"i\"", "", "[vehicle]", 1, "has no `role`"),
         (
             "link = \"udpout:192.168.40.2:14600\"",
             "link = \"udpout:192.168.40.2\"",
-            (34, 8),
+            "link = \"udpout",
+            8,
             "there is no port",
         ),
-        ("rate_hz = 50.0", "rate_hz = 20.0", (16, 11), "too slow"),
-        ("component_id = 191", "component_id = 300", (15, 16), "is 300, outside 1 to 255"),
-        ("[limits]", "[limit]", (37, 2), "unknown key `limit`"),
+        ("rate_hz = 50.0", "rate_hz = 20.0", "rate_hz", 11, "too slow"),
+        ("component_id = 191", "component_id = 300", "component_id = 300", 16, "is 300, outside 1 to 255"),
+        ("[limits]", "[limit]", "[limit]", 2, "unknown key `limit`"),
     ] {
         let text = VEHICLE_I.replace(from, to);
         assert_ne!(text, VEHICLE_I);
         let findings = Vehicle::parse("v.toml", &text).unwrap_err();
         let [finding] = findings.list() else { panic!("{findings}") };
-        assert_eq!((finding.line, finding.column), at, "{findings}");
+        assert_eq!((finding.line, finding.column), (line_of(&text, at), column), "{findings}");
         assert!(finding.message.contains(fragment), "{findings}");
     }
+}
+
+/// The number of the first line that begins with this.
+fn line_of(text: &str, start: &str) -> usize {
+    1 + text.lines().position(|line| line.starts_with(start)).unwrap()
 }
 
 #[cfg(unix)]
@@ -566,7 +573,8 @@ fn val_a_key_file_open_to_others_is_refused() {
     mode(0o600);
     let sound = Vehicle::load(&file).unwrap();
     std::fs::remove_dir_all(&dir).unwrap();
-    assert!(missing.contains(":35:12: ") && missing.contains("cannot be read"), "{missing}");
+    let at = format!(":{}:12: ", line_of(VEHICLE_I, "# key_file"));
+    assert!(missing.contains(&at) && missing.contains("cannot be read"), "{missing}");
     assert!(open.contains("its mode is 640") && open.contains("chmod 600"), "{open}");
     assert_eq!(sound.key_file, Some(key));
 }
