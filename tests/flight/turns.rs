@@ -12,7 +12,7 @@ use crate::harness::*;
 /// Slot 0 with I in the west and J in the east, slot 1 the other way round, both level.
 fn exchange() -> Planned {
     let text = MISSION
-        .replace("altitude_m = [10.0, 30.0]", "altitude_m = [15.0, 15.0]")
+        .replace("altitude_m = [10.0, 30.0]", "altitude_m = [15.0, 16.0]")
         .replace("home_enu_m = [-8.0, 0.0, 0.0]", "home_enu_m = [-20.0, 0.0, 0.0]")
         .replace("home_enu_m = [8.0, -20.0, 0.0]", "home_enu_m = [20.0, 0.0, 0.0]");
     let mission = veilwing::config::Mission::parse("exchange.toml", &text).unwrap();
