@@ -13,7 +13,7 @@ fn val_every_fault_is_answered_within_s4_at_every_phase_of_a_slot() {
     let vehicle = vehicle(&planned.mission, Role::I).unwrap();
     let given = Given { mission: planned.mission.clone(), plan: planned.plan.clone(), vehicle };
     let base = Base::new(&given);
-    let table = table(&base, 60, 2);
+    let table = table(&base, 36, 2);
     println!("{table}");
     assert!(table.beyond().is_empty(), "{:#?}", table.beyond());
 }
