@@ -210,7 +210,9 @@ class Operator(MavProxy):
         answers = lambda m: mine(m) and m.command == command  # noqa: E731
         answer = self.wait("COMMAND_ACK", answers, 10, f"{what}: answered", since_typed=True)
         check(answer.result == result, f"MAVProxy: {what}: {WORDS[result]} ({answer.result})")
-        self.said(f"Got COMMAND_ACK: .*{WORDS[result]}", 10, "MAVProxy shows the answer", self.shown)
+        # It keeps the answers to requests for messages to itself.
+        if command != REQUEST_MESSAGE:
+            self.said(f"Got COMMAND_ACK: .*{WORDS[result]}", 10, "MAVProxy shows the answer", self.shown)
 
 
 def ended(flight, why):
