@@ -126,10 +126,18 @@ fn vehicle(arguments: &VehicleArguments) -> Vehicle {
         AirframeArgument::Conventional => Airframe::Conventional,
     };
     let jitter = JitterConfig { std_deg: arguments.jitter, ..JitterConfig::default() };
-    Vehicle::new(config, jitter, arguments.home, utc_now_us(), arguments.seed)
+    let utc_us = utc_at_speed_us(utc_now_us(), arguments.speed);
+    Vehicle::new(config, jitter, arguments.home, utc_us, arguments.seed)
 }
 
-/// The vehicle's clock starts at the machine's.
+/// UTC that has run at this speed since the machine's last midnight: two vehicles of one speed, started one after the
+/// other, agree on the time. At speed 1 it is the machine's.
+fn utc_at_speed_us(now_us: u64, speed: f64) -> u64 {
+    const DAY_US: u64 = 86_400_000_000;
+    let since_midnight = now_us % DAY_US;
+    now_us - since_midnight + (since_midnight as f64 * speed) as u64
+}
+
 #[allow(clippy::disallowed_methods)]
 fn utc_now_us() -> u64 {
     let since = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).unwrap_or_default();
@@ -206,4 +214,17 @@ async fn main() -> ExitCode {
         counters.setpoints.accepted
     );
     code
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn val_vehicles_started_one_after_the_other_agree_on_the_time() {
+        let (first, later) = (1_790_000_000_000_000, 1_790_000_003_000_000);
+        assert_eq!(utc_at_speed_us(first, 1.0), first);
+        // The first has flown for three seconds at five times the speed when the other starts.
+        assert_eq!(utc_at_speed_us(later, 5.0), utc_at_speed_us(first, 5.0) + 15_000_000);
+    }
 }

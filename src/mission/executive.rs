@@ -220,6 +220,7 @@ impl Executive {
         self.interlock.handle_message(header, message, now);
         self.handle_operator(header, message, now);
         self.handle_parameters(header, message);
+        self.handle_files(header, message);
         self.react(now);
     }
 

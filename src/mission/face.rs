@@ -3,6 +3,7 @@
 //!
 //! None of it may delay a setpoint: everything leaves in single messages, at most one a tick.
 
+mod files;
 mod information;
 mod live;
 mod parameters;

@@ -12,6 +12,9 @@ os.environ["MAVLINK20"] = "1"
 from check import check  # noqa: E402
 from pymavlink import mavutil  # noqa: E402
 
+# However fast the vehicle, MAVProxy runs in real time, on a machine that may be busy.
+LEAST_S = 20.0
+
 
 class MavProxy:
     """MAVProxy on `master` (as MAVProxy writes links), passing everything on to UDP port `out` of this machine."""
@@ -36,6 +39,8 @@ class MavProxy:
         # Where in `messages` the last thing was typed, and the place behind the last message waited for.
         self.typed = 0
         self.seen = 0
+        # Where in `lines` the last thing was typed.
+        self.shown = 0
         self.news = threading.Condition()
         for target in (self._read, self._hear):
             threading.Thread(target=target, daemon=True).start()
@@ -59,12 +64,13 @@ class MavProxy:
         print(f"MAV> {line}", flush=True)
         with self.news:
             self.typed = self.seen = len(self.messages)
+            self.shown = len(self.lines)
         self.process.stdin.write(line + "\n")
         self.process.stdin.flush()
 
     def said(self, pattern, simulated_s, what, since=0):
         """A line of MAVProxy's own output, said since its start or line `since`."""
-        end = time.monotonic() + max(simulated_s / self.speed, 10.0)
+        end = time.monotonic() + max(simulated_s / self.speed, LEAST_S)
         found = None
         with self.news:
             while found is None:
@@ -80,7 +86,7 @@ class MavProxy:
 
     def wait(self, kind, accept, simulated_s, what, since_typed=False):
         """A message that MAVProxy passes on, after the last one waited for (or since the last line was typed)."""
-        end = time.monotonic() + max(simulated_s / self.speed, 10.0)
+        end = time.monotonic() + max(simulated_s / self.speed, LEAST_S)
         with self.news:
             at = self.typed if since_typed else self.seen
             while True:
@@ -99,9 +105,19 @@ class MavProxy:
         return None
 
     def __enter__(self):
+        try:
+            # It takes seconds to start.
+            self.said("Detected vehicle", 60.0 * self.speed, "MAVProxy hears a vehicle")
+        except BaseException:
+            self.close()
+            raise
         return self
 
     def __exit__(self, *_):
+        self.close()
+
+    def close(self):
+        """Ends MAVProxy."""
         self.process.terminate()
         try:
             self.process.wait(5)

@@ -54,7 +54,7 @@ class Pilot:
             return None
 
         try:
-            value = await asyncio.wait_for(first(), max(simulated_s / self.speed, 5.0))
+            value = await asyncio.wait_for(first(), max(simulated_s / self.speed, 20.0))
         except asyncio.TimeoutError:
             value = None
         check(value is not None, what)

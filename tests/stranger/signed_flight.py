@@ -62,7 +62,6 @@ def start(arguments, running):
         log = (out / f"{name}.log").open("w")
         running[name] = subprocess.Popen([str(part) for part in command], stdout=log, stderr=log)
 
-    # Both vehicles' clocks begin together, or their times would differ by the difference times the speed.
     for k, role in enumerate("ij"):
         launch(
             f"vehicle-{role}", programs / "veilwing-sitl", "vehicle", "--system-id", k + 1, "--speed", arguments.speed,

@@ -140,5 +140,11 @@ fn readable(line: &str) -> Option<Line> {
     let field = |name: &str| {
         fields.and_then(|f| f.get(name)).and_then(serde_json::Value::as_str).unwrap_or_default().to_owned()
     };
-    Some(Line { severity, phase: field("phase"), text: field("message") })
+    // A record of a link says which one, and what went wrong with it.
+    let part = |name: &str, before: &str, after: &str| {
+        let value = field(name);
+        if value.is_empty() { value } else { format!("{before}{value}{after}") }
+    };
+    let text = format!("{}{}{}", part("link", "", ": "), field("message"), part("error", ": ", ""));
+    Some(Line { severity, phase: field("phase"), text })
 }
