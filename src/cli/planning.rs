@@ -4,17 +4,20 @@ use std::time::Duration;
 
 use crate::config::{METHODS, Mission};
 use crate::link::clock::Clock;
+use crate::planner::bound::{Budget, best_bound};
 use crate::planner::plan::SlotPlan;
 use crate::planner::problem::Method;
 use crate::planner::slots::{Plan, PlannedSlot, hex};
 use crate::planner::{Options, PlanError, plan_slot};
 use crate::report::plan_document::{FORMAT, PlanDocument, SlotDocument};
 
-/// A plan and what each slot's search took.
+/// A plan and what each slot's searches took.
 #[derive(Debug, Clone)]
 pub(crate) struct TimedPlan {
     pub plan: Plan,
     pub planning_time: Vec<Duration>,
+    /// Of the search for a bound better than the cap: zero until [`certify_plan`] has run.
+    pub bound_time: Vec<Duration>,
 }
 
 /// The planner has no answer for one user.
@@ -38,7 +41,30 @@ pub(crate) fn plan_mission(mission: &Mission, options: &Options) -> Result<Timed
         planning_time.push(clock.now().saturating_since(started));
         slots.push(PlannedSlot { user: user.name.clone(), plan });
     }
-    Ok(TimedPlan { plan: Plan::new(slots), planning_time })
+    let bound_time = vec![Duration::ZERO; slots.len()];
+    Ok(TimedPlan { plan: Plan::new(slots), planning_time, bound_time })
+}
+
+/// Replaces each slot's bound by the best that a certificate's budget shows. Poses, powers and digest stay.
+pub(crate) fn certify_plan(mission: &Mission, timed: &mut TimedPlan) -> Result<(), SlotError> {
+    let clock = Clock::real();
+    for (slot, time) in timed.plan.slots.iter_mut().zip(&mut timed.bound_time) {
+        let Some(problem) = mission
+            .users
+            .iter()
+            .position(|user| user.name == slot.user)
+            .and_then(|index| mission.problem(index))
+        else {
+            continue;
+        };
+        let started = clock.now();
+        let bound = best_bound(&problem, slot.plan.secrecy_rate_bps, Budget::of(&problem))
+            .map_err(|error| SlotError { user: slot.user.clone(), error })?;
+        *time = clock.now().saturating_since(started);
+        slot.plan.upper_bound_bps = bound.upper_bound_bps;
+        slot.plan.upper_bound_kind = bound.kind;
+    }
+    Ok(())
 }
 
 /// The options that the mission file asks for.
@@ -48,7 +74,8 @@ pub(crate) fn mission_options(mission: &Mission) -> Options {
 
 /// The plan as a document.
 pub(crate) fn document(mission: &Mission, options: &Options, timed: &TimedPlan) -> PlanDocument {
-    let slots = timed.plan.slots.iter().zip(&timed.planning_time);
+    let times = timed.planning_time.iter().zip(&timed.bound_time);
+    let slots = timed.plan.slots.iter().zip(times);
     PlanDocument {
         format: FORMAT,
         mission_digest: mission.digest_hex(),
@@ -56,7 +83,10 @@ pub(crate) fn document(mission: &Mission, options: &Options, timed: &TimedPlan) 
         seed: options.seed,
         method: method_name(options.method).into(),
         slots: slots
-            .map(|(slot, time)| slot_document(mission, &slot.user, &slot.plan, time.as_secs_f64()))
+            .map(|(slot, (planning, bound))| {
+                let times_s = [planning, bound].map(Duration::as_secs_f64);
+                slot_document(mission, &slot.user, &slot.plan, times_s)
+            })
             .collect(),
     }
 }
@@ -65,13 +95,13 @@ fn method_name(method: Method) -> &'static str {
     METHODS.iter().find(|(_, known)| *known == method).map_or("", |(name, _)| name)
 }
 
-/// One slot's document.
+/// One slot's document. `times_s`: of the search and of the bound.
 pub(crate) fn slot_document(
     mission: &Mission,
     user: &str,
     slot: &SlotPlan,
-    planning_time_s: f64,
+    times_s: [f64; 2],
 ) -> SlotDocument {
     let names: Vec<String> = mission.eavesdroppers.iter().map(|e| e.name.clone()).collect();
-    SlotDocument::new(user, &names, slot, planning_time_s, 0.0)
+    SlotDocument::new(user, &names, slot, times_s[0], times_s[1])
 }
