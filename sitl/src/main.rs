@@ -8,7 +8,9 @@ use std::time::Duration;
 
 use clap::{Parser, Subcommand, ValueEnum};
 use tokio::signal::unix::{Signal, SignalKind, signal};
-use veilwing_sitl::{Airframe, Firmware, JitterConfig, Origin, Role, Vehicle, VehicleConfig};
+use veilwing_sitl::{
+    Airframe, AirframeModel, Firmware, JitterConfig, Origin, Role, Vehicle, VehicleConfig, WindConfig,
+};
 
 const EXAMPLES: &str = "Examples:
   veilwing-sitl vehicle --link udpout:127.0.0.1:14550
@@ -59,6 +61,15 @@ struct VehicleArguments {
     /// What the rotors can do
     #[arg(long, value_enum, default_value = "omnidirectional")]
     airframe: AirframeArgument,
+    /// An airframe of its own: mass, drag and rotors from a TOML file, as in sitl/airframes
+    #[arg(long, value_name = "FILE", conflicts_with = "airframe")]
+    airframe_file: Option<std::path::PathBuf>,
+    /// Mean wind in m/s, where the air moves to: EAST,NORTH,UP
+    #[arg(long, default_value = "0,0,0", value_parser = parse_wind, allow_hyphen_values = true)]
+    wind: [f64; 3],
+    /// Wind at 6 m that the turbulence belongs to, m/s: 7.7 is light, 15.4 moderate, 23 severe; 0 is none
+    #[arg(long, default_value_t = 0.0, value_parser = parse_turbulence)]
+    turbulence: f64,
     /// MAVLink system id, 1 to 254; the payload radio shares it
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=254))]
     system_id: u8,
@@ -114,7 +125,26 @@ fn parse_duration(text: &str) -> Result<Duration, String> {
     number(text, 0.0..=1e7).map(Duration::from_secs_f64)
 }
 
-fn vehicle(arguments: &VehicleArguments) -> Vehicle {
+fn parse_wind(text: &str) -> Result<[f64; 3], String> {
+    let values: Vec<f64> = text.split(',').filter_map(|v| v.trim().parse().ok()).collect();
+    match values[..] {
+        [east, north, up] if values.iter().all(|v| v.abs() <= 100.0) => Ok([east, north, up]),
+        _ => Err("write EAST,NORTH,UP in m/s, each at most 100, for example 3,-1,0".to_owned()),
+    }
+}
+
+fn parse_turbulence(text: &str) -> Result<f64, String> {
+    number(text, 0.0..=50.0)
+}
+
+/// The airframe of a file.
+fn airframe(path: &std::path::Path) -> Result<AirframeModel, String> {
+    let name = path.display().to_string();
+    let text = std::fs::read_to_string(path).map_err(|error| format!("{name}: {error}"))?;
+    AirframeModel::parse(&name, &text).map_err(|error| error.to_string())
+}
+
+fn vehicle(arguments: &VehicleArguments) -> Result<Vehicle, String> {
     let mut config = VehicleConfig::new(Role::I);
     config.system_id = arguments.system_id;
     config.firmware = match arguments.firmware {
@@ -125,8 +155,12 @@ fn vehicle(arguments: &VehicleArguments) -> Vehicle {
         AirframeArgument::Omnidirectional => Airframe::Omnidirectional,
         AirframeArgument::Conventional => Airframe::Conventional,
     };
+    if let Some(path) = &arguments.airframe_file {
+        config.fly(airframe(path)?);
+    }
+    config.wind = WindConfig { mean_enu_m_s: arguments.wind, turbulence_m_s: arguments.turbulence };
     let jitter = JitterConfig { std_deg: arguments.jitter, ..JitterConfig::default() };
-    Vehicle::new(config, jitter, arguments.home, utc_now_us(), arguments.seed)
+    Ok(Vehicle::new(config, jitter, arguments.home, utc_now_us(), arguments.seed))
 }
 
 /// The vehicle's clock starts at the machine's.
@@ -191,7 +225,13 @@ async fn main() -> ExitCode {
             return ExitCode::from(2);
         }
     };
-    let mut vehicle = vehicle(&arguments);
+    let mut vehicle = match vehicle(&arguments) {
+        Ok(vehicle) => vehicle,
+        Err(message) => {
+            eprintln!("veilwing-sitl: {message}");
+            return ExitCode::from(2);
+        }
+    };
     let pace = udp::Pace { speed: arguments.speed, duration: arguments.duration };
     tracing::info!("system {} on {} at {}x", arguments.system_id, arguments.link, arguments.speed);
     let code = tokio::select! {

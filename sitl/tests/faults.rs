@@ -68,8 +68,8 @@ fn prop_without_gps_the_vehicle_drifts_and_then_comes_down() {
         })
     };
     assert_eq!(fix(&f), Some(GpsFixType::GPS_FIX_TYPE_NO_FIX));
-    // The companion is told that all is well: half a g^2 of 0.1 m/s^2 later it is not.
-    assert!((0.4..1.0).contains(&off_goal_m(&f)), "{}", off_goal_m(&f));
+    // The companion is told that all is well, while 4 s at 0.06 m/s^2 have carried it off.
+    assert!((0.3..0.7).contains(&off_goal_m(&f)), "{}", off_goal_m(&f));
     f.stream(2500, goals, Some(0), |_| {});
     assert_eq!(f.world.snapshot().vehicles[0].mode, "LAND");
     f.world.inject(Fault::GpsLoss { vehicle: 0, on: false });

@@ -10,6 +10,9 @@ use veilwing_sitl::*;
 fn fly(vehicle: usize, slip: Option<Slip>) -> (Vec<&'static str>, f64) {
     let mut config = config();
     config.slots[0].poses[1].roll_rad = 0.5;
+    // North and east of their origins differ.
+    config.slots[0].poses[0].position_enu_m = [-5.0, 20.0, 30.0];
+    config.slots[0].poses[1].position_enu_m = [15.0, -30.0, 40.0];
     config.vehicles[vehicle].slip = slip;
     let mut flight = Flight::new(config);
     flight.take_off();

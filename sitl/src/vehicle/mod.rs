@@ -309,6 +309,11 @@ impl Vehicle {
         self.dynamics.position_enu_m
     }
 
+    /// Where the best-informed mind aboard takes it to be: the truth, and what the estimator makes up.
+    pub(crate) fn supposed_position_enu_m(&self) -> Vector3<f64> {
+        self.dynamics.position_enu_m + self.estimator.lie_m()
+    }
+
     pub(crate) fn nominal_attitude(&self) -> &UnitQuaternion<f64> {
         &self.dynamics.attitude
     }

@@ -19,7 +19,7 @@ pub enum Fault {
         /// Seconds, each way.
         delay_s: f64,
     },
-    /// GPS is lost (`on`) or back: the position runs away at 0.1 m/s^2, is given up after 5 s, and jumps back with GPS.
+    /// GPS is lost (`on`) or back: the position runs away at 0.06 m/s^2, is given up after 5 s, and jumps back with GPS.
     GpsLoss {
         /// 0 for I, 1 for J.
         vehicle: usize,

@@ -194,6 +194,7 @@ impl World {
     fn seen(&self, k: usize) -> Seen {
         let vehicle = &self.vehicles[k];
         let (position, attitude) = (vehicle.position_enu_m(), vehicle.nominal_attitude());
+        let supposed = vehicle.supposed_position_enu_m();
         let slot = self.slot_of(k);
         let plan = slot.map(|s| self.plans[s].0[k]);
         let mode = vehicle.mode();
@@ -201,11 +202,12 @@ impl World {
             power_w: vehicle.transmitter().power_w(),
             slot,
             plan,
-            in_pose: plan.is_some_and(|p| self.config.tolerance.holds(&p, &position, attitude)),
+            in_pose: plan.is_some_and(|p| self.config.tolerance.holds(&p, &supposed, attitude)),
             error: plan.map_or((0.0, 0.0), |p| {
                 ((position - p.position).norm(), attitude.angle_to(&p.attitude).to_degrees())
             }),
             position,
+            supposed,
             home: vehicle.home_enu_m(),
             airborne: vehicle.airborne(),
             confined: vehicle.powered() && ![Mode::Position, Mode::Stabilize, Mode::Land].contains(&mode),
