@@ -15,7 +15,7 @@ use veilwing::planner::{Options, plan_slot};
 use veilwing::role::{PerVehicle, Role};
 use veilwing::simulation::{self, Given, Observer, VehicleText, actuation, world_config};
 pub use veilwing::simulation::{Path, index};
-use veilwing_sitl::{FlightReport, World};
+use veilwing_sitl::{FlightReport, Slip, World};
 
 /// No flight of the small mission takes longer, faults included.
 pub const LONGEST: Duration = Duration::from_secs(300);
@@ -94,6 +94,8 @@ pub struct Setup {
     /// More lines for the [pair] tables of the vehicle files.
     pub pair_lines: PerVehicle<&'static str>,
     pub pair: Path,
+    /// A slip planted in what a vehicle's autopilot hears.
+    pub slip: Option<(Role, Slip)>,
     pub seed: u64,
 }
 
@@ -105,6 +107,7 @@ impl Default for Setup {
             start_unasked: true,
             pair_lines: PerVehicle::default(),
             pair: Path::GOOD,
+            slip: None,
             seed: 1,
         }
     }
@@ -137,6 +140,9 @@ impl Flight {
         let leader = &setup.given.i;
         let mut config = world_config(&leader.mission, &leader.plan).unwrap();
         config.seed = setup.seed;
+        if let Some((role, slip)) = setup.slip {
+            config.vehicles[index(role)].slip = Some(slip);
+        }
         let given = PerVehicle::from_fn(|role| {
             let Planned { mission, plan } = setup.given[role].clone();
             let vehicle = vehicle_file(&mission, role, setup.simulated, setup.pair_lines[role]);

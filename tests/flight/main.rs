@@ -8,6 +8,7 @@ mod face;
 mod faults;
 mod harness;
 mod kinds;
+mod mutations;
 mod nominal;
 mod reaction;
 mod reaction_table;
