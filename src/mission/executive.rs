@@ -156,6 +156,8 @@ pub struct Executive {
     pub(super) face: Face,
     /// J: I has been told that our state is late.
     pub(super) told_late: bool,
+    /// The last timeout: the instant at which state may count as late.
+    pub(super) judged_at: Instant,
     next_tick: Instant,
     next_heartbeat: Instant,
     notices: VecDeque<Notice>,
@@ -200,6 +202,7 @@ impl Executive {
             shutting_down: None,
             face: Face::new(now),
             told_late: false,
+            judged_at: now,
             next_tick: now,
             next_heartbeat: now,
             notices: VecDeque::new(),
@@ -232,6 +235,7 @@ impl Executive {
 
     /// Does what is due at `now`.
     pub fn handle_timeout(&mut self, now: Instant) {
+        self.judged_at = now;
         self.autopilot.handle_timeout(now);
         self.pair.handle_timeout(now);
         self.interlock.handle_timeout(now);
@@ -391,7 +395,7 @@ impl Executive {
     /// Lets the course of the slot decide, and says when the transmitter goes on and off, and why.
     fn drive(&mut self, now: Instant) {
         let health = Health {
-            state_fresh: self.may_radiate_on_state(now),
+            state_fresh: self.may_radiate_on_state(),
             in_control: self.autopilot.in_control() && self.shutting_down.is_none(),
             estimator_ok: self.estimator_ok(),
             pose_ok: self.pose_ok(now),

@@ -3,6 +3,9 @@
 //! A vehicle whose state does not come may be anywhere (S4). I is off as soon as a message is [`LATE`] overdue. J must
 //! not leave I uncovered for a hiccup of its own link: then it says that it is about to fall silent, vouches no more,
 //! and is off only [`LOST`] after the first message that did not come, when I is off already.
+//!
+//! Lateness is judged at timeouts alone, never at a message: a process that was not run finds messages at its door, and
+//! the state that it misses may be the next of them.
 
 use std::time::Duration;
 
@@ -34,10 +37,10 @@ impl Executive {
     }
 
     /// Whether the newest state is recent enough to radiate on it.
-    pub(super) fn may_radiate_on_state(&self, now: Instant) -> bool {
+    pub(super) fn may_radiate_on_state(&self) -> bool {
         let Ages { late, lost } = self.ages();
         let limit = if self.settings.role == Role::I { late } else { lost };
-        self.autopilot.state_age(now).is_some_and(|age| age < limit)
+        self.autopilot.state_age(self.judged_at).is_some_and(|age| age < limit)
     }
 
     /// When late or lost state will have to be acted on, if none comes.
@@ -49,7 +52,7 @@ impl Executive {
 
     /// J: tells I that the jamming may end, as soon as state is late.
     pub(super) fn warn_if_late(&mut self, now: Instant) {
-        let is_late = self.autopilot.state_age(now).is_none_or(|age| age >= self.ages().late);
+        let is_late = self.autopilot.state_age(self.judged_at).is_none_or(|age| age >= self.ages().late);
         if !is_late || !self.interlock.is_on() {
             self.told_late = false;
             return;
