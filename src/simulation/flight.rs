@@ -8,8 +8,8 @@ use mavlink::dialects::ardupilotmega::MavMessage;
 use veilwing_sitl::vehicle::TICK;
 use veilwing_sitl::{Fault, World};
 
-use crate::link::Envelope;
 use crate::companion::{MOST_WAITING, WOKEN_LATE};
+use crate::link::Envelope;
 use crate::link::counters::Counters;
 use crate::mission::{Notice, Outcome, Outgoing};
 use crate::role::{PerVehicle, Role};
