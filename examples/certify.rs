@@ -1,5 +1,6 @@
 //! Tables of the certificate over the reference scenarios:
-//! `cargo run --release --no-default-features --example certify -- no-jitter|jitter|false-thresholds [BOXES]`.
+//! `cargo run --release --no-default-features --example certify -- no-jitter|jitter|false-thresholds`, with a budget
+//! of boxes behind, and then the degrees of jitter, or which of the known plans to take (every so many-th).
 //! Times are those this process spent on its core where the system says so (Linux), else elapsed.
 
 // A measuring program: it reads the clock, and a broken reference file may stop it.
@@ -8,7 +9,7 @@
 use std::time::Instant;
 
 use nalgebra::{Vector2, Vector3};
-use veilwing::planner::bound::{Budget, Certificate, best_bound, certify};
+use veilwing::planner::bound::{Budget, Certificate, Reason, best_bound, certify_each};
 use veilwing::planner::problem::{
     Airframe, Airspace, Eavesdropper, Jitter, JitterAxes, JitterModel, Objective, Problem, Radio,
     Uncertainty, VehicleModel,
@@ -77,7 +78,7 @@ impl Table {
     /// Bounds one problem and returns the gap and the time.
     fn add(&mut self, problem: &Problem, best_known: f64, budget: Budget) -> (f64, f64, String) {
         let before = core_time_s(self.start);
-        let bound = best_bound(problem, best_known * 1e6, budget);
+        let bound = best_bound(problem, best_known * 1e6, budget).unwrap();
         let time = core_time_s(self.start) - before;
         let gap = bound.upper_bound_bps / (best_known * 1e6) - 1.0;
         assert!(gap > -1e-7, "below a known plan: {bound:?} {best_known}");
@@ -133,24 +134,58 @@ fn jitter(boxes: usize, degrees: &[f64]) {
     }
 }
 
-/// Attempts to certify what a known plan beats, each to its last box.
-fn false_thresholds(boxes: usize) {
-    let (mut attempts, mut certified, mut unfinished) = (0, 0, 0);
-    let table = rows("no_jitter.csv");
-    let nodes = rows("eavesdroppers_n2.csv");
-    for row in table.iter().filter(|r| r[0] == 2.0).take(500) {
-        let p = problem(&nodes[row[1] as usize][1..], row[2], 0.0);
-        // From 0.01% to 1% below.
-        let share = 1e-4 * 100.0_f64.powf(f64::from(attempts % 10) / 9.0);
-        let budget = Budget { boxes, resolution_m: 4.0, exhaustive: true, ..Budget::STEADY };
-        attempts += 1;
-        match certify(&p, row[3] * (1.0 - share) * 1e6, budget) {
-            Certificate::Certified { .. } => certified += 1,
-            Certificate::NotCertified { boxes_used, .. } => unfinished += u32::from(boxes_used >= boxes),
+/// How attempts to certify what a known plan beats ended.
+#[derive(Default)]
+struct Attempts {
+    tried: usize,
+    certified: usize,
+    unfinished: usize,
+}
+
+impl Attempts {
+    fn add<const N: usize>(&mut self, problem: &Problem, thresholds_bps: [f64; N], budget: Budget) {
+        for certificate in certify_each(problem, thresholds_bps, budget).unwrap() {
+            self.tried += 1;
+            match certificate {
+                Certificate::Certified { .. } => self.certified += 1,
+                Certificate::NotCertified { reason: Reason::Budget, .. } => self.unfinished += 1,
+                Certificate::NotCertified { .. } => {}
+            }
         }
     }
-    println!("{attempts} false thresholds: {certified} certified, {unfinished} not run to the last box");
-    assert_eq!(certified, 0);
+
+    fn print(&self, name: &str) {
+        let Self { tried, certified, unfinished } = self;
+        println!("{name}: {tried} false thresholds, {certified} certified, {unfinished} ended by the budget");
+        assert_eq!(*certified, 0);
+    }
+}
+
+/// 500 false thresholds without jitter, each to its last box, and 500 under jitter, each to the last box or to one that
+/// cannot be excluded; of the latter every `every`-th known plan.
+fn false_thresholds(boxes: usize, every: usize) {
+    let nodes = rows("eavesdroppers_n2.csv");
+    let mut attempts = Attempts::default();
+    for (k, row) in rows("jitter.csv").iter().filter(|r| r[0] == 2.0).enumerate().step_by(every) {
+        let p = problem(&nodes[row[1] as usize][1..], 0.5, row[2].to_radians());
+        // From 0.01% to 10% below.
+        let below = [1e-4, 6e-4, 3e-3, 2e-2, 1e-1].map(|share| row[3] * (1.0 - share) * 1e6);
+        attempts.add(&p, below, Budget { boxes, ..Budget::JITTER });
+        if k % 10 == 0 {
+            eprintln!("jitter: {} tried", attempts.tried);
+        }
+    }
+    attempts.print("jitter");
+    let mut attempts = Attempts::default();
+    for (k, row) in rows("no_jitter.csv").iter().filter(|r| r[0] == 2.0).take(500).enumerate().step_by(every)
+    {
+        let p = problem(&nodes[row[1] as usize][1..], row[2], 0.0);
+        // From 0.01% to 1% below.
+        let share = 1e-4 * 100.0_f64.powf((k % 10) as f64 / 9.0);
+        let budget = Budget { boxes, resolution_m: 4.0, exhaustive: true, ..Budget::STEADY };
+        attempts.add(&p, [row[3] * (1.0 - share) * 1e6], budget);
+    }
+    attempts.print("no jitter");
 }
 
 fn main() {
@@ -165,7 +200,12 @@ fn main() {
                 if degrees.is_empty() { &[1.0, 2.0, 5.0, 10.0] } else { &degrees },
             );
         }
-        Some("false-thresholds") => false_thresholds(boxes(20_000_000)),
-        _ => println!("usage: certify no-jitter|jitter|false-thresholds [BOXES [DEGREES...]]"),
+        Some("false-thresholds") => {
+            let every = arguments.get(2).map_or(1, |a| a.parse().expect("which of the known plans"));
+            false_thresholds(boxes(20_000_000), every);
+        }
+        _ => println!(
+            "usage: certify no-jitter [BOXES] | jitter [BOXES [DEGREES...]] | false-thresholds [BOXES [EVERY]]"
+        ),
     }
 }

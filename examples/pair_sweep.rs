@@ -15,58 +15,13 @@ mod world;
 use std::time::Duration;
 
 use clap::Parser;
-use world::{Case, FaultKind};
-
-#[derive(Parser)]
-struct Args {
-    /// Slots a cell.
-    #[arg(long, default_value_t = 500)]
-    slots: usize,
-    #[arg(long, default_value_t = 1)]
-    seed: u64,
-    /// One cell instead of the grid: share of datagrams lost.
-    #[arg(long)]
-    loss: Option<f64>,
-    #[arg(long, default_value_t = 0)]
-    delay_ms: u64,
-    #[arg(long, default_value_t = 0.0)]
-    duplication: f64,
-    /// None, Partition, Restart, Pose or Clock.
-    #[arg(long, default_value = "None")]
-    fault: String,
-}
 
 fn main() -> std::process::ExitCode {
-    let args = Args::parse();
+    let args = sweep::Args::parse();
     println!("{}", sweep::HEADER);
-    let cases = match args.loss {
-        None => sweep::cases(args.slots, args.seed),
-        Some(loss) => {
-            let fault = match args.fault.as_str() {
-                "None" => FaultKind::None,
-                "Partition" => FaultKind::Partition,
-                "Restart" => FaultKind::Restart,
-                "Pose" => FaultKind::Pose,
-                "Clock" => FaultKind::Clock,
-                other => {
-                    eprintln!("no such fault: {other}");
-                    return 2.into();
-                }
-            };
-            let delay = Duration::from_millis(args.delay_ms);
-            vec![Case {
-                loss,
-                delay,
-                duplication: args.duplication,
-                fault,
-                slots: args.slots,
-                seed: args.seed,
-            }]
-        }
-    };
     let (mut slots, mut served, mut violations, mut unserved) = (0, 0, 0, 0);
     let (mut exposed, mut dead, mut out) = (Duration::ZERO, Duration::ZERO, Duration::ZERO);
-    for case in cases {
+    for case in args.cases() {
         let row = sweep::Row { case, seen: world::run(case) };
         println!("{}", sweep::print(&row));
         for violation in &row.seen.violations {

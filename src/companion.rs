@@ -6,20 +6,25 @@
 pub mod settings;
 
 use std::future::Future;
+use std::time::Duration;
 
 use mavlink::dialects::ardupilotmega::MavSeverity;
 use tokio::sync::oneshot;
 use tracing::{debug, error, info, warn};
 
 use crate::config::LinkAddress;
-use crate::link::{Clock, Link, LinkConfig, LinkError};
+use crate::link::{Clock, Form, Link, LinkConfig, LinkError, PairLink};
 use crate::mission::{Executive, Notice, Outcome, Outgoing, Settings};
-use crate::pair::wire;
 use crate::planner::slots::Plan;
 use crate::role::Role;
 use crate::transmitter::Transmitter;
 
 type AutopilotMessage = mavlink::dialects::ardupilotmega::MavMessage;
+
+/// A deadline met later than this was missed: the process was not run.
+pub(crate) const WOKEN_LATE: Duration = Duration::from_millis(5);
+/// Messages taken before such a deadline.
+pub(crate) const MOST_WAITING: usize = 64;
 
 /// What a companion needs besides the executive's settings.
 pub struct Companion {
@@ -30,7 +35,7 @@ pub struct Companion {
     /// Link to the autopilot.
     pub autopilot: (LinkAddress, LinkConfig),
     /// Link to the other companion.
-    pub pair: (LinkAddress, LinkConfig),
+    pub pair: (LinkAddress, LinkConfig, Form),
     /// Makes the plan; runs on a thread of its own.
     pub planner: Box<dyn FnOnce() -> Result<Plan, String> + Send>,
 }
@@ -55,7 +60,7 @@ impl Companion {
         let role = self.settings.role;
         let mut autopilot: Link<AutopilotMessage> =
             Link::open(self.autopilot.0, self.autopilot.1, clock.clone()).await?;
-        let mut pair: Link<wire::MavMessage> = Link::open(self.pair.0, self.pair.1, clock.clone()).await?;
+        let mut pair = PairLink::open(self.pair.0, self.pair.1, self.pair.2, clock.clone()).await?;
         let mut executive = Executive::new(self.settings, self.transmitter, clock.now());
         let mut planning = Some(start_planning(self.planner));
         let mut stop = std::pin::pin!(stop);
@@ -85,12 +90,33 @@ impl Companion {
                 // Deadlines before messages: no flood can hold up a setpoint.
                 () = clock.sleep_until(deadline) => {
                     tracing::trace!(why, "timeout");
+                    if clock.now() > deadline + WOKEN_LATE {
+                        take_waiting(&mut executive, &mut autopilot, &mut pair, &clock).await;
+                    }
                     executive.handle_timeout(clock.now());
                 }
                 frame = autopilot.recv() => executive.handle_autopilot(frame.header, &frame.message, clock.now()),
                 frame = pair.recv() => executive.handle_pair(&frame.message, clock.now()),
                 plan = planned(&mut planning) => executive.handle_plan(plan.map_err(CompanionError::Plan)?),
             }
+        }
+    }
+}
+
+/// Takes what has arrived meanwhile. A process that slept too long must not call state lost that waits at its door; a
+/// bounded number, so that a flood cannot hold up a setpoint here either.
+async fn take_waiting(
+    executive: &mut Executive,
+    autopilot: &mut Link<AutopilotMessage>,
+    pair: &mut PairLink,
+    clock: &Clock,
+) {
+    for _ in 0..MOST_WAITING {
+        tokio::select! {
+            biased;
+            frame = autopilot.recv() => executive.handle_autopilot(frame.header, &frame.message, clock.now()),
+            frame = pair.recv() => executive.handle_pair(&frame.message, clock.now()),
+            () = std::future::ready(()) => break,
         }
     }
 }

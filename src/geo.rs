@@ -1,12 +1,17 @@
 //! Frames and attitudes: the only place where a frame changes.
 //!
 //! - *Mission frame*: ENU (east, north, up), metres, about the mission origin on the WGS 84 ellipsoid.
-//! - *Autopilot frame*: NED about the autopilot's own origin (GPS_GLOBAL_ORIGIN); body axes FRD.
+//! - *Autopilot frame*: NED about the autopilot's own origin (GPS_GLOBAL_ORIGIN), by the firmware's own [`Projection`] of
+//!   the earth; body axes FRD.
 //! - *Attitude in the paper's convention*: Euler angles (roll, pitch, yaw) of a body whose axes at rest are the
 //!   mission frame's, `R = Rz(yaw) Ry(pitch) Rx(roll)`, body to world, z up (FLU). The antenna lies along body z.
 //!   At yaw 0 body x points east: a heading of 90 deg in NED.
 
 use nalgebra::{Matrix3, Point3, Rotation3, UnitQuaternion, Vector3};
+
+mod local;
+
+pub use local::{LocalFrame, Projection};
 
 use crate::radio::pattern;
 
@@ -65,32 +70,6 @@ impl Geodetic {
 #[must_use]
 pub fn swap_enu_ned(v: Vector3<f64>) -> Vector3<f64> {
     Vector3::new(v.y, v.x, -v.z)
-}
-
-/// An autopilot's local NED frame seen from the mission frame.
-///
-/// The two tangent planes differ by a translation and, over a kilometre, by 1e-4 rad: positions go through
-/// geodetic coordinates, vectors and attitudes are passed unrotated.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct LocalFrame {
-    /// The mission's origin.
-    pub mission: Geodetic,
-    /// The autopilot's own origin.
-    pub autopilot: Geodetic,
-}
-
-impl LocalFrame {
-    /// A local NED position in the mission frame.
-    #[must_use]
-    pub fn position_to_enu(&self, local: Ned) -> Enu {
-        Geodetic::from_enu(swap_enu_ned(local), self.autopilot).to_enu(self.mission)
-    }
-
-    /// A mission-frame position in the autopilot's local NED frame.
-    #[must_use]
-    pub fn position_to_ned(&self, position: Enu) -> Ned {
-        swap_enu_ned(Geodetic::from_enu(position, self.mission).to_enu(self.autopilot))
-    }
 }
 
 /// An attitude, stored as the rotation from body FLU axes to the mission frame's ENU axes.
@@ -278,16 +257,6 @@ mod tests {
         assert_eq!(swap_enu_ned(Vector3::new(1.0, 2.0, 3.0)), Vector3::new(2.0, 1.0, -3.0));
     }
 
-    #[test]
-    fn val_local_frames_differ_by_the_offset_of_their_origins() {
-        let autopilot = Geodetic::from_enu(Enu::new(120.0, -45.0, 7.0), PRAGUE);
-        let frame = LocalFrame { mission: PRAGUE, autopilot };
-        assert!((frame.position_to_enu(Ned::zeros()) - Enu::new(120.0, -45.0, 7.0)).norm() < 1e-6);
-        // 100 m north, 50 m east and 80 m up of the autopilot's origin; tangent planes turn by 2e-5 rad in 130 m.
-        let enu = frame.position_to_enu(Ned::new(100.0, 50.0, -80.0));
-        assert!((enu - Enu::new(170.0, 55.0, 87.0)).norm() < 0.02, "{enu}");
-    }
-
     proptest! {
         /// R_NED<-FRD (0, 0, -1) is the paper's Y carried to NED: the sign and frame of every angle at once.
         #[test]
@@ -311,13 +280,6 @@ mod tests {
             let origin = Geodetic { lat_deg: lat, lon_deg: lon, alt_m: 200.0 };
             let position = Enu::new(e, n, u);
             prop_assert!((Geodetic::from_enu(position, origin).to_enu(origin) - position).norm() < 1e-5);
-        }
-
-        #[test]
-        fn prop_local_frame_round_trip(n in -2e3..2e3, e in -2e3..2e3, d in -300.0..0.0, oe in -900.0..900.0, on in -900.0..900.0) {
-            let frame = LocalFrame { mission: PRAGUE, autopilot: Geodetic::from_enu(Enu::new(oe, on, 3.0), PRAGUE) };
-            let local = Ned::new(n, e, d);
-            prop_assert!((frame.position_to_ned(frame.position_to_enu(local)) - local).norm() < 1e-5);
         }
 
         #[test]

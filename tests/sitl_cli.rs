@@ -161,6 +161,27 @@ fn val_killing_companion_j_in_mid_slot_is_safe_and_said() {
 }
 
 #[test]
+fn val_a_full_disk_costs_logs_and_a_restarted_companion_does_not_fly_on() {
+    let _alone = alone();
+    let faults = "[[fault]]\nkind = \"disk-full\"\nvehicle = \"i\"\nafter_s = 0\n\
+                  [[fault]]\nkind = \"pair-degraded\"\nloss = 0.1\nspread_s = 0.02\nafter_s = 0\n\
+                  [[fault]]\nkind = \"companion-restart\"\nvehicle = \"j\"\nslot = 0\nafter_s = 2\nduration_s = 1\n";
+    let (code, document, said, out) = fly("sitl-restart", Some(faults));
+    assert_eq!((code, &document["result"]), (Some(1), &Value::from("aborted")), "{said}");
+    assert_protected(&document);
+    assert!(number(&document, "/messages/rejected/swallowed-by-fault") > 10.0, "{document:#}");
+    let started = said.lines().filter(|line| line.contains("J  companion started")).count();
+    assert_eq!(started, 2, "{said}");
+    assert!(said.contains("vehicle J's companion restarted"), "{said}");
+    let records = |name: &str| {
+        veilwing::link::tlog::TlogReader::open(&out.join(name)).unwrap().map_while(Result::ok).count()
+    };
+    // Both lives of J's companion are on record; what the full disk cost I's log, it did not cost the flight.
+    assert!(records("j-autopilot.1.tlog") > 100 && records("j-autopilot.tlog") > 100);
+    assert!(records("i-autopilot.tlog") < 100, "{said}");
+}
+
+#[test]
 fn val_an_interrupt_in_mid_slot_ends_everything_cleanly() {
     let _alone = alone();
     let directory = directory("sitl-interrupt");

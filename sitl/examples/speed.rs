@@ -1,5 +1,5 @@
 //! How fast the world runs and how well it holds: a pair in a tilted slot in 4 m/s of wind with gusts, telemetry and
-//! setpoints at 50 Hz, 2 degrees of jitter, both on the air.
+//! setpoints at 50 Hz, 2 degrees of jitter, an estimator that errs, both on the air.
 //!
 //! `cargo run --release -p veilwing-sitl --example speed`
 
@@ -7,14 +7,17 @@
 mod common;
 
 use common::{Flight, config};
-use veilwing_sitl::WindConfig;
+use veilwing_sitl::{SensorConfig, WindConfig};
 
 #[allow(clippy::disallowed_methods)] // A stopwatch: the figure is wall time.
 fn main() {
     let mut config = config();
     config.jitter.std_deg = 2.0;
-    let wind = WindConfig { mean_enu_m_s: [4.0, 0.0, 0.0], gust_std_m_s: 1.0, gust_correlation_s: 2.0 };
-    config.vehicles.iter_mut().for_each(|v| v.wind = wind);
+    let wind = WindConfig { mean_enu_m_s: [4.0, 0.0, 0.0], turbulence_m_s: 8.0 };
+    for vehicle in &mut config.vehicles {
+        vehicle.wind = wind;
+        vehicle.sensors = SensorConfig::typical();
+    }
     let mut flight = Flight::new(config);
     flight.take_off();
     flight.go_to_slot(0);

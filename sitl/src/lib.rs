@@ -17,8 +17,12 @@ pub mod world;
 
 pub use frames::{Euler, antenna_axis};
 pub use geodesy::Origin;
+pub use vehicle::airframe_file::AirframeError;
 pub use vehicle::autopilot::SetpointCounters;
-pub use vehicle::config::{Airframe, BatteryConfig, Body, Firmware, Role, VehicleConfig, WindConfig};
+pub use vehicle::config::{
+    Airframe, BatteryConfig, Body, Firmware, Role, SensorConfig, Slip, Traps, VehicleConfig, WindConfig,
+};
+pub use vehicle::geometry::{AirframeModel, Geometry, MAX_ROTORS, Rotor};
 pub use vehicle::jitter::{JitterAxes, JitterConfig, JitterModel};
 pub use vehicle::{Vehicle, VehicleCounters, VehicleSnapshot};
 pub use wire::WireCounters;
@@ -27,5 +31,6 @@ pub use world::config::{
     WorldConfig,
 };
 pub use world::fault::Fault;
+pub use world::record::{Heard, Record, Recorder};
 pub use world::report::{FlightReport, PerVehicle, SlotReport, Violation};
 pub use world::{Snapshot, World};

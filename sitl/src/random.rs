@@ -9,6 +9,8 @@ pub(crate) enum Purpose {
     Eavesdroppers = 1,
     Wind = 2,
     Jitter = 3,
+    Sensors = 4,
+    Link = 5,
 }
 
 /// Gaussian and uniform draws from one stream.

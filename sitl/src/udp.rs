@@ -20,6 +20,15 @@ pub enum Link {
     Out(SocketAddr),
 }
 
+impl std::fmt::Display for Link {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::In(address) => write!(f, "udpin:{address}"),
+            Self::Out(address) => write!(f, "udpout:{address}"),
+        }
+    }
+}
+
 /// Why a link address was not understood.
 #[derive(Debug, thiserror::Error)]
 #[error("\"{0}\" is no link: write udpout:HOST:PORT or udpin:HOST:PORT, for example udpout:127.0.0.1:14550")]
@@ -50,53 +59,68 @@ pub struct Pace {
     pub duration: Option<Duration>,
 }
 
-/// Binds the link's socket.
-///
-/// # Errors
-/// The address cannot be bound.
-pub async fn bind(link: Link) -> std::io::Result<UdpSocket> {
-    UdpSocket::bind(match link {
-        Link::In(address) => address,
-        Link::Out(address) if address.is_ipv4() => SocketAddr::from(([0, 0, 0, 0], 0)),
-        Link::Out(_) => SocketAddr::from(([0u16; 8], 0)),
-    })
-    .await
+/// One socket, and the client behind it.
+pub struct Port {
+    socket: UdpSocket,
+    client: Option<SocketAddr>,
 }
 
-/// Runs the vehicle until its time is up; the caller races this against a signal.
-pub async fn run(vehicle: &mut Vehicle, socket: &UdpSocket, link: Link, pace: Pace) {
-    let mut client = match link {
-        Link::In(_) => None,
-        Link::Out(address) => Some(address),
-    };
+impl Port {
+    /// Binds a link's socket.
+    ///
+    /// # Errors
+    /// The address cannot be bound.
+    pub async fn bind(link: Link) -> std::io::Result<Self> {
+        let (at, client) = match link {
+            Link::In(address) => (address, None),
+            Link::Out(address) if address.is_ipv4() => (SocketAddr::from(([0, 0, 0, 0], 0)), Some(address)),
+            Link::Out(address) => (SocketAddr::from(([0u16; 8], 0)), Some(address)),
+        };
+        Ok(Self { socket: UdpSocket::bind(at).await?, client })
+    }
+}
+
+/// Runs the vehicle until its time is up; the caller races this against a signal. The first port is the companion's
+/// link, all others are ground stations'.
+pub async fn run(vehicle: &mut Vehicle, ports: &mut [Port], pace: Pace) {
+    for (link, port) in ports.iter().enumerate() {
+        if port.client.is_some() {
+            vehicle.open_link(link);
+        }
+    }
     let mut clock = Clock::new(pace.speed);
     let mut ticker = tokio::time::interval(PERIOD);
     ticker.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Skip);
     let mut buffer = vec![0u8; 4096];
     loop {
-        tokio::select! {
-            _ = ticker.tick() => {}
-            // An ICMP refusal from a client that is not there yet comes back as an error; it will come.
-            received = socket.recv_from(&mut buffer) => if let Ok((len, from)) = received {
-                let frames = vehicle.counters().wire.frames;
-                vehicle.handle(0, &buffer[..len], clock.now());
-                let well_formed = vehicle.counters().wire.frames > frames;
-                if well_formed && client != Some(from) {
-                    tracing::info!("client {from}");
-                    client = Some(from);
-                }
-            }
-        }
+        ticker.tick().await;
         let now = clock.now();
+        for (link, port) in ports.iter_mut().enumerate() {
+            receive(vehicle, link, port, &mut buffer, now);
+        }
         vehicle.advance(now);
-        while let Some((_, frame)) = vehicle.poll_transmit() {
-            if let Some(client) = client {
+        while let Some((link, frame)) = vehicle.poll_transmit() {
+            if let Some(Port { socket, client: Some(client) }) = ports.get(link) {
                 // UDP: what cannot be sent is lost.
-                let _ = socket.send_to(&frame, client).await;
+                let _ = socket.try_send_to(&frame, *client);
             }
         }
         if pace.duration.is_some_and(|end| now >= end) {
             return;
+        }
+    }
+}
+
+/// Takes what has come. Whoever sends a well-formed frame is the link's client.
+fn receive(vehicle: &mut Vehicle, link: usize, port: &mut Port, buffer: &mut [u8], now: Duration) {
+    // An ICMP refusal from a client that is not there yet comes back as an error; it will come.
+    while let Ok((length, from)) = port.socket.try_recv_from(buffer) {
+        let frames = vehicle.counters().wire.frames;
+        vehicle.handle(link, &buffer[..length], now);
+        let well_formed = vehicle.counters().wire.frames > frames;
+        if well_formed && port.client != Some(from) {
+            tracing::info!("client {from}");
+            port.client = Some(from);
         }
     }
 }
@@ -150,24 +174,50 @@ mod tests {
         }
     }
 
+    /// A HEARTBEAT, MAVLink 1, sequence 0, by hand.
+    fn heartbeat(from: [u8; 2]) -> Vec<u8> {
+        let mut frame = vec![0xFE, 9, 0, from[0], from[1], 0, 0, 0, 0, 0, 6, 8, 0, 0, 3];
+        let crc = mavlink::calculate_crc(&frame[1..], 50);
+        frame.extend(crc.to_le_bytes());
+        frame
+    }
+
     #[tokio::test]
     async fn prop_a_client_is_learnt_from_a_frame_and_not_from_junk() {
         let local: SocketAddr = ([127, 0, 0, 1], 0).into();
-        let socket = bind(Link::In(local)).await.unwrap();
-        let address = socket.local_addr().unwrap();
+        let mut ports = [Port::bind(Link::In(local)).await.unwrap()];
+        let address = ports[0].socket.local_addr().unwrap();
         let (junk, client) = (UdpSocket::bind(local).await.unwrap(), UdpSocket::bind(local).await.unwrap());
         junk.send_to(&[0xFD, 1, 2, 3], address).await.unwrap();
-        // A HEARTBEAT of a ground station, MAVLink 1, sequence 0, by hand.
-        let mut frame = vec![0xFE, 9, 0, 255, 190, 0, 0, 0, 0, 0, 6, 8, 0, 0, 3];
-        let crc = mavlink::calculate_crc(&frame[1..], 50);
-        frame.extend(crc.to_le_bytes());
-        client.send_to(&frame, address).await.unwrap();
+        client.send_to(&heartbeat([255, 190]), address).await.unwrap();
         let mut vehicle = vehicle();
         let pace = Pace { speed: 100.0, duration: Some(Duration::from_secs(10)) };
-        run(&mut vehicle, &socket, Link::In(local), pace).await;
+        run(&mut vehicle, &mut ports, pace).await;
         let mut buffer = [0u8; 300];
         client.recv_from(&mut buffer).await.unwrap();
         assert_eq!(buffer[0], 0xFD);
         assert_eq!(junk.try_recv(&mut buffer).unwrap_err().kind(), std::io::ErrorKind::WouldBlock);
+    }
+
+    #[tokio::test]
+    async fn prop_a_ground_station_hears_the_vehicle_and_its_companion() {
+        let local: SocketAddr = ([127, 0, 0, 1], 0).into();
+        let (companion, ground) =
+            (UdpSocket::bind(local).await.unwrap(), UdpSocket::bind(local).await.unwrap());
+        let mut ports = [
+            Port::bind(Link::In(local)).await.unwrap(),
+            Port::bind(Link::Out(ground.local_addr().unwrap())).await.unwrap(),
+        ];
+        let address = ports[0].socket.local_addr().unwrap();
+        companion.send_to(&heartbeat([1, 191]), address).await.unwrap();
+        let pace = Pace { speed: 100.0, duration: Some(Duration::from_secs(5)) };
+        run(&mut vehicle(), &mut ports, pace).await;
+        let (mut buffer, mut heard) = ([0u8; 300], std::collections::BTreeSet::new());
+        while let Ok(length) = ground.try_recv(&mut buffer) {
+            let companions = length > 6 && buffer[0] == 0xFE;
+            heard.insert(if companions { buffer[4] } else { buffer[6] });
+        }
+        // Autopilot, radio, and the companion, who speaks on the other link.
+        assert!([1, 68, 191].iter().all(|component| heard.contains(component)), "{heard:?}");
     }
 }

@@ -175,7 +175,7 @@ fn prop_both_components_tell_their_parameters() {
         &mut f.world,
         &MavMessage::PARAM_REQUEST_LIST(PARAM_REQUEST_LIST_DATA { target_system: 1, target_component: 0 }),
     );
-    f.pass(200);
+    f.pass(500);
     for component in [1u8, 68] {
         let values: Vec<_> = f.clients[0]
             .received
@@ -333,4 +333,87 @@ fn prop_px4_takes_off_by_command_and_then_holds() {
     f.pass(15_000);
     assert_eq!(f.clients[1].heartbeat().custom_mode, 0x0304_0000);
     assert!((f.position(1)[2] - 13.0).abs() < 0.05, "{:?}", f.position(1));
+}
+
+/// DO_REPOSITION from where the vehicle is: 1798e-7 deg of latitude, 20 m, north of it, `up_m` higher.
+fn reposition(f: &mut Flight, frame: MavFrame, base_m: f64, up_m: f64, change_mode: f32) -> MavResult {
+    let here = f.clients[0]
+        .last(|m| match m {
+            MavMessage::GLOBAL_POSITION_INT(m) => Some(m.clone()),
+            _ => None,
+        })
+        .unwrap();
+    let command = MavCmd::MAV_CMD_DO_REPOSITION;
+    let message = MavMessage::COMMAND_INT(COMMAND_INT_DATA {
+        target_system: 1,
+        target_component: 1,
+        frame,
+        command,
+        param1: -1.0,
+        param2: change_mode,
+        param4: f32::NAN,
+        x: here.lat + 1798,
+        y: here.lon,
+        z: (f64::from(here.alt) / 1000.0 - base_m + up_m) as f32,
+        ..COMMAND_INT_DATA::DEFAULT
+    });
+    f.clients[0].send(&mut f.world, &message);
+    f.pass(20);
+    f.clients[0].last_ack(command).unwrap().result
+}
+
+#[test]
+fn val_reposition_flies_to_the_point_in_each_firmwares_way() {
+    let (amsl, relative) = (MavFrame::MAV_FRAME_GLOBAL_INT, MavFrame::MAV_FRAME_GLOBAL_RELATIVE_ALT);
+    let mut f = Flight::new(config());
+    f.take_off();
+    assert_eq!(reposition(&mut f, amsl, 0.0, 5.0, 0.0), MavResult::MAV_RESULT_UNSUPPORTED, "no mode change");
+    assert_eq!(reposition(&mut f, amsl, 0.0, 5.0, 1.0), MavResult::MAV_RESULT_ACCEPTED);
+    f.pass(15_000);
+    let [east, north, up] = f.position(0);
+    let [e, n, u] = f.config.vehicles[0].home_enu_m;
+    assert!((north - n - 20.0).abs() < 0.3 && (east - e).abs() < 0.3 && (up - u - 30.0).abs() < 0.3);
+    assert_eq!(f.world.snapshot().vehicles[0].mode, "HOLD");
+
+    let mut f = Flight::new(arducopter());
+    f.pass(3000);
+    assert_eq!(reposition(&mut f, relative, 200.0, 0.0, 0.0), MavResult::MAV_RESULT_DENIED, "not in GUIDED");
+    assert_eq!(reposition(&mut f, relative, 200.0, 0.0, 1.0), MavResult::MAV_RESULT_FAILED, "on the ground");
+    f.clients[0].command(&mut f.world, MavCmd::MAV_CMD_DO_SET_MODE, &[1.0, 4.0]);
+    f.clients[0].command(&mut f.world, MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, &[1.0]);
+    f.clients[0].command(&mut f.world, MavCmd::MAV_CMD_NAV_TAKEOFF, &[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 25.0]);
+    f.pass(12_000);
+    // BRAKE stops it; the point takes it back into GUIDED if the command says so.
+    f.clients[0].command(&mut f.world, MavCmd::MAV_CMD_DO_SET_MODE, &[1.0, 17.0]);
+    f.pass(1000);
+    assert_eq!(f.clients[0].heartbeat().custom_mode, 17);
+    assert_eq!(reposition(&mut f, relative, 200.0, 5.0, 0.0), MavResult::MAV_RESULT_DENIED);
+    assert_eq!(reposition(&mut f, relative, 200.0, 5.0, 1.0), MavResult::MAV_RESULT_ACCEPTED);
+    f.pass(15_000);
+    let [east, north, up] = f.position(0);
+    let [e, n, u] = f.config.vehicles[0].home_enu_m;
+    assert!((north - n - 20.0).abs() < 0.3 && (east - e).abs() < 0.3 && (up - u - 30.0).abs() < 0.3);
+    assert_eq!(f.world.snapshot().vehicles[0].mode, "GUIDED");
+}
+
+#[test]
+fn val_a_file_that_is_not_there_is_refused_and_not_ignored() {
+    let mut f = Flight::new(config());
+    // Sequence 41, session 7, open for reading (4), a path.
+    for (opcode, answer) in
+        [(4, [42, 0, 7, 129, 1, 4, 10]), (14, [42, 0, 7, 129, 1, 14, 7]), (2, [42, 0, 7, 128, 0, 2, 0])]
+    {
+        let mut payload = [0; 251];
+        payload[..4].copy_from_slice(&[41, 0, 7, opcode]);
+        let request =
+            FILE_TRANSFER_PROTOCOL_DATA { target_network: 0, target_system: 1, target_component: 1, payload };
+        f.clients[0].send(&mut f.world, &MavMessage::FILE_TRANSFER_PROTOCOL(request));
+        f.pass(20);
+        let said = f.clients[0].last(|m| match m {
+            MavMessage::FILE_TRANSFER_PROTOCOL(m) => Some(m.payload),
+            _ => None,
+        });
+        let said = said.unwrap();
+        assert_eq!([said[0], said[1], said[2], said[3], said[4], said[5], said[12]], answer);
+    }
 }

@@ -18,6 +18,10 @@ fn prop_help_has_an_example_and_bad_arguments_exit_2() {
         &["--link", "udpout:127.0.0.1:9", "--home", "91,0,0"],
         &["--link", "udpout:127.0.0.1:9", "--system-id", "0"],
         &["--link", "udpin:192.0.2.1:14550"],
+        &["--link", "udpout:127.0.0.1:9", "--wind", "3,4"],
+        &["--link", "udpout:127.0.0.1:9", "--turbulence", "-1"],
+        &["--link", "udpout:127.0.0.1:9", "--airframe-file", "no-such-airframe.toml"],
+        &["--link", "udpout:127.0.0.1:9", "--airframe-file", "Cargo.toml"],
         &[],
     ] {
         let output = Command::new(PROGRAM).arg("vehicle").args(bad).output().unwrap();
@@ -31,6 +35,7 @@ fn prop_help_has_an_example_and_bad_arguments_exit_2() {
 fn prop_a_duration_ends_it_well() {
     let output = Command::new(PROGRAM)
         .args(["vehicle", "--link", "udpout:127.0.0.1:9", "--speed", "100", "--duration", "5"])
+        .args(["--airframe-file", "airframes/level-four.toml", "--wind", "-3,1,0", "--turbulence", "4"])
         .output()
         .unwrap();
     assert_eq!(output.status.code(), Some(0));

@@ -80,8 +80,7 @@ fn prop_the_same_seed_gives_the_same_flight() {
     let fly = || {
         let mut config = config();
         config.jitter.std_deg = 2.0;
-        config.vehicles[0].wind =
-            WindConfig { mean_enu_m_s: [4.0, 1.0, 0.0], gust_std_m_s: 1.0, gust_correlation_s: 2.0 };
+        config.vehicles[0].wind = WindConfig { mean_enu_m_s: [4.0, 1.0, 0.0], turbulence_m_s: 8.0 };
         let mut flight = Flight::new(config);
         flight.take_off();
         flight.go_to_slot(0);
@@ -96,7 +95,7 @@ fn prop_the_same_seed_gives_the_same_flight() {
 #[test]
 fn prop_wind_is_held_against_and_measured() {
     let mut config = config();
-    let wind = WindConfig { mean_enu_m_s: [6.0, -3.0, 0.0], gust_std_m_s: 1.0, gust_correlation_s: 2.0 };
+    let wind = WindConfig { mean_enu_m_s: [6.0, -3.0, 0.0], turbulence_m_s: 8.0 };
     config.vehicles.iter_mut().for_each(|v| v.wind = wind);
     let mut flight = Flight::new(config);
     flight.take_off();
@@ -138,7 +137,7 @@ fn prop_small_and_large_steps_simulate_the_same() {
     let run = |step_us: u64| {
         let mut config = config();
         config.jitter.std_deg = 2.0;
-        config.vehicles[0].wind.gust_std_m_s = 2.0;
+        config.vehicles[0].wind.turbulence_m_s = 10.0;
         let mut flight = Flight::new(config);
         flight.take_off();
         flight.clients[1].power(&mut flight.world, 10.0, 0, 777);

@@ -3,7 +3,7 @@
 mod common;
 
 use common::*;
-use mavlink::dialects::ardupilotmega::MavCmd;
+use mavlink::dialects::ardupilotmega::{COMMAND_LONG_DATA, MavCmd, MavMessage};
 use veilwing_sitl::*;
 
 /// Both on station, nobody on the air.
@@ -35,6 +35,26 @@ fn prop_i_before_j_breaks_s3_and_s1_once() {
     flight.hold(0, 500, [false, false]);
     flight.hold(0, 100, [true, false]);
     assert_eq!(names(&flight), ["S1", "S1", "S3", "S3"]);
+}
+
+#[test]
+fn prop_an_operators_radio_kill_excuses_the_jammer() {
+    let mut flight = on_station(config());
+    let mut station = Client::ground_station(1, 1);
+    let kill = MavMessage::COMMAND_LONG(COMMAND_LONG_DATA {
+        command: MavCmd::MAV_CMD_USER_2,
+        target_system: 2,
+        target_component: 191,
+        ..COMMAND_LONG_DATA::DEFAULT
+    });
+    flight.hold(0, 500, [false, true]);
+    flight.hold(0, 500, [true, true]);
+    station.send(&mut flight.world, &kill);
+    flight.off(1);
+    flight.pass(10);
+    flight.off(0);
+    flight.pass(20);
+    assert_eq!(names(&flight), Vec::<&str>::new());
 }
 
 #[test]

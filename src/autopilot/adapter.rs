@@ -4,9 +4,10 @@ use std::time::Duration;
 
 use mavlink::MavHeader;
 use mavlink::dialects::ardupilotmega::{
-    HEARTBEAT_DATA, MavAutopilot, MavMessage, MavModeFlag, MavResult, MavSeverity, MavState, MavType,
+    HEARTBEAT_DATA, MavAutopilot, MavMessage, MavModeFlag, MavSeverity, MavState, MavType,
 };
 
+use super::bridge::Bridge;
 use super::command::{CommandQueue, Purpose};
 use super::control::{Control, Phase};
 use super::discovery::Discovery;
@@ -48,8 +49,7 @@ pub struct Autopilot {
     /// Whether this flight has left the ground.
     pub(super) flown: bool,
     pub(super) previous_mode: Option<Mode>,
-    /// What the bridge script of ArduPilot's 6DoF frame answered; `None` if it is not there.
-    pub(super) bridge: Option<MavResult>,
+    pub(super) bridge: Bridge,
     /// Thrust per unit along each body axis, from the autopilot's rotors.
     pub(super) rotor_scales: Option<[f64; 3]>,
     pub(super) last_text: Option<Timed<String>>,
@@ -75,7 +75,7 @@ impl Autopilot {
             guard: LandDetectorGuard::default(),
             flown: false,
             previous_mode: None,
-            bridge: None,
+            bridge: Bridge::default(),
             rotor_scales: None,
             last_text: None,
             assembly: Assembly::default(),
@@ -109,6 +109,8 @@ impl Autopilot {
             MavMessage::COMMAND_ACK(m) => {
                 if let Some((purpose, outcome)) = self.commands.handle_ack(m, self.settings.own, now) {
                     self.command_ended(purpose, outcome, now);
+                } else {
+                    self.offset_answered(m, now);
                 }
             }
             MavMessage::PARAM_VALUE(m) => {
@@ -256,14 +258,30 @@ impl Autopilot {
         &self.settings
     }
 
+    /// When the older of position and attitude was received; `None` while one is unknown or the link is lost.
+    #[must_use]
+    pub fn state_since(&self) -> Option<Instant> {
+        let state = &self.telemetry.state;
+        let (position, attitude) = (state.position_enu_m?, state.attitude?);
+        (!self.link.is_lost()).then(|| position.received_at.min(attitude.received_at))
+    }
+
+    /// Time between two messages of position or attitude, whichever is longer, as granted and as they come.
+    #[must_use]
+    pub fn state_period(&self) -> Duration {
+        self.streams.state_period().unwrap_or_else(|| self.settings.period())
+    }
+
+    /// Age of the older of position and attitude; `None` as above.
+    #[must_use]
+    pub fn state_age(&self, now: Instant) -> Option<Duration> {
+        self.state_since().map(|since| now.saturating_since(since))
+    }
+
     /// Whether position and attitude were received a moment ago and the link stands.
     #[must_use]
     pub fn fresh(&self, now: Instant) -> bool {
-        let fresh = |age: Duration| age <= self.settings.freshness;
-        let state = &self.telemetry.state;
-        !self.link.is_lost()
-            && state.position_enu_m.is_some_and(|position| fresh(position.age(now)))
-            && state.attitude.is_some_and(|attitude| fresh(attitude.age(now)))
+        self.state_age(now).is_some_and(|age| age <= self.settings.freshness)
     }
 
     /// Whether we took control and the last heartbeat shows the companion's mode, armed.
@@ -322,7 +340,6 @@ impl Autopilot {
         self.parameters.read(firmware.parameters());
         self.rotor_scales = None;
         self.learn_rotors();
-        self.bridge = None;
         self.probe_bridge();
     }
 
@@ -339,8 +356,9 @@ impl Autopilot {
     fn command_ended(&mut self, purpose: Purpose, outcome: super::command::Outcome, now: Instant) {
         match purpose {
             Purpose::Interval(id) => self.streams.answered(id, outcome),
-            Purpose::Bridge => self.bridge = outcome,
-            Purpose::Request(_) | Purpose::Offsets => {}
+            Purpose::Bridge => self.bridge_probed(outcome),
+            Purpose::Offsets => self.switch_answered(outcome, now),
+            Purpose::Request(_) => {}
             Purpose::Mode | Purpose::Arming | Purpose::TakeOff => self.answered(purpose, outcome, now),
         }
     }

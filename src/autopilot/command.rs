@@ -27,12 +27,18 @@ pub(super) enum Purpose {
     TakeOff,
     /// A first body offset of zero, to see that the bridge script of ArduPilot's 6DoF frame is there.
     Bridge,
-    /// Body offsets on or off.
+    /// Body offsets of that script on or off.
     Offsets,
 }
 
 /// How a command ended: the autopilot's answer, or `None` if there was none.
 pub(super) type Outcome = Option<MavResult>;
+
+/// Whether an acknowledgement is for `own`; some autopilots leave the target empty.
+pub(super) fn is_meant_for(ack: &COMMAND_ACK_DATA, own: Address) -> bool {
+    (ack.target_system == 0 || ack.target_system == own.0)
+        && (ack.target_component == 0 || ack.target_component == own.1)
+}
 
 #[derive(Debug)]
 struct Pending {
@@ -72,8 +78,7 @@ impl CommandQueue {
         own: Address,
         now: Instant,
     ) -> Option<(Purpose, Outcome)> {
-        let meant_for_us = (ack.target_system == 0 || ack.target_system == own.0)
-            && (ack.target_component == 0 || ack.target_component == own.1);
+        let meant_for_us = is_meant_for(ack, own);
         let index = self
             .pending
             .iter()

@@ -77,6 +77,7 @@ impl Autopilot {
     pub(super) fn drop_control(&mut self) {
         self.control = Control::new();
         self.stream.stop();
+        self.forget_offsets();
         for purpose in [Purpose::Mode, Purpose::Arming, Purpose::TakeOff] {
             self.commands.cancel(purpose);
         }
@@ -104,7 +105,7 @@ impl Autopilot {
         self.control.climb = None;
         self.give_up(Purpose::TakeOff);
         self.give_up(Purpose::Arming);
-        self.switch_offsets(false);
+        self.level_offsets();
         self.control.phase = Phase::HandingOver { to, acknowledged: false };
         self.pursue(Aim::Mode(to), IN_FLIGHT_TIMEOUT, now);
         if self.control.goals.is_empty() {
@@ -170,7 +171,6 @@ impl Autopilot {
             Phase::Taking { .. } if mode == Mode::Companion => {
                 if self.asked(Aim::Mode(mode), now) && self.reached(Aim::Mode(mode)) {
                     self.control.phase = Phase::Held;
-                    self.switch_offsets(true);
                     self.out.tell(Event::ControlTaken);
                 }
             }

@@ -1,10 +1,7 @@
 //! The stream of setpoints in flight: whether one may go out, what it is built on, and PX4's land detector.
 
-use mavlink::dialects::ardupilotmega::MavCmd;
-
 use super::Address;
 use super::adapter::Autopilot;
-use super::command::Purpose;
 use super::control::Phase;
 use super::firmware::{Firmware, rotors};
 use super::guard::{self, LandDetectorGuard};
@@ -12,31 +9,9 @@ use super::position_control::Measured;
 use super::setpoint::Surroundings;
 use super::settings::Actuation;
 use super::state::Landed;
-use super::streams::long;
 use crate::time::Instant;
 
 impl Autopilot {
-    /// Whether roll and pitch go through the bridge script of ArduPilot's 6DoF frame.
-    fn is_bridged(&self) -> bool {
-        self.settings.actuation == Actuation::Pose
-            && self.peer.is_some_and(|(firmware, _)| firmware == Firmware::ArduPilot)
-    }
-
-    /// Asks the bridge script whether it is there, by an offset of zero.
-    pub(super) fn probe_bridge(&mut self) {
-        if self.is_bridged() {
-            self.commands.push(long(MavCmd::MAV_CMD_USER_4, [0.0, 0.0]), Purpose::Bridge);
-        }
-    }
-
-    /// Switches the body offsets on while we fly, off before the autopilot lands.
-    pub(super) fn switch_offsets(&mut self, on: bool) {
-        if self.is_bridged() {
-            let command = long(MavCmd::MAV_CMD_USER_5, [if on { 1.0 } else { 0.0 }, 0.0]);
-            self.commands.push(command, Purpose::Offsets);
-        }
-    }
-
     /// PX4's thrust axes have scales of their own: reads the rotors for them where they matter.
     pub(super) fn learn_rotors(&mut self) {
         let px4 = self.peer.is_some_and(|(firmware, _)| firmware == Firmware::Px4);
@@ -84,7 +59,10 @@ impl Autopilot {
         self.note_lift_off();
         let around = allowed.then(|| self.surroundings(firmware, target, now)).flatten();
         let Some(around) = around else { return self.stream.skip() };
-        self.stream.send(&setpoint, &around, now, &mut self.out);
+        let commanded = self.stream.send(&setpoint, &around, now, &mut self.out);
+        if self.is_bridged() {
+            self.drive_offsets(commanded, target, now);
+        }
     }
 
     /// Ends the search for the thrust that lifts.

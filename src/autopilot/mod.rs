@@ -13,6 +13,7 @@
 //! the mind behind them* (F3): a setpoint is streamed for its lifetime only.
 
 mod adapter;
+mod bridge;
 mod clock;
 mod command;
 mod control;

@@ -254,7 +254,7 @@ fn arducopter(autopilot: &Autopilot, all: &mut Vec<Check>) {
         _ => (Warn, "0, or keep a ground station connected: it returns 5 s after that one's last heartbeat"),
     }));
     if pose {
-        all.push(match autopilot.bridge {
+        all.push(match autopilot.bridge.probed() {
             Some(MavResult::MAV_RESULT_ACCEPTED) => check("bridge script", Pass, "answers"),
             Some(result) => {
                 check("bridge script", Fail, format!("command 31013: {result:?}; install the script"))

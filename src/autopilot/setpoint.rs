@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use mavlink::dialects::ardupilotmega::{
-    AttitudeTargetTypemask, MavCmd, MavFrame, MavMessage, PositionTargetTypemask, SET_ATTITUDE_TARGET_DATA,
+    AttitudeTargetTypemask, MavFrame, MavMessage, PositionTargetTypemask, SET_ATTITUDE_TARGET_DATA,
     SET_POSITION_TARGET_LOCAL_NED_DATA,
 };
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
@@ -11,13 +11,10 @@ use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use super::firmware::Firmware;
 use super::position_control::{Measured, PositionControl};
 use super::settings::{Actuation, Setpoint, Settings};
-use super::streams::long;
 use super::{Address, Outbox};
 use crate::geo::{Attitude, LocalFrame, swap_enu_ned};
 use crate::time::Instant;
 
-/// Body offsets of ArduPilot's 6DoF frame are commands, which a script answers one by one: no faster than this.
-const OFFSET_INTERVAL: Duration = Duration::from_millis(50);
 /// Thrust while armed on the ground.
 const IDLE_THRUST: f64 = 0.05;
 /// How fast thrust rises to find the one that lifts the vehicle, 1/s.
@@ -53,7 +50,6 @@ pub(super) struct Stream {
     /// Since when setpoints have gone out at every tick.
     since: Option<Instant>,
     commanded: Option<Attitude>,
-    offset_at: Option<Instant>,
     control: PositionControl,
     /// The thrust that rises until the vehicle leaves the ground.
     spool: Option<f64>,
@@ -70,7 +66,6 @@ impl Stream {
             tick_at: None,
             since: None,
             commanded: None,
-            offset_at: None,
             control: PositionControl::new(settings.position_control),
             spool: None,
         }
@@ -97,7 +92,6 @@ impl Stream {
     fn interrupt(&mut self) {
         self.since = None;
         self.commanded = None;
-        self.offset_at = None;
     }
 
     /// How long setpoints have gone out without a gap.
@@ -136,32 +130,34 @@ impl Stream {
         self.interrupt();
     }
 
-    /// Sends one setpoint in the form that actuation and firmware ask for.
+    /// Sends one setpoint in the form that actuation and firmware ask for. The attitude that it commands.
     pub(super) fn send(
         &mut self,
         setpoint: &Setpoint,
         around: &Surroundings,
         now: Instant,
         out: &mut Outbox,
-    ) {
+    ) -> Attitude {
         self.since.get_or_insert(now);
         let attitude = self.ramp(setpoint.attitude, around);
         match self.actuation {
             Actuation::ThrustVector => out.send(self.thrust_vector(setpoint, attitude, around, now)),
             Actuation::Position => out.send(position(setpoint, Some(attitude), around, now)),
-            Actuation::Pose => {
-                out.send(position(setpoint, None, around, now));
-                match around.firmware {
-                    Firmware::Px4 => out.send(MavMessage::SET_ATTITUDE_TARGET(SET_ATTITUDE_TARGET_DATA {
+            Actuation::Pose => match around.firmware {
+                Firmware::Px4 => {
+                    out.send(position(setpoint, None, around, now));
+                    out.send(MavMessage::SET_ATTITUDE_TARGET(SET_ATTITUDE_TARGET_DATA {
                         type_mask: rates_ignored()
                             | AttitudeTargetTypemask::ATTITUDE_TARGET_TYPEMASK_THROTTLE_IGNORE,
                         ..attitude_target(attitude, around.target, now)
-                    })),
-                    // Never a quaternion: the 6DoF frame panics on it.
-                    Firmware::ArduPilot => self.body_offsets(attitude, around.target, now, out),
+                    }));
                 }
-            }
+                // Never a quaternion: the 6DoF frame panics on it. The heading goes with the position, roll and pitch
+                // through the bridge script.
+                Firmware::ArduPilot => out.send(position(setpoint, Some(attitude), around, now)),
+            },
         }
+        attitude
     }
 
     /// The commanded attitude follows the wanted one at no more than the tilt rate, starting from the measured one.
@@ -207,18 +203,6 @@ impl Stream {
             ..attitude_target(attitude, around.target, now)
         })
     }
-
-    fn body_offsets(&mut self, attitude: Attitude, target: Address, now: Instant, out: &mut Outbox) {
-        if self.offset_at.is_some_and(|at| now < at + OFFSET_INTERVAL) {
-            return;
-        }
-        self.offset_at = Some(now);
-        let (roll_rad, pitch_rad, _) = frd_euler(attitude);
-        let mut command =
-            long(MavCmd::MAV_CMD_USER_4, [roll_rad.to_degrees() as f32, pitch_rad.to_degrees() as f32]);
-        (command.target_system, command.target_component) = target;
-        out.send(MavMessage::COMMAND_LONG(command));
-    }
 }
 
 fn rates_ignored() -> AttitudeTargetTypemask {
@@ -228,7 +212,7 @@ fn rates_ignored() -> AttitudeTargetTypemask {
 }
 
 /// Roll, pitch and heading of the quaternion that MAVLink carries, in radians.
-fn frd_euler(attitude: Attitude) -> (f64, f64, f64) {
+pub(super) fn frd_euler(attitude: Attitude) -> (f64, f64, f64) {
     let [w, x, y, z] = attitude.to_mavlink();
     UnitQuaternion::new_normalize(Quaternion::new(w, x, y, z)).euler_angles()
 }

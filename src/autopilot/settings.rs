@@ -67,6 +67,9 @@ pub struct Settings {
     pub setpoint_lifetime: Duration,
     /// Age at which position and attitude are no longer fresh.
     pub freshness: Duration,
+    /// Added to the time after which late state silences the transmitter: for a clock that runs fast, on which this
+    /// machine's own delays count for more. None on a real vehicle.
+    pub scheduling_allowance: Duration,
     /// Silence of the autopilot, once its telemetry streams, that counts as a lost link.
     pub link_timeout: Duration,
     /// How long an autopilot that is not ready (to arm, to enter the mode) is asked again.
@@ -94,6 +97,7 @@ impl Settings {
             tilt_rate_rad_s: 30f64.to_radians(),
             setpoint_lifetime: Duration::from_millis(200),
             freshness: Duration::from_millis(250),
+            scheduling_allowance: Duration::ZERO,
             link_timeout: Duration::from_secs(1),
             readiness_timeout: Duration::from_secs(60),
             position_jump_m: 2.0,

@@ -112,6 +112,7 @@ impl VehicleState {
     /// The autopilot's local frame seen from the mission's, once its origin is known.
     #[must_use]
     pub fn local_frame(&self, mission: Geodetic) -> Option<LocalFrame> {
-        self.local_origin.map(|origin| LocalFrame { mission, autopilot: origin.value })
+        let projection = self.firmware.map(Firmware::projection).unwrap_or_default();
+        self.local_origin.map(|origin| LocalFrame { mission, autopilot: origin.value, projection })
     }
 }

@@ -15,6 +15,8 @@ const WINDOW: Duration = Duration::from_secs(2);
 /// A stream that comes at less than this part of the rate asked for is asked for again.
 const TOLERATED: f64 = 0.7;
 const STATUS_RATE_HZ: f64 = 2.0;
+/// Position and attitude slower than this are not waited for.
+const SLOWEST_STATE_HZ: f64 = 5.0;
 /// One-shot requests are repeated this often until the message has come.
 const REQUEST_INTERVAL: Duration = Duration::from_secs(1);
 /// The local origin is asked for for ever: an estimator may move it.
@@ -128,6 +130,14 @@ impl Streams {
             Some(MavResult::MAV_RESULT_UNSUPPORTED) if !stream.essential => stream.supported = false,
             Some(_) => stream.rate_hz = (stream.rate_hz / 2.0).max(STATUS_RATE_HZ),
         }
+    }
+
+    /// The longest time between two messages of an essential stream, at the rate granted or the rate that came,
+    /// whichever is lower; `None` before anything was asked for.
+    pub(super) fn state_period(&self) -> Option<Duration> {
+        let rate = |s: &Stream| s.measured_hz.map_or(s.rate_hz, |measured| measured.min(s.rate_hz));
+        let slowest = self.streams.iter().filter(|s| s.essential).map(rate).min_by(f64::total_cmp)?;
+        Some(Duration::from_secs_f64(1.0 / slowest.max(SLOWEST_STATE_HZ)))
     }
 
     /// Closes the counting window and asks again for what does not come.

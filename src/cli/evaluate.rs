@@ -92,7 +92,11 @@ fn score(mission: &Mission, edited: &EditedPlan, samples: usize) -> Result<PlanD
         plan_digest: hex(&plan.digest),
         seed: mission.seed,
         method: "evaluate".into(),
-        slots: plan.slots.iter().map(|slot| slot_document(mission, &slot.user, &slot.plan, 0.0)).collect(),
+        slots: plan
+            .slots
+            .iter()
+            .map(|slot| slot_document(mission, &slot.user, &slot.plan, [0.0; 2]))
+            .collect(),
     })
 }
 

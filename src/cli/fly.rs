@@ -2,8 +2,10 @@
 
 use std::path::PathBuf;
 
+use tokio::signal::unix::{SignalKind, signal};
+
 use crate::companion::Companion;
-use crate::companion::settings::{settings, transmitter_settings};
+use crate::companion::settings::{allow_for_clock_rate, pair_form, settings, transmitter_settings};
 use crate::config::{Mission, Vehicle};
 use crate::link::clock::Clock;
 use crate::link::{Key, LinkConfig, SigningConfig, TlogWriter};
@@ -66,8 +68,13 @@ fn fly(args: &Args, mission: Mission, vehicle: &Vehicle) -> Result<Exit, String>
         .enable_all()
         .build()
         .map_err(|error| format!("the event loop cannot start: {error}"))?;
-    let outcome = runtime.block_on(companion.run(clock, stop_signal()));
-    match outcome.map_err(|error| error.to_string())? {
+    let outcome = runtime.block_on(async {
+        // A limit on the size of files costs the logs that grow beyond it. Without a handler it would cost the flight.
+        let file_size = SignalKind::from_raw(rustix::process::Signal::XFSZ.as_raw());
+        let _handled = signal(file_size).map_err(|error| format!("a signal cannot be handled: {error}"))?;
+        companion.run(clock, stop_signal()).await.map_err(|error| error.to_string())
+    });
+    match outcome? {
         Outcome::Completed => Ok(Exit::Done),
         Outcome::Aborted(cause) => {
             eprintln!("mission not completed: {cause}");
@@ -79,7 +86,6 @@ fn fly(args: &Args, mission: Mission, vehicle: &Vehicle) -> Result<Exit, String>
 
 /// Completes on Ctrl-C or SIGTERM.
 pub(super) async fn stop_signal() {
-    use tokio::signal::unix::{SignalKind, signal};
     let wait = |kind| async move {
         match signal(kind) {
             Ok(mut stream) => {
@@ -117,11 +123,17 @@ fn companion(args: &Args, mission: Mission, vehicle: &Vehicle, clock: &Clock) ->
         None => None,
     };
     let options = mission_options(&mission);
+    let mut settings = settings(&mission, vehicle, boot_id(clock), args.start);
+    allow_for_clock_rate(&mut settings, args.clock_rate);
     Ok(Companion {
         autopilot: (vehicle.autopilot.link.clone(), link(AUTOPILOT, vehicle.autopilot.system_id, None)?),
-        pair: (vehicle.pair_link.clone(), link(PAIR, None, pair_signing)?),
+        pair: (
+            vehicle.pair_link.clone(),
+            link(PAIR, vehicle.pair_peer_system, pair_signing)?,
+            pair_form(vehicle),
+        ),
         transmitter: Transmitter::new(transmitter_settings(vehicle), clock.now()),
-        settings: settings(&mission, vehicle, boot_id(clock), args.start),
+        settings,
         planner: Box::new(move || {
             plan_mission(&mission, &options).map(|timed| timed.plan).map_err(|error| error.to_string())
         }),

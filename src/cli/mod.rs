@@ -1,5 +1,7 @@
 //! The command line: one file a subcommand. Results on stdout, progress and logs on stderr.
 
+#[cfg(feature = "sitl")]
+mod campaign;
 mod check;
 mod evaluate;
 mod figures;
@@ -67,6 +69,8 @@ enum Command {
     Figures(figures::Args),
     #[cfg(feature = "sitl")]
     Sitl(sitl::Args),
+    #[cfg(feature = "sitl")]
+    Campaign(campaign::Args),
     Fly(fly::Args),
     Schema(schema::Args),
 }
@@ -83,6 +87,8 @@ pub fn main() -> ExitCode {
         Command::Figures(args) => figures::run(args),
         #[cfg(feature = "sitl")]
         Command::Sitl(args) => sitl::run(args),
+        #[cfg(feature = "sitl")]
+        Command::Campaign(args) => campaign::run(args),
         Command::Fly(args) => fly::run(args),
         Command::Schema(args) => return schema::run(args),
     };

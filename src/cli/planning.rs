@@ -6,6 +6,7 @@ use crate::companion::settings::transit_limits;
 use crate::config::{METHODS, Mission};
 use crate::geo::Pose;
 use crate::link::clock::Clock;
+use crate::planner::bound::{Budget, best_bound};
 use crate::planner::plan::SlotPlan;
 use crate::planner::problem::Method;
 use crate::planner::slots::{Plan, PlannedSlot, hex};
@@ -16,11 +17,13 @@ use crate::schedule::choice;
 use crate::schedule::order::Order;
 use crate::schedule::transit::Router;
 
-/// A plan and what each slot's search took.
+/// A plan and what each slot's searches took.
 #[derive(Debug, Clone)]
 pub(crate) struct TimedPlan {
     pub plan: Plan,
     pub planning_time: Vec<Duration>,
+    /// Of the search for a bound better than the cap: zero until [`certify_plan`] has run.
+    pub bound_time: Vec<Duration>,
 }
 
 /// The planner has no answer for one user.
@@ -51,7 +54,8 @@ pub(crate) fn plan_mission(mission: &Mission, options: &Options) -> Result<Timed
     let slots = users.into_iter().zip(chosen).filter_map(|((user, mut plans), chosen)| {
         (chosen < plans.len()).then(|| PlannedSlot { user, plan: plans.swap_remove(chosen) })
     });
-    Ok(TimedPlan { plan: Plan::new(slots.collect()), planning_time })
+    let bound_time = vec![Duration::ZERO; planning_time.len()];
+    Ok(TimedPlan { plan: Plan::new(slots.collect()), planning_time, bound_time })
 }
 
 /// Which of each user's plans is flown: the one that makes transits short, where the mission asks for that.
@@ -67,6 +71,28 @@ fn choose(mission: &Mission, users: &[(String, Vec<SlotPlan>)]) -> Vec<usize> {
     )
 }
 
+/// Replaces each slot's bound by the best that a certificate's budget shows. Poses, powers and digest stay.
+pub(crate) fn certify_plan(mission: &Mission, timed: &mut TimedPlan) -> Result<(), SlotError> {
+    let clock = Clock::real();
+    for (slot, time) in timed.plan.slots.iter_mut().zip(&mut timed.bound_time) {
+        let Some(problem) = mission
+            .users
+            .iter()
+            .position(|user| user.name == slot.user)
+            .and_then(|index| mission.problem(index))
+        else {
+            continue;
+        };
+        let started = clock.now();
+        let bound = best_bound(&problem, slot.plan.secrecy_rate_bps, Budget::of(&problem))
+            .map_err(|error| SlotError { user: slot.user.clone(), error })?;
+        *time = clock.now().saturating_since(started);
+        slot.plan.upper_bound_bps = bound.upper_bound_bps;
+        slot.plan.upper_bound_kind = bound.kind;
+    }
+    Ok(())
+}
+
 /// The options that the mission file asks for.
 pub(crate) fn mission_options(mission: &Mission) -> Options {
     Options { method: mission.planner.method, seed: mission.seed, ..Options::default() }
@@ -74,7 +100,8 @@ pub(crate) fn mission_options(mission: &Mission) -> Options {
 
 /// The plan as a document.
 pub(crate) fn document(mission: &Mission, options: &Options, timed: &TimedPlan) -> PlanDocument {
-    let slots = timed.plan.slots.iter().zip(&timed.planning_time);
+    let times = timed.planning_time.iter().zip(&timed.bound_time);
+    let slots = timed.plan.slots.iter().zip(times);
     PlanDocument {
         format: FORMAT,
         mission_digest: mission.digest_hex(),
@@ -82,7 +109,10 @@ pub(crate) fn document(mission: &Mission, options: &Options, timed: &TimedPlan) 
         seed: options.seed,
         method: method_name(options.method).into(),
         slots: slots
-            .map(|(slot, time)| slot_document(mission, &slot.user, &slot.plan, time.as_secs_f64()))
+            .map(|(slot, (planning, bound))| {
+                let times_s = [planning, bound].map(Duration::as_secs_f64);
+                slot_document(mission, &slot.user, &slot.plan, times_s)
+            })
             .collect(),
     }
 }
@@ -91,13 +121,13 @@ fn method_name(method: Method) -> &'static str {
     METHODS.iter().find(|(_, known)| *known == method).map_or("", |(name, _)| name)
 }
 
-/// One slot's document.
+/// One slot's document. `times_s`: of the search and of the bound.
 pub(crate) fn slot_document(
     mission: &Mission,
     user: &str,
     slot: &SlotPlan,
-    planning_time_s: f64,
+    times_s: [f64; 2],
 ) -> SlotDocument {
     let names: Vec<String> = mission.eavesdroppers.iter().map(|e| e.name.clone()).collect();
-    SlotDocument::new(user, &names, slot, planning_time_s, 0.0)
+    SlotDocument::new(user, &names, slot, times_s[0], times_s[1])
 }

@@ -4,8 +4,9 @@ use std::time::Duration;
 
 use crate::autopilot;
 use crate::config::{self, Mission, TransmitterKind, Vehicle};
-use crate::mission::Settings;
+use crate::link::Form;
 use crate::mission::interlock::Ceilings;
+use crate::mission::{Scene, Settings};
 use crate::pair;
 use crate::role::{PerVehicle, Role};
 use crate::schedule::table::Timing;
@@ -14,6 +15,8 @@ use crate::transmitter::{self, Kind, PowerParameter, Unit};
 
 /// The longest jam lease and transmitter lease: the time in which everything falls silent by itself.
 pub const LEASE: Duration = Duration::from_millis(500);
+/// How late a busy machine may run a process that is due.
+const SCHEDULING_DELAY: Duration = Duration::from_millis(25);
 /// Without a word for this long the other vehicle is lost and the mission is given up.
 pub const PEER_TIMEOUT: Duration = Duration::from_secs(3);
 
@@ -31,6 +34,7 @@ pub fn settings(mission: &Mission, vehicle: &Vehicle, boot_id: u32, start_unaske
     autopilot.tilt_rate_rad_s = limits[role].tilt_rate_rad_s;
     autopilot.firmware = vehicle.autopilot.firmware;
     autopilot.actuation = vehicle.autopilot.actuation;
+    autopilot.position_control.thrust_n = vehicle.autopilot.thrust_n;
     Settings {
         role,
         own,
@@ -53,8 +57,31 @@ pub fn settings(mission: &Mission, vehicle: &Vehicle, boot_id: u32, start_unaske
             vehicle_w: vehicle.limits.max_power_w.unwrap_or(f64::INFINITY),
         },
         emission_authorised: vehicle.transmitter.simulated || mission.emission.is_some(),
+        scene: Scene {
+            users_enu_m: mission.users.iter().map(|user| user.position_enu_m).collect(),
+            eavesdroppers_enu_m: mission.eavesdroppers.iter().map(|e| e.node.position_enu_m).collect(),
+            radio: mission.radio,
+        },
         start_unasked,
+        start_utc: mission.tdma.start_utc,
     }
+}
+
+/// How pair messages go over the pair link.
+#[must_use]
+pub fn pair_form(vehicle: &Vehicle) -> Form {
+    if vehicle.pair_tunnel {
+        // The vehicle file names the peer's system then.
+        Form::Tunnel { to_system: vehicle.pair_peer_system.unwrap_or_default() }
+    } else {
+        Form::Plain
+    }
+}
+
+/// Allows for this machine's own delays where the companion's clock runs `rate` times as fast as the machine's: they
+/// last so many times longer on it.
+pub fn allow_for_clock_rate(settings: &mut Settings, rate: f64) {
+    settings.autopilot.scheduling_allowance = SCHEDULING_DELAY.mul_f64((rate - 1.0).clamp(0.0, 1e3));
 }
 
 /// What the driver of the vehicle's transmitter is told.

@@ -8,8 +8,8 @@ use serde_json::Value as Json;
 use toml::Spanned;
 use toml::de::DeValue;
 
-pub(super) use compound::{Each, List, Numbers};
-pub(super) use scalar::{Choice, Flag, Integer, Number, Parsed, Text};
+pub(super) use compound::{Each, Extent, List, Numbers};
+pub(super) use scalar::{Choice, Flag, Integer, Moment, Number, Parsed, Text};
 
 use super::diagnostic::Span;
 

@@ -14,6 +14,7 @@ use crate::planner::problem::{
 };
 use crate::role::{PerVehicle, Role};
 use crate::schedule::order::Order;
+use crate::time::Utc;
 
 /// A validated mission. SI units, angles in radians, positions ENU about [`Mission::origin`].
 #[derive(Debug, Clone)]
@@ -94,6 +95,8 @@ pub struct Tdma {
     pub order: Order,
     /// How often the whole list of users is served.
     pub superframes: u16,
+    /// When the transit to the first slot begins; `None`: when the operator says so.
+    pub start_utc: Option<Utc>,
 }
 
 /// A ground user.

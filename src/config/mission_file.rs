@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use nalgebra::{Vector2, Vector3};
 
-use super::kind::{Choice, Each, Flag, Integer, List, Number, Numbers, Text};
+use super::kind::{Choice, Each, Flag, Integer, List, Moment, Number, Numbers, Text};
 use super::mission::{Draft, Emission, PlannerSettings, Position, Tdma, VehicleSettings};
 use super::reader::Section;
 use crate::geo::{Enu, Geodetic};
@@ -296,6 +296,11 @@ fn tdma(s: &mut Section<'_, '_>) -> Tdma {
             Order::Listed,
         ),
         superframes: u16::try_from(superframes).unwrap_or(u16::MAX),
+        start_utc: s.optional(
+            "start_utc",
+            "When the transit to the first slot begins; the vehicles take off by themselves in time. Unset: on MISSION_START.",
+            Moment,
+        ),
     }
 }
 

@@ -1,11 +1,13 @@
-//! Mission and vehicle files: TOML to validated settings, or every error with line, column and remedy.
+//! Mission, vehicle and fault files: TOML to validated settings, or every error with line, column and remedy.
 //!
-//! Each setting is declared once (`mission_file`, `vehicle_file`): key, kind, range, unit, default, sentence. Reading,
+//! Each setting is declared once (`mission_file`, `vehicle_file`, `fault_file`): key, kind, range, unit, default, sentence. Reading,
 //! range checks, defaults, the JSON Schema and the digest all follow from the declaration.
 
 mod address;
 mod diagnostic;
 mod document;
+mod fault_file;
+mod faults;
 mod kind;
 mod mission;
 mod mission_checks;
@@ -18,6 +20,7 @@ mod vehicle_file;
 
 pub use address::{AddressError, HostPort, LinkAddress};
 pub use diagnostic::{Diagnostic, Diagnostics, Severity};
+pub use faults::{FaultKind, FaultLaw, Faults, Frequency, Magnitude, Whom};
 pub use mission::{
     Difference, Emission, Mission, NamedEavesdropper, PlannerSettings, PowerLimit, Tdma, User,
     VehicleSettings,

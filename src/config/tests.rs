@@ -64,7 +64,14 @@ fn val_defaults_are_those_of_the_interface() {
     assert_eq!(least.jitter, Jitter { std_rad, model: JitterModel::Euler, axes: JitterAxes::RollPitch });
     assert_eq!(
         least.tdma,
-        Tdma { slot_s: 20.0, guard_s: 1.0, settle_s: 3.0, order: Order::Listed, superframes: 1 }
+        Tdma {
+            slot_s: 20.0,
+            guard_s: 1.0,
+            settle_s: 3.0,
+            order: Order::Listed,
+            superframes: 1,
+            start_utc: None
+        }
     );
     let planner = PlannerSettings { method: Method::Veilwing, objective: Objective::Mean, free_yaw: false };
     assert_eq!(least.planner, planner);
@@ -96,6 +103,51 @@ fn val_vehicle_defaults_are_those_of_the_interface() {
     };
     assert_eq!(least.transmitter, leased);
     assert_eq!(least.limits, Limits::default());
+    assert_eq!((least.pair_peer_system, least.pair_tunnel), (None, false));
+}
+
+#[test]
+fn val_a_start_is_one_instant_however_it_is_written() {
+    let start = |text: &str| mission(&format!("{LEAST}[tdma]\nstart_utc = {text}\n"));
+    let utc = start("2026-11-21T18:00:00Z");
+    assert_eq!(utc.tdma.start_utc.map(|utc| utc.unix_us), Some(1_795_284_000_000_000));
+    for same in ["2026-11-21 18:00:00Z", "2026-11-21T19:30:00+01:30", "2026-11-21T10:00:00.000-08:00"] {
+        assert_eq!(start(same).tdma.start_utc, utc.tdma.start_utc, "{same}");
+        assert_eq!(start(same).digest(), utc.digest(), "{same}");
+    }
+    assert_ne!(start("2026-11-21T18:00:00.000001Z").digest(), utc.digest());
+    assert_ne!(mission(LEAST).digest(), utc.digest());
+    for (wrong, fragment) in [
+        ("2026-11-21T18:00:00", "offset from UTC open"),
+        ("2026-11-21", "offset from UTC open"),
+        ("\"2026-11-21T18:00:00Z\"", "without quotes"),
+        ("1969-12-31T23:59:59Z", "before 1970"),
+        ("1795284000", "without quotes"),
+    ] {
+        let text = format!("{LEAST}[tdma]\nstart_utc = {wrong}\n");
+        let findings = Mission::parse("m.toml", &text).unwrap_err().to_string();
+        assert!(findings.contains(fragment) && findings.contains("start_utc"), "{findings}");
+    }
+}
+
+#[test]
+fn val_a_tunnel_must_say_whom_it_leads_to() {
+    let text = |more: &str| {
+        format!(
+            "vehicle.role = \"i\"\nautopilot.system_id = 1\n[pair]\nlink = \"udpout:10.0.0.1:14600\"\n{more}"
+        )
+    };
+    let tunnel = vehicle(&text("tunnel = true\npeer_system_id = 2\n"));
+    assert_eq!((tunnel.pair_peer_system, tunnel.pair_tunnel), (Some(2), true));
+    for (more, line, fragment) in [
+        ("tunnel = true\n", 5, "whom TUNNEL is addressed to"),
+        ("tunnel = \"yes\"\n", 5, "true or false"),
+        ("peer_system_id = 1\n", 5, "this vehicle's own system_id"),
+        ("peer_system_id = 0\n", 5, "outside 1 to 255"),
+    ] {
+        let findings = Vehicle::parse("v.toml", &text(more)).unwrap_err().to_string();
+        assert!(findings.contains(fragment) && findings.contains(&format!("v.toml:{line}:")), "{findings}");
+    }
 }
 
 #[test]
@@ -476,26 +528,33 @@ fn val_a_parameter_transmitter_must_say_how_it_is_silenced() {
 
 #[test]
 fn val_broken_vehicle_files_say_what_is_wrong() {
-    for (from, to, at, fragment) in [
-        ("role = \"i\"", "role = \"k\"", (7, 8), "none of its values"),
-        ("role = \"i\"", "", (6, 1), "has no `role`"),
+    // With each: what is pointed at, and at which column of its line.
+    for (from, to, at, column, fragment) in [
+        ("role = \"i\"", "role = \"k\"", "role", 8, "none of its values"),
+        ("role = \"i\"", "", "[vehicle]", 1, "has no `role`"),
         (
             "link = \"udpout:192.168.40.2:14600\"",
             "link = \"udpout:192.168.40.2\"",
-            (34, 8),
+            "link = \"udpout",
+            8,
             "there is no port",
         ),
-        ("rate_hz = 50.0", "rate_hz = 20.0", (16, 11), "too slow"),
-        ("component_id = 191", "component_id = 300", (15, 16), "is 300, outside 1 to 255"),
-        ("[limits]", "[limit]", (37, 2), "unknown key `limit`"),
+        ("rate_hz = 50.0", "rate_hz = 20.0", "rate_hz", 11, "too slow"),
+        ("component_id = 191", "component_id = 300", "component_id = 300", 16, "is 300, outside 1 to 255"),
+        ("[limits]", "[limit]", "[limit]", 2, "unknown key `limit`"),
     ] {
         let text = VEHICLE_I.replace(from, to);
         assert_ne!(text, VEHICLE_I);
         let findings = Vehicle::parse("v.toml", &text).unwrap_err();
         let [finding] = findings.list() else { panic!("{findings}") };
-        assert_eq!((finding.line, finding.column), at, "{findings}");
+        assert_eq!((finding.line, finding.column), (line_of(&text, at), column), "{findings}");
         assert!(finding.message.contains(fragment), "{findings}");
     }
+}
+
+/// The number of the first line that begins with this.
+fn line_of(text: &str, start: &str) -> usize {
+    1 + text.lines().position(|line| line.starts_with(start)).unwrap()
 }
 
 #[cfg(unix)]
@@ -514,7 +573,8 @@ fn val_a_key_file_open_to_others_is_refused() {
     mode(0o600);
     let sound = Vehicle::load(&file).unwrap();
     std::fs::remove_dir_all(&dir).unwrap();
-    assert!(missing.contains(":35:12: ") && missing.contains("cannot be read"), "{missing}");
+    let at = format!(":{}:12: ", line_of(VEHICLE_I, "# key_file"));
+    assert!(missing.contains(&at) && missing.contains("cannot be read"), "{missing}");
     assert!(open.contains("its mode is 640") && open.contains("chmod 600"), "{open}");
     assert_eq!(sound.key_file, Some(key));
 }

@@ -26,6 +26,10 @@ pub struct Vehicle {
     pub pair_link: LinkAddress,
     /// The signing key of the pair link, if it is signed; relative paths are made relative to the vehicle file.
     pub key_file: Option<PathBuf>,
+    /// MAVLink system of the other companion; `None`: any.
+    pub pair_peer_system: Option<u8>,
+    /// Pair messages ride in TUNNEL. Then the peer's system is known.
+    pub pair_tunnel: bool,
     /// What the vehicle may be asked for.
     pub limits: Limits,
     /// Directory for logs.
@@ -50,6 +54,8 @@ pub struct Autopilot {
     pub component_id: u8,
     /// Setpoints and state per second.
     pub rate_hz: f64,
+    /// Newtons per unit of thrust along body x, y, z, for [`Actuation::ThrustVector`]; `None`: from the autopilot.
+    pub thrust_n: Option<[f64; 3]>,
 }
 
 /// The payload radio.
@@ -135,6 +141,8 @@ pub(super) struct Draft {
 pub(super) struct PairLink {
     pub(super) link: Option<LinkAddress>,
     pub(super) key_file: Option<PathBuf>,
+    pub(super) peer_system_id: Option<u8>,
+    pub(super) tunnel: bool,
 }
 
 impl Vehicle {
@@ -167,7 +175,7 @@ impl Vehicle {
             role: Some(role),
             autopilot,
             mut transmitter,
-            pair: PairLink { link: Some(pair_link), key_file },
+            pair: PairLink { link: Some(pair_link), key_file, peer_system_id, tunnel },
             limits,
             log_dir,
         } = draft
@@ -184,6 +192,8 @@ impl Vehicle {
             transmitter,
             pair_link,
             key_file,
+            pair_peer_system: peer_system_id,
+            pair_tunnel: tunnel,
             limits,
             log_dir,
             warnings: findings,
@@ -288,6 +298,14 @@ fn check(draft: &Draft, file: &mut Document) {
         let message = format!("`rate_hz` is {} Hz, too slow to fly by thrust vector", autopilot.rate_hz);
         refuse(file, "autopilot.rate_hz", &message, "give at least 50");
     }
+    if autopilot.thrust_n.is_some()
+        && autopilot.actuation != Actuation::ThrustVector
+        && file.sound(&["autopilot.thrust_n", "autopilot.actuation"])
+    {
+        let message = format!("`thrust_n` means nothing with actuation \"{}\"", autopilot.actuation);
+        refuse(file, "autopilot.thrust_n", &message, "leave it out, or give actuation = \"thrust_vector\"");
+    }
+    check_pair(draft, file);
     let transmitter = &draft.transmitter;
     if transmitter.kind != TransmitterKind::Parameter || !file.sound(&["transmitter"]) {
         return;
@@ -314,6 +332,25 @@ fn check(draft: &Draft, file: &mut Document) {
             file.at("transmitter.unit"),
             "`unit` is \"levels\", but there is no [[transmitter.level]]".to_owned(),
             "add [[transmitter.level]] with value = ... and power_w = ..., one for each level".to_owned(),
+        );
+    }
+}
+
+/// The pair link's addressing.
+fn check_pair(draft: &Draft, file: &mut Document) {
+    let pair = &draft.pair;
+    if pair.tunnel && pair.peer_system_id.is_none() && file.sound(&["pair.peer_system_id"]) {
+        file.missing(
+            file.at("pair.tunnel"),
+            "`tunnel` is set, but not whom TUNNEL is addressed to".to_owned(),
+            "give peer_system_id, the MAVLink system of the other vehicle".to_owned(),
+        );
+    }
+    if let Some(system) = pair.peer_system_id.filter(|peer| Some(*peer) == draft.autopilot.system_id) {
+        file.error(
+            file.at("pair.peer_system_id"),
+            format!("`peer_system_id` is {system}, which is this vehicle's own system_id"),
+            "give the other vehicle's; the two must differ".to_owned(),
         );
     }
 }

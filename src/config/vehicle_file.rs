@@ -1,7 +1,7 @@
 //! Every setting of the vehicle file, declared once: key, kind, range, unit, default, sentence.
 
 use super::address::LinkAddress;
-use super::kind::{Choice, Flag, Integer, Number, Parsed, Text};
+use super::kind::{Choice, Flag, Integer, Number, Numbers, Parsed, Text};
 use super::mission_file::{climb, power, speed, tilt, tilt_rate};
 use super::reader::Section;
 use super::vehicle::{
@@ -37,6 +37,20 @@ pub(super) fn describe(s: &mut Section<'_, '_>) -> Draft {
                 PATH,
             )
             .map(Into::into),
+        peer_system_id: s
+            .optional(
+                "peer_system_id",
+                "MAVLink system of the other companion; frames of others are turned away. Unset: any system's are taken.",
+                ID,
+            )
+            .map(byte),
+        tunnel: s.read(
+            "tunnel",
+            "Pair messages ride in TUNNEL, for a path across an autopilot, which drops messages it does not know; alike on \
+             both vehicles, and with peer_system_id.",
+            Flag,
+            false,
+        ),
     });
     let limits =
         s.table("limits", "What this vehicle may be asked for. Unset: what the mission says of it.", limits);
@@ -56,6 +70,7 @@ fn byte(value: u64) -> u8 {
     u8::try_from(value).unwrap_or(u8::MAX)
 }
 
+const NEWTONS: Number = Number::within("N", 0.01, 1e5);
 const ID: Integer = Integer { min: 1, max: 255 };
 
 fn autopilot(s: &mut Section<'_, '_>) -> Autopilot {
@@ -84,6 +99,12 @@ fn autopilot(s: &mut Section<'_, '_>) -> Autopilot {
         system_id: s.optional("system_id", "MAVLink system of the autopilot. Unset: the first that is heard.", ID).map(byte),
         component_id: byte(s.read("component_id", "MAVLink component of this companion.", ID, 191)),
         rate_hz: s.read("rate_hz", "Setpoints and state per second.", Number::within("Hz", 5.0, 400.0), 50.0),
+        thrust_n: s.optional(
+            "thrust_n",
+            "What one unit of thrust is worth along body x, y and z, for \"thrust_vector\"; ratios matter. Unset: from the \
+             autopilot's CA_ROTOR* parameters.",
+            Numbers([("x", NEWTONS), ("y", NEWTONS), ("z", NEWTONS)]),
+        ),
     }
 }
 

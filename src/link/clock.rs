@@ -98,6 +98,13 @@ impl Clock {
     }
 }
 
+/// The processor time that the calling thread has used: what a calculation costs, whoever else uses the machine.
+#[must_use]
+pub fn thread_cpu_time() -> Duration {
+    let time = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
+    Duration::new(u64::try_from(time.tv_sec).unwrap_or(0), u32::try_from(time.tv_nsec).unwrap_or(0))
+}
+
 fn wall_utc() -> Utc {
     // A clock set before 1970 reads as 1970.
     let since_epoch = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();

@@ -27,6 +27,22 @@ macro_rules! rejections {
     };
 }
 
+impl Rejection {
+    /// What the operator can do about it, where two ends are most likely configured differently.
+    #[must_use]
+    pub const fn remedy(self) -> Option<&'static str> {
+        match self {
+            Self::Unsigned | Self::WrongSignature => Some(
+                "the other end signs with another key, or not at all: give both vehicle files the same key_file",
+            ),
+            Self::OtherForm => Some(
+                "the other companion sends its pair messages in the other form: set [pair] tunnel alike in both vehicle files",
+            ),
+            _ => None,
+        }
+    }
+}
+
 rejections! {
     Truncated, "truncated", "A datagram or a connection ended inside a frame.";
     BadCrc, "bad_crc", "The checksum does not match.";
@@ -40,6 +56,7 @@ rejections! {
     Replayed, "replayed", "A signed frame whose timestamp is not later than its stream's last.";
     TooOld, "too_old", "The first signed frame of a stream, older than anything acceptable since this link's last run.";
     TooNew, "too_new", "A signed frame ahead of the timestamps on record; the record is being extended.";
+    OtherForm, "other_form", "A pair message in the form, plain or in TUNNEL, for which this end is not configured.";
     ForeignSystem, "foreign_system", "The frame is from a system other than the link's peer.";
     Stranger, "stranger", "A datagram or a connection from an address other than the peer's.";
 }

@@ -74,6 +74,7 @@ pub struct Link<M> {
     draining: Option<(Origin, bool)>,
     buffer: Vec<u8>,
     counters: Counters,
+    admits: fn(&M) -> Result<(), Rejection>,
 }
 
 impl<M: Message> Link<M> {
@@ -131,7 +132,13 @@ impl<M: Message> Link<M> {
             draining: None,
             buffer: vec![0; READ_BYTES],
             counters: Counters::default(),
+            admits: |_| Ok(()),
         })
+    }
+
+    /// Turns away, before it changes anything, what this function refuses. Nothing, unless it is told.
+    pub(super) fn admit_only(&mut self, admits: fn(&M) -> Result<(), Rejection>) {
+        self.admits = admits;
     }
 
     /// The next frame of the peer's. Never ends: a link that is down is reopened in here. Safe to cancel, and
@@ -312,6 +319,7 @@ impl<M: Message> Link<M> {
             }
         }
         let frame = raw.parse::<M>()?;
+        (self.admits)(&frame.message)?;
         self.note_peer(origin)?;
         self.backoff = BACKOFF_FIRST;
         self.counters.received += 1;
@@ -338,7 +346,10 @@ impl<M: Message> Link<M> {
 
     fn reject(&mut self, reason: Rejection) {
         let before = self.counters.rejected.total();
-        self.counters.rejected.count(reason);
+        let first = self.counters.rejected.count(reason) == 1;
+        if let Some(remedy) = reason.remedy().filter(|_| first) {
+            tracing::warn!(link = self.name, reason = reason.as_str(), "a frame was turned away: {remedy}");
+        }
         self.report_rejections_since(before);
     }
 

@@ -123,7 +123,7 @@ impl Disk {
             let mut count = 0;
             let mut next = Some(first);
             while let Some((utc, frame)) = next {
-                append_record(&mut batch, utc, &frame);
+                append_record(&mut batch, utc, frame.bytes());
                 count += 1;
                 next = if batch.len() < BATCH_BYTES { records.try_recv().ok() } else { None };
             }
@@ -165,9 +165,10 @@ impl Disk {
     }
 }
 
-fn append_record(batch: &mut Vec<u8>, utc: Utc, frame: &RawFrame) {
+/// Appends one record: the bytes of a frame without a signature, and its time.
+pub fn append_record(batch: &mut Vec<u8>, utc: Utc, frame: &[u8]) {
     batch.extend_from_slice(&utc.unix_us.to_be_bytes());
-    batch.extend_from_slice(frame.bytes());
+    batch.extend_from_slice(frame);
 }
 
 /// Reads a telemetry log, record by record. After an error it ends.

@@ -9,25 +9,27 @@ use std::collections::VecDeque;
 use std::time::Duration;
 
 use mavlink::MavHeader;
-use mavlink::dialects::ardupilotmega::{MavMessage, MavSeverity, MavState};
+use mavlink::dialects::ardupilotmega::{MavMessage, MavSeverity};
 
-use crate::autopilot::{self, Autopilot, Setpoint};
+use crate::autopilot::{self, Autopilot};
 use crate::geo::{Attitude, Enu};
-use crate::pair::{self, Coordinator, Local, PlanTerms, wire};
+use crate::pair::{self, Coordinator, PlanTerms, wire};
 use crate::planner::problem::Airspace;
 use crate::planner::slots::Plan;
 use crate::role::{PerVehicle, Role};
 use crate::schedule::order::Order;
 use crate::schedule::table::{Entry, Table, TableError, Timing};
-use crate::schedule::trajectory::{self, Limits, Start, Trajectory};
-use crate::schedule::transit::{Router, TransitError};
-use crate::time::Instant;
+use crate::schedule::trajectory::{self, Limits, Start as From, Trajectory};
+use crate::schedule::transit::{Router, Separation, TransitError};
+use crate::time::{Instant, Utc};
 use crate::transmitter::Transmitter;
 
 use super::course::{self, AgreementTime, Change, Health};
+use super::face::{Face, Scene};
 use super::flight::Phase;
 use super::interlock::{Ceilings, Interlock, Silence};
 use super::slot::SlotRun;
+use super::start::Start;
 
 const HEARTBEAT_EVERY: Duration = Duration::from_secs(1);
 
@@ -56,8 +58,12 @@ pub struct Settings {
     pub ceilings: Ceilings,
     /// The transmitter is simulated, or the mission authorises emission.
     pub emission_authorised: bool,
+    /// Nodes and radio, for the live figures.
+    pub scene: Scene,
     /// Begin as soon as both vehicles are ready, without waiting for MISSION_START.
     pub start_unasked: bool,
+    /// When the transit to the first slot begins, unless the operator decides.
+    pub start_utc: Option<Utc>,
 }
 
 /// A message for one of the two links.
@@ -126,7 +132,7 @@ pub struct Executive {
     pub(super) phase_since: Instant,
     pub(super) plan: Option<Plan>,
     pub(super) table: Option<Table>,
-    /// From the last slot's poses to above the homes.
+    /// From the last slot's poses to above the homes, where both can fly at once.
     pub(super) home_trajectory: Option<Trajectory>,
     pub(super) preflight_ok: bool,
     pub(super) motion: Option<Motion>,
@@ -135,7 +141,7 @@ pub struct Executive {
     /// I: the instant the table counts from, known from the first proposal on.
     pub(super) table_zero: Option<Instant>,
     pub(super) home_enu_m: Option<Enu>,
-    pub(super) started: bool,
+    pub(super) start: Start,
     /// By the operator's order.
     pub(super) paused: bool,
     pub(super) agreement_time: AgreementTime,
@@ -146,7 +152,12 @@ pub struct Executive {
     pub(super) stop_wanted: bool,
     pub(super) outcome: Option<Outcome>,
     pub(super) waiting_for: String,
-    shutting_down: Option<Instant>,
+    pub(super) shutting_down: Option<Instant>,
+    pub(super) face: Face,
+    /// J: I has been told that our state is late.
+    pub(super) told_late: bool,
+    /// The last timeout: the instant at which state may count as late.
+    pub(super) judged_at: Instant,
     next_tick: Instant,
     next_heartbeat: Instant,
     notices: VecDeque<Notice>,
@@ -180,7 +191,7 @@ impl Executive {
             next_slot: 0,
             table_zero: None,
             home_enu_m: None,
-            started: settings.start_unasked,
+            start: Start::new(settings.start_unasked, settings.start_utc),
             paused: false,
             agreement_time: AgreementTime::default(),
             abort_cause: None,
@@ -189,6 +200,9 @@ impl Executive {
             outcome: None,
             waiting_for: String::new(),
             shutting_down: None,
+            face: Face::new(now),
+            told_late: false,
+            judged_at: now,
             next_tick: now,
             next_heartbeat: now,
             notices: VecDeque::new(),
@@ -208,6 +222,8 @@ impl Executive {
         self.autopilot.handle_message(header, message, now);
         self.interlock.handle_message(header, message, now);
         self.handle_operator(header, message, now);
+        self.handle_parameters(header, message);
+        self.handle_files(header, message);
         self.react(now);
     }
 
@@ -219,14 +235,19 @@ impl Executive {
 
     /// Does what is due at `now`.
     pub fn handle_timeout(&mut self, now: Instant) {
+        self.judged_at = now;
         self.autopilot.handle_timeout(now);
         self.pair.handle_timeout(now);
         self.interlock.handle_timeout(now);
+        if self.overdue_at().is_some_and(|at| at <= now) {
+            self.react(now);
+        }
         if self.next_tick <= now {
             let period = Duration::from_secs_f64(1.0 / self.settings.autopilot.rate_hz);
             self.next_tick = (self.next_tick + period).max(now);
             self.react(now);
             self.feed_setpoint(now);
+            self.show(now);
         }
         if self.next_heartbeat <= now {
             self.next_heartbeat = now + HEARTBEAT_EVERY;
@@ -239,7 +260,8 @@ impl Executive {
     #[must_use]
     pub fn poll_timeout(&self) -> (Instant, &'static str) {
         let own = [(self.next_tick, "tick"), (self.next_heartbeat, "heartbeat"), self.pair.poll_timeout()];
-        let lower = [self.autopilot.poll_timeout(), self.interlock.poll_timeout()];
+        let overdue = self.overdue_at().map(|at| (at, "late state"));
+        let lower = [self.autopilot.poll_timeout(), self.interlock.poll_timeout(), overdue];
         own.into_iter().chain(lower.into_iter().flatten()).min_by_key(|(at, _)| *at).unwrap_or(own[0])
     }
 
@@ -332,14 +354,15 @@ impl Executive {
             return Ok(());
         }
         let homes = PerVehicle::from_fn(|role| if role == self.settings.role { own } else { peer });
-        let start = homes.map(|home| Start { position_enu_m: self.above(home), attitude: Attitude::level() });
+        let start = homes.map(|home| From { position_enu_m: self.above(home), attitude: Attitude::level() });
         let router = Router::new(&self.settings.airspace, &self.settings.limits)?;
         let users: Vec<_> = plan.slots.iter().map(|slot| vec![slot.plan.vehicles.map(|v| v.pose)]).collect();
         let table = Table::build(&router, &start, &users, &self.settings.timing, self.settings.order)?;
         if let Some(last) = table.entries.last() {
             let from = PerVehicle::from_fn(|role| last.transit[role].end());
             let home = router.home(&from, &homes)?;
-            self.home_trajectory = Some(home.trajectories[self.settings.role].clone());
+            let together = home.separation == Separation::Paths;
+            self.home_trajectory = together.then(|| home.trajectories[self.settings.role].clone());
         }
         let slots =
             table.entries.iter().filter_map(|e| plan.slots.get(e.user_index)).map(|s| s.plan.vehicles);
@@ -372,7 +395,7 @@ impl Executive {
     /// Lets the course of the slot decide, and says when the transmitter goes on and off, and why.
     fn drive(&mut self, now: Instant) {
         let health = Health {
-            state_fresh: self.autopilot.fresh(now),
+            state_fresh: self.may_radiate_on_state(),
             in_control: self.autopilot.in_control() && self.shutting_down.is_none(),
             estimator_ok: self.estimator_ok(),
             pose_ok: self.pose_ok(now),
@@ -395,41 +418,7 @@ impl Executive {
             }
             Some(Change::Off(_)) | None => {}
         }
-    }
-
-    fn feed_setpoint(&mut self, now: Instant) {
-        if self.shutting_down.is_some() {
-            return;
-        }
-        if let Some(motion) = &self.motion {
-            let sample = motion.sample(now);
-            let setpoint = Setpoint {
-                position_enu_m: sample.position_enu_m,
-                velocity_enu_m_s: sample.velocity_enu_m_s,
-                attitude: sample.attitude,
-            };
-            self.autopilot.set_setpoint(setpoint, now);
-        }
-    }
-
-    fn tell_pair(&mut self, now: Instant) {
-        let on_station = self.slot.as_ref().is_some_and(|slot| slot.monitor.check().is_ok())
-            && self.autopilot.fresh(now)
-            && self.autopilot.in_control();
-        let state = self.autopilot.state();
-        let local = Local {
-            home_enu_m: self.home_enu_m,
-            position_enu_m: state.position_enu_m.map(|p| p.value),
-            preflight_ok: self.preflight_ok,
-            airborne: self.phase.is_flying() && self.autopilot.in_control(),
-            on_station,
-            radiating: !self.interlock.is_off(now),
-            ended: self.phase.is_ending(),
-            returning: self.phase.is_returning(),
-            paused: self.paused,
-            landed: state.is_airborne() == Some(false),
-        };
-        self.pair.set_local(local, now);
+        self.warn_if_late(now);
     }
 
     /// No word against the estimate: an autopilot that does not report its health is judged by its state's freshness.
@@ -440,15 +429,5 @@ impl Executive {
     /// The autopilot's newest position.
     pub(super) fn position(&self) -> Option<Enu> {
         self.autopilot.state().position_enu_m.map(|p| p.value)
-    }
-
-    fn heartbeat(&self) -> MavMessage {
-        let system_status = match (&self.phase, &self.abort_cause) {
-            (_, Some(_)) => MavState::MAV_STATE_CRITICAL,
-            (Phase::Connecting, None) => MavState::MAV_STATE_BOOT,
-            (Phase::Standby, None) => MavState::MAV_STATE_STANDBY,
-            _ => MavState::MAV_STATE_ACTIVE,
-        };
-        autopilot::heartbeat(system_status)
     }
 }

@@ -19,6 +19,8 @@ use super::homing::HOLD;
 const ARRIVED_M: f64 = 1.0;
 /// After a climb or a return should have ended, how long the vehicle may still take.
 const LATE: Duration = Duration::from_secs(30);
+/// A slot is proposed no earlier before the time that the agreement takes.
+const EARLY: Duration = Duration::from_secs(2);
 
 /// See the module.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -114,6 +116,7 @@ impl Executive {
                     self.end_slot(now);
                 } else {
                     self.watch_peer_ending(now);
+                    self.keep_turns(now);
                 }
             }
             Phase::Holding { until } => {
@@ -168,8 +171,9 @@ impl Executive {
         {
             missing.push(format!("vehicle {} is not ready", self.settings.role.peer()));
         }
-        if missing.is_empty() && !self.started {
-            missing.push("MISSION_START".into());
+        if missing.is_empty() {
+            let (utc, climb) = (self.autopilot.utc(now), self.climb_time());
+            missing.extend(self.start.waits_for(utc, climb));
         }
         if !missing.is_empty() {
             return self.wait_for(missing, now);
@@ -226,10 +230,13 @@ impl Executive {
                 if !peer_ready || self.pair.is_proposing() || now < propose_at {
                     return;
                 }
+                let Some(utc) = self.autopilot.utc(now) else { return };
                 let earliest = now + self.agreement_time.time(&self.pair) + lead;
-                let opens_at = self.table_zero.map_or(earliest, |zero| (zero + opens).max(earliest));
-                self.table_zero = Some(opens_at - opens);
-                if let Some(utc) = self.autopilot.utc(now) {
+                let zero = self.table_zero.or_else(|| self.start.table_zero(utc, now));
+                let opens_at = zero.map_or(earliest, |zero| (zero + opens).max(earliest));
+                // Before a start at a given time both hover: a proposal now would be agreed on too early.
+                if opens_at <= earliest + EARLY {
+                    self.table_zero = Some(opens_at - opens);
                     let opens: Utc = utc + opens_at.saturating_since(now);
                     self.pair.propose(self.next_slot, opens, lead, now);
                 }
@@ -330,13 +337,25 @@ impl Executive {
         }
     }
 
-    pub(super) fn climb(&mut self, now: Instant) {
-        let (Some(start), Some(home)) = (self.here(), self.home_enu_m) else { return };
+    /// From here to the bottom of the altitude band.
+    fn way_up(&self, home: Enu) -> Option<Trajectory> {
         let limits = self.settings.limits[self.settings.role];
-        let mut trajectory = Trajectory::rest(&start);
+        let mut trajectory = Trajectory::rest(&self.here()?);
         trajectory.fly(&[self.above(home)], &limits);
         // The turn to the mission's heading waits until the vehicle is clear of the ground.
         trajectory.turn(Attitude::level(), 2.0, &limits);
+        Some(trajectory)
+    }
+
+    fn climb_time(&self) -> Duration {
+        self.home_enu_m.and_then(|home| self.way_up(home)).map_or(Duration::ZERO, |way| way.duration())
+    }
+
+    pub(super) fn climb(&mut self, now: Instant) {
+        let Some((home, trajectory)) = self.home_enu_m.and_then(|home| Some((home, self.way_up(home)?)))
+        else {
+            return;
+        };
         self.motion = Some(Motion { trajectory, starts_at: now });
         self.autopilot.take_off(self.above(home).z - home.z, now);
         self.enter(Phase::Climbing, now);

@@ -22,11 +22,20 @@ const LAND_FIRST: Duration = Duration::from_secs(120);
 const LAND_UNHEARD: Duration = Duration::from_secs(5);
 
 impl Executive {
-    /// All slots are over: both go home along the table's last transit.
+    /// All slots are over: both go home along the table's last transit, or, where their ways would only be apart in
+    /// time, one after the other as after an abort.
     pub(super) fn finish(&mut self, now: Instant) {
-        self.motion = self.home_trajectory.clone().map(|trajectory| Motion { trajectory, starts_at: now });
         self.notice(MavSeverity::MAV_SEVERITY_INFO, "all slots are over, returning".into());
-        self.enter(Phase::Returning, now);
+        match self.home_trajectory.clone() {
+            Some(trajectory) => {
+                self.motion = Some(Motion { trajectory, starts_at: now });
+                self.enter(Phase::Returning, now);
+            }
+            None => {
+                self.hold_here(now);
+                self.enter(Phase::Holding { until: now + HOLD }, now);
+            }
+        }
     }
 
     /// After an abort the two must not cross. I goes home first; J when I is down, or is not coming, or took too

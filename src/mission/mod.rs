@@ -2,6 +2,7 @@
 
 pub mod course;
 pub mod executive;
+mod face;
 mod flight;
 mod homing;
 pub mod interlock;
@@ -9,5 +10,10 @@ mod operator;
 pub mod pose_monitor;
 mod reaction;
 mod slot;
+mod staleness;
+mod standing;
+mod start;
+mod turns;
 
 pub use executive::{Executive, Notice, Outcome, Outgoing, Settings};
+pub use face::Scene;

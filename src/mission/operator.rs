@@ -31,6 +31,7 @@ impl Executive {
             MavCmd::MAV_CMD_USER_2 => Some(VeilwingOrder::VEILWING_ORDER_RADIO_KILL),
             _ => None,
         };
+        let mut information = None;
         let result = match order {
             Some(order) if self.can_obey(order) => {
                 self.pair.order(order, now);
@@ -38,7 +39,14 @@ impl Executive {
                 MavResult::MAV_RESULT_ACCEPTED
             }
             Some(_) => MavResult::MAV_RESULT_DENIED,
-            None => MavResult::MAV_RESULT_UNSUPPORTED,
+            None => {
+                let asks = command == MavCmd::MAV_CMD_REQUEST_MESSAGE;
+                information = asks.then(|| self.information(param1, now)).flatten();
+                match information {
+                    Some(_) => MavResult::MAV_RESULT_ACCEPTED,
+                    None => MavResult::MAV_RESULT_UNSUPPORTED,
+                }
+            }
         };
         let target_system = u8::try_from(header.system_id).unwrap_or_default();
         self.outbox.push_back(MavMessage::COMMAND_ACK(COMMAND_ACK_DATA {
@@ -48,6 +56,7 @@ impl Executive {
             target_component: header.component_id,
             ..COMMAND_ACK_DATA::default()
         }));
+        self.outbox.extend(information);
     }
 
     fn can_obey(&self, order: VeilwingOrder) -> bool {
@@ -69,7 +78,7 @@ impl Executive {
             return;
         }
         match order {
-            VeilwingOrder::VEILWING_ORDER_START => self.started = true,
+            VeilwingOrder::VEILWING_ORDER_START => self.start.ask(),
             VeilwingOrder::VEILWING_ORDER_RETURN => {
                 self.pair.silent(VeilwingSilence::VEILWING_SILENCE_OPERATOR, now);
                 self.abort("the operator ordered the return".into(), now);

@@ -31,7 +31,25 @@ impl Tolerance {
     /// of it after the filter).
     #[must_use]
     pub fn for_jitter(jitter_rad: f64) -> Self {
-        Self { position_m: 1.0, attitude_rad: 3f64.to_radians() + jitter_rad, jitter_rad }
+        let [position_m, attitude_rad] = Self::widest();
+        Self::of(position_m, attitude_rad, jitter_rad)
+    }
+
+    /// The widest that is ever allowed: position in metres, attitude in radians without the jitter's share.
+    #[must_use]
+    pub const fn widest() -> [f64; 2] {
+        [1.0, 3f64.to_radians()]
+    }
+
+    /// As [`Self::for_jitter`], within these limits or the widest, whichever is stricter.
+    #[must_use]
+    pub fn of(position_m: f64, attitude_rad: f64, jitter_rad: f64) -> Self {
+        let [widest_m, widest_rad] = Self::widest();
+        Self {
+            position_m: position_m.min(widest_m),
+            attitude_rad: attitude_rad.min(widest_rad) + jitter_rad,
+            jitter_rad,
+        }
     }
 
     fn single_sample_rad(&self) -> f64 {

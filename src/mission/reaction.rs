@@ -150,7 +150,10 @@ impl Executive {
                 self.notice(MavSeverity::MAV_SEVERITY_WARNING, text);
                 let may_recover = matches!(
                     reason,
-                    VeilwingSilence::VEILWING_SILENCE_POSE | VeilwingSilence::VEILWING_SILENCE_TRANSMITTER
+                    // State that is late for a moment; where it stays away, the peer says that it has ended.
+                    VeilwingSilence::VEILWING_SILENCE_POSE
+                        | VeilwingSilence::VEILWING_SILENCE_TRANSMITTER
+                        | VeilwingSilence::VEILWING_SILENCE_LINK
                 );
                 if !may_recover {
                     let text = format!("vehicle {peer} fell silent for good, {}", reason_in_words(reason));

@@ -5,12 +5,17 @@ use std::time::Duration;
 use mavlink::dialects::ardupilotmega::MavSeverity;
 
 use crate::pair::Commitment;
+use crate::schedule::transit::Separation;
 use crate::time::Instant;
 
 use super::course::Course;
 use super::executive::{Executive, Motion};
 use super::flight::Phase;
-use super::pose_monitor::{PoseMonitor, Tolerance};
+use super::pose_monitor::PoseMonitor;
+use super::turns::Turns;
+
+/// A position of the other that is older says nothing of where it rests.
+const HEARD_OF_LATE: Duration = Duration::from_millis(500);
 
 /// A committed slot.
 #[derive(Debug, Clone)]
@@ -20,6 +25,8 @@ pub(super) struct SlotRun {
     pub user: String,
     /// The switching on has been said.
     pub announced: bool,
+    /// On a transit in turns.
+    pub turns: Option<Turns>,
 }
 
 impl Executive {
@@ -43,9 +50,11 @@ impl Executive {
                 closes_at: after_opening(entry.closes),
                 closing: false,
             },
-            monitor: PoseMonitor::new(vehicle.pose, Tolerance::for_jitter(self.settings.jitter_rad)),
+            monitor: PoseMonitor::new(vehicle.pose, self.face.tolerance(self.settings.jitter_rad)),
             user: planned.user.clone(),
             announced: false,
+            turns: (entry.separation == Separation::Time)
+                .then(|| Turns::new(entry.transit[role.peer()].clone())),
         };
         let opens_in = commitment.opens_at.saturating_since(now).as_secs_f64();
         let text = format!("slot {} for {}: agreed, opens in {opens_in:.1} s", commitment.slot, slot.user);
@@ -53,6 +62,19 @@ impl Executive {
         self.slot = Some(slot);
         self.enter(Phase::Slot, now);
         self.notice(MavSeverity::MAV_SEVERITY_INFO, text);
+    }
+
+    /// On a transit in turns: waits for the other, and gives up once that costs the slot's opening.
+    pub(super) fn keep_turns(&mut self, now: Instant) {
+        let peer = self.pair.peer();
+        let peer_at = peer.position_enu_m.filter(|_| peer.heard_within(HEARD_OF_LATE, now));
+        let Some((slot, motion)) = self.slot.as_mut().zip(self.motion.as_mut()) else { return };
+        let Some(turns) = slot.turns.as_mut() else { return };
+        motion.starts_at = turns.started(&motion.trajectory, motion.starts_at, peer_at, now);
+        if motion.ends_at() > slot.course.commitment.opens_at {
+            let peer = self.settings.role.peer();
+            self.abort(format!("vehicle {peer} is not where it should be for its turn to pass"), now);
+        }
     }
 
     /// Whether the slot's time is over, or it was ended early and all is quiet: silent, and the transit flown to its

@@ -11,6 +11,9 @@ use super::setup::Setup;
 /// `sin^2(min(b + t, 90 deg))`, tan b = r/h, and gain over distance squared falls with h; over r it is largest at
 /// `b = 45 deg - t/2`. Under jitter the limit does not hold for the gain, which is then at most one.
 ///
+/// Valid for every model of jitter and of uncertain positions and for every objective, since `R <= B log2(1 + Gamma_0)` at
+/// every draw. Distances are rounded down and the rate up: no configuration exceeds it in floating point either.
+///
 /// # Errors
 /// [`PlanError`] for a problem without meaning.
 pub fn cap(problem: &Problem) -> Result<f64, PlanError> {
@@ -21,8 +24,10 @@ pub(super) fn cap_bps(setup: &Setup) -> f64 {
     let problem = setup.problem;
     let user = problem.user_enu_m;
     let [low, high] = problem.airspace.altitude_m;
-    let height = (user.z.clamp(low, high) - user.z).abs();
-    let nearest = (setup.region.nearest(user.xy()) - user.xy()).norm();
+    // Coordinates are rounded to within their own last places, and so are the distances between them.
+    let slack = ROUNDING * (user.amax() + setup.region.farthest_m(user.xy()) + low.abs().max(high.abs()));
+    let height = ((user.z.clamp(low, high) - user.z).abs() - slack).max(0.0);
+    let nearest = ((setup.region.nearest(user.xy()) - user.xy()).norm() - slack).max(0.0);
     let tilt = setup.tilt_rad[0];
     let amplitude = if setup.jitters() || tilt >= std::f64::consts::FRAC_PI_2 {
         1.0 / nearest.hypot(height)
@@ -35,4 +40,8 @@ pub(super) fn cap_bps(setup: &Setup) -> f64 {
     let amplitude = amplitude.min(1.0 / crate::radio::link::NEAREST_M);
     let budget = setup.scene.budget_m2_w * problem.radio.max_power_w.i;
     problem.radio.bandwidth_hz * (budget * amplitude * amplitude).ln_1p() / std::f64::consts::LN_2
+        * (1.0 + 1e-14)
 }
+
+/// A few units in the last place, relative.
+const ROUNDING: f64 = 2e-15;

@@ -46,13 +46,29 @@ pub enum Status {
     NoPositiveRate,
 }
 
-/// Kind of an upper bound.
+/// What an upper bound bounds and how firmly. `planner::bound` derives each.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum BoundKind {
-    /// The cap: user at the least distance in the plane of maximum gain, eavesdroppers deaf.
+    /// The cap: user at the least distance in the plane of maximum gain, eavesdroppers deaf. Proven for every problem.
     Cap,
-    /// Branch and bound, valid without jitter for the instantaneous rate.
+    /// Branch and bound over both positions, without jitter. Proven, rounding included; tilt limits are relaxed.
     BranchAndBound,
-    /// The decoupled bound under jitter, on the signed objective.
+    /// The same for a problem with jitter, of any law, whose noise is left out. Proven, and loose.
+    WithoutJitter,
+    /// The decoupled bound under jitter: on the mean of the signed rate, `[.]^+` left out, and as firm as the margins
+    /// of its quadrature.
     DecoupledSigned,
+}
+
+impl BoundKind {
+    /// Its name in documents.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Cap => "cap",
+            Self::BranchAndBound => "branch-and-bound",
+            Self::WithoutJitter => "without-jitter",
+            Self::DecoupledSigned => "decoupled-signed",
+        }
+    }
 }

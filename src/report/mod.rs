@@ -1,4 +1,5 @@
 //! Documents for people and programs: plans, flights and figures.
 
 pub mod figures;
+pub mod flight;
 pub mod plan_document;

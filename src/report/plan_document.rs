@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use crate::geo::Pose;
-use crate::planner::plan::{BoundKind, SlotPlan, Status, VehiclePlan};
+use crate::planner::plan::{SlotPlan, Status, VehiclePlan};
 use crate::role::PerVehicle;
 
 /// The document's `format`.
@@ -38,17 +38,17 @@ pub struct SlotDocument {
     pub secrecy_rate_bps: f64,
     /// Its standard error as an estimate.
     pub standard_error_bps: f64,
-    /// Upper bound on the optimum.
+    /// Upper bound on the secrecy rate of any poses and powers, bit/s.
     pub upper_bound_bps: f64,
-    /// What that bounds.
+    /// What that bounds and how firmly: [`BoundKind::name`](crate::planner::plan::BoundKind::name).
     pub upper_bound_kind: &'static str,
     /// At the desired attitude and estimated positions.
     pub sinr: SinrDocument,
     /// Poses and powers.
     pub vehicles: PerVehicle<VehicleDocument>,
-    /// The search alone.
+    /// The search alone, seconds.
     pub planning_time_s: f64,
-    /// The bound alone.
+    /// The search for a bound better than the cap alone, seconds; 0 if none was asked for.
     pub bound_time_s: f64,
 }
 
@@ -106,7 +106,7 @@ impl SlotDocument {
             secrecy_rate_bps: slot.secrecy_rate_bps,
             standard_error_bps: slot.standard_error_bps,
             upper_bound_bps: slot.upper_bound_bps,
-            upper_bound_kind: bound_name(slot.upper_bound_kind),
+            upper_bound_kind: slot.upper_bound_kind.name(),
             sinr: SinrDocument {
                 user: slot.user_sinr,
                 eavesdroppers: sinrs
@@ -170,13 +170,5 @@ fn status_name(status: Status) -> &'static str {
         Status::Converged => "converged",
         Status::IterationLimit => "iteration-limit",
         Status::NoPositiveRate => "no-positive-rate",
-    }
-}
-
-fn bound_name(kind: BoundKind) -> &'static str {
-    match kind {
-        BoundKind::Cap => "cap",
-        BoundKind::BranchAndBound => "branch-and-bound",
-        BoundKind::DecoupledSigned => "decoupled-signed",
     }
 }

@@ -213,6 +213,18 @@ impl Trajectory {
         std::iter::once(self.start).chain(self.legs.iter().map(|leg| leg.to)).collect()
     }
 
+    /// When it next sets off from rest, later than `after` (`None`: at all): legs that follow one another without a
+    /// hold are one departure.
+    #[must_use]
+    pub fn departure_after(&self, after: Option<Duration>) -> Option<Duration> {
+        let before = std::iter::once(None).chain(self.legs.iter().map(|leg| Some(leg.ends_s())));
+        let from_rest =
+            self.legs.iter().zip(before).filter(|(leg, before)| before.is_none_or(|s| leg.starts_s > s));
+        from_rest
+            .filter_map(|(leg, _)| Duration::try_from_secs_f64(leg.starts_s).ok())
+            .find(|&departs| after.is_none_or(|after| departs > after))
+    }
+
     /// Where it ends.
     #[must_use]
     pub fn end(&self) -> Start {

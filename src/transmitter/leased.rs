@@ -10,7 +10,7 @@ use mavlink::dialects::ardupilotmega::{
     COMMAND_ACK_DATA, COMMAND_INT_DATA, MavCmd, MavFrame, MavMessage, MavResult,
 };
 
-use super::{LONGEST_TRANSIT, Lease, PERSISTENCE, REPEAT_OFF, REPEAT_OFF_SLOWLY, at_most};
+use super::{LONGEST_TRANSIT, Lease, PERSISTENCE, at_most, until_next_off};
 use crate::time::Instant;
 use crate::units::{Dbm, Watts};
 
@@ -108,7 +108,8 @@ impl Leased {
     pub(super) fn silence(&mut self, now: Instant, out: &mut VecDeque<MavMessage>) {
         self.lease = None;
         self.unanswered.iter_mut().for_each(|command| command.revoked = true);
-        self.wanted = Wanted::Off { since: now, confirmed: false, repeat_at: now + REPEAT_OFF };
+        self.wanted =
+            Wanted::Off { since: now, confirmed: false, repeat_at: now + until_next_off(Duration::ZERO) };
         self.send_off(now, out);
     }
 
@@ -182,8 +183,7 @@ impl Leased {
         self.forget_lost(now);
         match self.wanted {
             Wanted::Off { confirmed: false, repeat_at, since } if repeat_at <= now => {
-                let long = now.saturating_since(since) >= PERSISTENCE;
-                let interval = if long { REPEAT_OFF_SLOWLY } else { REPEAT_OFF };
+                let interval = until_next_off(now.saturating_since(since));
                 self.wanted = Wanted::Off { since, confirmed: false, repeat_at: now + interval };
                 self.send_off(now, out);
             }

@@ -30,9 +30,14 @@ pub use parameter::{Level, PowerParameter, Protocol, Unit};
 const LIMIT_PARAMETER: &str = "TX_MAX_DBM";
 /// A command that has not arrived by now never will.
 const LONGEST_TRANSIT: Duration = Duration::from_millis(500);
-/// Off is repeated this often until it is confirmed, ...
+/// How often off is repeated until it is confirmed: fast at first, so that three commands may be lost one after the
+/// other and the fourth still arrives within S4's reaction time, ...
+const REPEAT_OFF_FAST: Duration = Duration::from_millis(25);
+/// ... for so long, ...
+const FAST: Duration = Duration::from_millis(200);
+/// ... then like this, ...
 const REPEAT_OFF: Duration = Duration::from_millis(50);
-/// ... and this often when it has not been for [`PERSISTENCE`]: by then every lease has run out.
+/// ... and this often when it has not been confirmed for [`PERSISTENCE`]: by then every lease has run out.
 const REPEAT_OFF_SLOWLY: Duration = Duration::from_millis(500);
 const PERSISTENCE: Duration = Duration::from_secs(2);
 /// A radio not heard for so long is told off again when it is back: it may be another one, or restarted.
@@ -332,6 +337,17 @@ impl Transmitter {
             ),
         };
         vec![heard, expiry, limit]
+    }
+}
+
+/// Time to the next repetition of an off that has been wanted for `wanted_for`.
+fn until_next_off(wanted_for: Duration) -> Duration {
+    if wanted_for < FAST {
+        REPEAT_OFF_FAST
+    } else if wanted_for < PERSISTENCE {
+        REPEAT_OFF
+    } else {
+        REPEAT_OFF_SLOWLY
     }
 }
 

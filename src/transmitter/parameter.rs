@@ -8,7 +8,7 @@ use mavlink::dialects::ardupilotmega::{
     PARAM_REQUEST_READ_DATA, PARAM_SET_DATA, ParamAck,
 };
 
-use super::{Lease, PERSISTENCE, REPEAT_OFF, REPEAT_OFF_SLOWLY, at_most};
+use super::{Lease, REPEAT_OFF, at_most, until_next_off};
 use crate::time::Instant;
 use crate::units::{Dbm, Watts};
 
@@ -259,8 +259,7 @@ impl ByParameter {
     }
 
     fn send(&mut self, now: Instant, out: &mut VecDeque<MavMessage>) {
-        let long = matches!(self.wanted, Wanted::Off { since } if now.saturating_since(since) >= PERSISTENCE);
-        self.send_at = Some(now + if long { REPEAT_OFF_SLOWLY } else { REPEAT_OFF });
+        self.send_at = Some(now + self.until_next(now));
         let value = self.value();
         let name = self.parameter.name.as_str();
         let (target_system, target_component) = self.target;
@@ -292,6 +291,16 @@ impl ByParameter {
             self.sent = Some((value, now));
         }
         out.push_back(message);
+    }
+
+    /// PARAM_EXT_SET takes 28 ms on a line of 57,600 baud: as fast as PARAM_SET's 6 ms allow, repetitions would only
+    /// queue up before the radio. A read, while the type is unknown, is no hurry either.
+    fn until_next(&self, now: Instant) -> Duration {
+        match (self.wanted, self.kind) {
+            (Wanted::Off { since }, Some(Type::Classic(_))) => until_next_off(now.saturating_since(since)),
+            (Wanted::Off { since }, _) => until_next_off(now.saturating_since(since)).max(REPEAT_OFF),
+            (Wanted::On { .. }, _) => REPEAT_OFF,
+        }
     }
 
     fn is_named(&self, id: &mavlink::types::CharArray<16>) -> bool {

@@ -211,6 +211,81 @@ fn val_off_is_sent_in_the_same_call_and_repeated_until_confirmed() {
     assert!(world.transmitter.is_off(world.now));
 }
 
+/// What a driver sends in each of these spans after off, while no answer comes.
+fn offs_unanswered(transmitter: &mut Transmitter, off_at: Instant, spans: &[u64]) -> Vec<usize> {
+    let mut now = off_at;
+    let mut count = |from: Instant, to: Instant| {
+        let mut sent = 0;
+        now = from;
+        while now < to {
+            if transmitter.poll_timeout().is_some_and(|(at, _)| at <= now) {
+                transmitter.handle_timeout(now);
+            }
+            sent += std::iter::from_fn(|| transmitter.poll_transmit())
+                .filter(|m| !matches!(m, MavMessage::PARAM_REQUEST_READ(_)))
+                .count();
+            now = now + STEP;
+        }
+        sent
+    };
+    let mut from = off_at;
+    let counts = spans.iter().map(|&span| {
+        let to = from + ms(span);
+        let sent = count(from, to);
+        from = to;
+        sent
+    });
+    counts.collect()
+}
+
+#[test]
+fn val_off_is_repeated_fast_within_the_reaction_time_then_slower() {
+    // Within 100 ms, to 200 ms, to 2 s, and 2 s more.
+    let spans = [100, 100, 1800, 2000];
+    let now = Instant::from_start(Duration::from_secs(9));
+    let mut world = World::new(Vec::new);
+    world.transmitter.radiate(0.1, 1, now + ms(500), now);
+    drain(&mut world.transmitter);
+    world.transmitter.silence(now);
+    assert_eq!(offs_unanswered(&mut world.transmitter, now, &spans), [4, 4, 36, 4]);
+
+    let kinds = [
+        (Protocol::Classic, classic(5.0), [4, 4, 36, 4]),
+        // Long messages: no faster than a slow line carries them.
+        (Protocol::Extended, extended(5), [2, 2, 36, 4]),
+    ];
+    for (protocol, report, expected) in kinds {
+        let mut transmitter = by_parameter(Unit::Milliwatt, protocol);
+        give(&mut transmitter, &report, Instant::ZERO);
+        drain(&mut transmitter);
+        transmitter.silence(now);
+        assert_eq!(offs_unanswered(&mut transmitter, now, &spans), expected, "{protocol:?}");
+    }
+}
+
+#[test]
+fn val_three_offs_in_a_row_may_be_lost_within_the_reaction_time() {
+    for lost in 0..=3 {
+        let (way, mut sent) = (ms(8), 0);
+        // On, its answer, then the offs.
+        let mut world = World::new(move || {
+            sent += 1;
+            if (5..5 + lost).contains(&sent) { Vec::new() } else { vec![way] }
+        });
+        world.run(ms(50));
+        world.transmitter.radiate(0.1, 1, world.now + ms(500), world.now);
+        world.run(ms(50));
+        assert!(world.radio.on.is_some(), "{lost}");
+        let at = world.now;
+        world.transmitter.silence(at);
+        while world.radio.on.is_some() {
+            world.step();
+        }
+        let silent_after = world.now.saturating_since(at);
+        assert!(silent_after <= ms(100), "{lost} lost: {silent_after:?}");
+    }
+}
+
 #[test]
 fn val_a_late_acknowledgement_never_lengthens_a_lease() {
     let mut world = World::new(steady(1));
@@ -385,6 +460,18 @@ fn classic(value: f32) -> MavMessage {
         param_index: 0,
         param_id: "TX_POWER".into(),
         param_type: MavParamType::MAV_PARAM_TYPE_UINT8,
+    })
+}
+
+fn extended(value: u8) -> MavMessage {
+    let mut wire = [0u8; 128];
+    wire[0] = value;
+    MavMessage::PARAM_EXT_VALUE(PARAM_EXT_VALUE_DATA {
+        param_count: 1,
+        param_index: 0,
+        param_id: "TX_POWER".into(),
+        param_value: wire.into(),
+        param_type: MavParamExtType::MAV_PARAM_EXT_TYPE_UINT8,
     })
 }
 

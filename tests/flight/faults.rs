@@ -108,7 +108,7 @@ fn val_loss_of_the_pair_link_silences_both() {
         let mut flight = in_mid_slot(Setup::default());
         let at = flight.now;
         for from in &cut {
-            flight.pair_path(*from, Path::CUT);
+            flight.set_pair_path(*from, Path::CUT);
         }
         flight.fly_out();
         flight.assert_safe();
@@ -208,7 +208,7 @@ fn val_a_companion_that_restarts_in_flight_does_not_fly_on() {
         let at = flight.now;
         flight.kill(role);
         flight.pass(Duration::from_millis(200));
-        flight.start(role, 999);
+        flight.start(role);
         assert!(flight.until(|flight| flight.outcomes[role.peer()].is_some()), "{}", flight.story());
         flight.pass(Duration::from_secs(5));
         for r in Role::BOTH {
@@ -220,5 +220,29 @@ fn val_a_companion_that_restarts_in_flight_does_not_fly_on() {
         flight.stop(role);
         flight.fly_out();
         flight.assert_safe();
+    }
+}
+
+#[test]
+fn val_a_companion_that_freezes_leaves_nobody_unprotected() {
+    for role in Role::BOTH {
+        for frozen in [Duration::from_millis(300), Duration::from_secs(3), Duration::from_secs(20)] {
+            let mut flight = in_mid_slot(Setup::default());
+            let at = flight.now;
+            flight.freeze(role, true);
+            flight.pass(frozen);
+            let (still_on, then) = (flight.radiating(), flight.now);
+            flight.freeze(role, false);
+            assert!(flight.until(|flight| flight.outcomes[role.peer()].is_some()), "{}", flight.story());
+            flight.pass(Duration::from_secs(5));
+            flight.stop(role);
+            flight.fly_out();
+            flight.assert_safe();
+            if frozen > LEASE_AND_MARGIN {
+                // The leases end what a frozen mind left on the air, before it comes back.
+                assert_eq!(still_on, [false, false], "{role} {frozen:?} until {then:?}\n{}", flight.story());
+                assert!(flight.silent_after(role, at) > Duration::ZERO, "{}", flight.story());
+            }
+        }
     }
 }

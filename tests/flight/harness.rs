@@ -1,30 +1,22 @@
-//! Two companions and the simulated world in one process and in virtual time: no socket, no sleep, no clock. Every
-//! message crosses as bytes, through paths that can lose, delay and repeat it.
+//! Flights of the tests: the pair in the simulated world, in virtual time (`veilwing::simulation`), with a log of
+//! everything that the tests look at.
 
-use std::collections::BTreeMap;
-use std::sync::OnceLock;
+use std::ops::{Deref, DerefMut};
+use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
 use mavlink::MavHeader;
 use mavlink::dialects::ardupilotmega::{COMMAND_LONG_DATA, MavCmd, MavMessage};
-use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
-use veilwing::companion::settings::{settings, transmitter_settings};
 use veilwing::config::{Mission, Vehicle};
-use veilwing::link::codec::{Decoder, Encoder};
-use veilwing::link::counters::Counters;
-use veilwing::mission::{Executive, Outcome, Outgoing};
-use veilwing::pair::wire;
+use veilwing::link::codec::Encoder;
+use veilwing::mission::{Notice, Outgoing};
 use veilwing::planner::slots::{Plan, PlannedSlot};
 use veilwing::planner::{Options, plan_slot};
 use veilwing::role::{PerVehicle, Role};
-use veilwing::simulation::world_config;
-use veilwing::time::Instant;
-use veilwing::transmitter::Transmitter;
-use veilwing_sitl::{Fault, FlightReport, World};
+use veilwing::simulation::{self, Given, Observer, VehicleText, actuation, world_config};
+pub use veilwing::simulation::{Path, index};
+use veilwing_sitl::{FlightReport, Slip, World};
 
-/// The harness's step: finer than the 2.5 ms of the world and the 20 ms of the companions.
-pub const STEP: Duration = Duration::from_millis(1);
 /// No flight of the small mission takes longer, faults included.
 pub const LONGEST: Duration = Duration::from_secs(300);
 /// Everything is silent so long after a companion's death or a link's: the lease of 500 ms, and 50 ms for one tick of
@@ -60,90 +52,17 @@ pub fn yard() -> &'static Planned {
     YARD.get_or_init(|| planned(MISSION))
 }
 
-pub fn vehicle_file(role: Role, simulated: bool) -> Vehicle {
-    let name = role.to_string().to_lowercase();
-    let system = 1 + index(role);
-    let text = format!(
-        "[vehicle]\nrole = \"{name}\"\n[autopilot]\nlink = \"udpout:127.0.0.1:1\"\nactuation = \"pose\"\n\
-         system_id = {system}\n[transmitter]\nkind = \"leased\"\nsimulated = {simulated}\n\
-         [pair]\nlink = \"udpout:127.0.0.1:2\"\n"
-    );
-    Vehicle::parse("vehicle.toml", &text).unwrap()
-}
-
-pub const fn index(role: Role) -> usize {
-    match role {
-        Role::I => 0,
-        Role::J => 1,
-    }
-}
-
-/// How a path treats its datagrams.
-#[derive(Debug, Clone, Copy)]
-pub struct Path {
-    /// Probability that one is lost.
-    pub loss: f64,
-    /// Probability that one arrives twice.
-    pub duplication: f64,
-    pub delay: Duration,
-    /// Uniform addition to the delay of each: they may overtake one another.
-    pub spread: Duration,
-}
-
-impl Path {
-    pub const GOOD: Self = Self { loss: 0.0, duplication: 0.0, delay: STEP, spread: Duration::ZERO };
-    pub const CUT: Self = Self { loss: 1.0, ..Self::GOOD };
-}
-
-struct Pipe {
-    path: Path,
-    rng: ChaCha8Rng,
-    /// By arrival and, for those of one instant, by departure.
-    under_way: BTreeMap<(Duration, u64), Vec<u8>>,
-    sent: u64,
-}
-
-impl Pipe {
-    fn new(path: Path, seed: u64) -> Self {
-        Self { path, rng: ChaCha8Rng::seed_from_u64(seed), under_way: BTreeMap::new(), sent: 0 }
-    }
-
-    fn send(&mut self, bytes: &[u8], now: Duration) {
-        let copies = 1 + u8::from(self.rng.random::<f64>() < self.path.duplication);
-        for _ in 0..copies {
-            let extra = self.path.spread.mul_f64(self.rng.random::<f64>());
-            if self.rng.random::<f64>() >= self.path.loss {
-                self.sent += 1;
-                self.under_way.insert((now + self.path.delay + extra, self.sent), bytes.to_vec());
-            }
-        }
-    }
-
-    fn receive(&mut self, now: Duration) -> Option<Vec<u8>> {
-        let first = self.under_way.first_entry()?;
-        (first.key().0 <= now).then(|| first.remove())
-    }
-}
-
-struct Companion {
-    executive: Executive,
-    encoder: Encoder,
-    from_vehicle: Decoder<MavMessage>,
-    from_peer: Decoder<wire::MavMessage>,
-    counters: Counters,
-    /// Simulation time at which its own time began: the two processes do not start together.
-    began: Duration,
-}
-
-impl Companion {
-    fn instant(&self, now: Duration) -> Instant {
-        instant(self.began, now)
-    }
-}
-
-/// The instant of `now` on the clock of a process that began at `began`. A process's time does not begin at zero either.
-fn instant(began: Duration, now: Duration) -> Instant {
-    Instant::from_start(now.saturating_sub(began) + Duration::from_secs(1))
+fn vehicle_file(mission: &Mission, role: Role, simulated: bool, pair: &str) -> Vehicle {
+    let text = VehicleText {
+        role,
+        autopilot_link: "udpout:127.0.0.1:1",
+        pair_link: "udpout:127.0.0.1:2",
+        actuation: actuation(mission, role),
+        simulated,
+        log_dir: None,
+    };
+    // The text ends in the [pair] table.
+    Vehicle::parse("vehicle.toml", &(text.text() + pair)).unwrap()
 }
 
 /// What a flight left behind, all in simulation time.
@@ -172,7 +91,11 @@ pub struct Setup {
     pub given: PerVehicle<Planned>,
     pub simulated: bool,
     pub start_unasked: bool,
+    /// More lines for the [pair] tables of the vehicle files.
+    pub pair_lines: PerVehicle<&'static str>,
     pub pair: Path,
+    /// A slip planted in what a vehicle's autopilot hears.
+    pub slip: Option<(Role, Slip)>,
     pub seed: u64,
 }
 
@@ -182,24 +105,34 @@ impl Default for Setup {
             given: PerVehicle { i: yard().clone(), j: yard().clone() },
             simulated: true,
             start_unasked: true,
+            pair_lines: PerVehicle::default(),
             pair: Path::GOOD,
+            slip: None,
             seed: 1,
         }
     }
 }
 
+/// A flight and its log.
 pub struct Flight {
-    setup: Setup,
-    pub world: World,
-    companions: PerVehicle<Option<Companion>>,
-    pub outcomes: PerVehicle<Option<Outcome>>,
-    to_vehicle: PerVehicle<Pipe>,
-    to_companion: PerVehicle<Pipe>,
-    /// By sender.
-    pair: PerVehicle<Pipe>,
+    flight: simulation::Flight,
     station: Encoder,
     pub log: Log,
     pub now: Duration,
+}
+
+impl Deref for Flight {
+    type Target = simulation::Flight;
+
+    fn deref(&self) -> &simulation::Flight {
+        &self.flight
+    }
+}
+
+impl DerefMut for Flight {
+    fn deref_mut(&mut self) -> &mut simulation::Flight {
+        &mut self.flight
+    }
 }
 
 impl Flight {
@@ -207,62 +140,26 @@ impl Flight {
         let leader = &setup.given.i;
         let mut config = world_config(&leader.mission, &leader.plan).unwrap();
         config.seed = setup.seed;
-        let pipe = |path, stream: u64| move |role| Pipe::new(path, 1000 * stream + index(role) as u64);
-        let mut flight = Self {
-            world: World::new(config).unwrap(),
-            companions: PerVehicle { i: None, j: None },
-            outcomes: PerVehicle { i: None, j: None },
-            to_vehicle: PerVehicle::from_fn(pipe(Path::GOOD, 1)),
-            to_companion: PerVehicle::from_fn(pipe(Path::GOOD, 2)),
-            pair: PerVehicle::from_fn(pipe(setup.pair, 3 + setup.seed)),
+        if let Some((role, slip)) = setup.slip {
+            config.vehicles[index(role)].slip = Some(slip);
+        }
+        let given = PerVehicle::from_fn(|role| {
+            let Planned { mission, plan } = setup.given[role].clone();
+            let vehicle = vehicle_file(&mission, role, setup.simulated, setup.pair_lines[role]);
+            Arc::new(Given { mission, plan, vehicle })
+        });
+        let setup = simulation::Setup {
+            given,
+            start_unasked: setup.start_unasked,
+            autopilot: Path::GOOD,
+            pair: setup.pair,
+            seed: setup.seed,
+        };
+        Self {
+            flight: simulation::Flight::new(World::new(config).unwrap(), setup),
             station: Encoder::default(),
             log: Log::default(),
             now: Duration::ZERO,
-            setup,
-        };
-        for role in Role::BOTH {
-            flight.start(role, 100 + index(role) as u32);
-        }
-        flight
-    }
-
-    /// Starts a companion process, with its plan made.
-    pub fn start(&mut self, role: Role, boot_id: u32) {
-        let given = &self.setup.given[role];
-        let vehicle = vehicle_file(role, self.setup.simulated);
-        let settings = settings(&given.mission, &vehicle, boot_id, self.setup.start_unasked);
-        // J's clock reads 7 s when I's reads 1 s.
-        let began = self.now.saturating_sub(Duration::from_secs(6 * index(role) as u64));
-        let started = instant(began, self.now);
-        let mut companion = Companion {
-            executive: Executive::new(
-                settings,
-                Transmitter::new(transmitter_settings(&vehicle), started),
-                started,
-            ),
-            encoder: Encoder::default(),
-            from_vehicle: Decoder::default(),
-            from_peer: Decoder::default(),
-            counters: Counters::default(),
-            began,
-        };
-        companion.executive.handle_plan(given.plan.clone());
-        self.companions[role] = Some(companion);
-        self.outcomes[role] = None;
-    }
-
-    /// SIGKILL.
-    pub fn kill(&mut self, role: Role) {
-        self.companions[role] = None;
-        self.world.inject(Fault::CompanionLost { vehicle: index(role) });
-    }
-
-    /// SIGTERM.
-    pub fn stop(&mut self, role: Role) {
-        let now = self.now;
-        if let Some(companion) = &mut self.companions[role] {
-            let at = companion.instant(now);
-            companion.executive.shutdown(at);
         }
     }
 
@@ -275,131 +172,39 @@ impl Flight {
             ..COMMAND_LONG_DATA::DEFAULT
         });
         let frame = self.station.encode((255, 190), &message);
-        self.to_companion[role].send(frame.raw_bytes(), self.now);
-    }
-
-    pub fn pair_path(&mut self, from: Role, path: Path) {
-        self.pair[from].path = path;
-    }
-
-    pub fn radiating(&self) -> [bool; 2] {
-        self.log.on_air.last().map_or([false; 2], |(_, on)| *on)
+        self.send_to_companion(role, frame.raw_bytes());
     }
 
     /// Flies until `done`, or to `LONGEST`. Whether it was done.
-    pub fn until(&mut self, mut done: impl FnMut(&Self) -> bool) -> bool {
-        while self.now < LONGEST {
+    pub fn until(&mut self, done: impl FnMut(&Self) -> bool) -> bool {
+        self.until_or(LONGEST, done)
+    }
+
+    fn until_or(&mut self, limit: Duration, mut done: impl FnMut(&Self) -> bool) -> bool {
+        while self.now < limit {
             if done(self) {
                 return true;
             }
-            self.step();
+            self.flight.step(limit, &mut self.log).unwrap();
+            self.now = self.flight.now();
         }
-        false
+        done(self)
     }
 
     pub fn pass(&mut self, time: Duration) {
-        let end = self.now + time;
-        self.until(|flight| flight.now >= end);
+        self.until_or(self.now + time, |_| false);
     }
 
     /// Flies until every companion that lives has ended, and a second more for what is still on the air.
     pub fn fly_out(&mut self) {
         assert!(
-            self.until(|f| Role::BOTH.into_iter().all(|r| f.companions[r].is_none())),
+            self.until(|flight| Role::BOTH.into_iter().all(|role| !flight.lives(role))),
             "{}",
             self.story()
         );
-        let end = self.now + Duration::from_secs(1);
-        while self.now < end {
-            self.step();
-        }
-    }
-
-    fn step(&mut self) {
-        self.now += STEP;
+        self.pass(Duration::from_secs(1));
         for role in Role::BOTH {
-            self.step_companion(role);
-        }
-        for role in Role::BOTH {
-            while let Some(bytes) = self.to_vehicle[role].receive(self.now) {
-                self.world.handle(index(role), 0, &bytes);
-            }
-        }
-        self.world.advance(self.now);
-        while let Some((vehicle, _, frame)) = self.world.poll_transmit() {
-            self.to_companion[Role::BOTH[vehicle]].send(&frame, self.now);
-        }
-        let on = self.world.snapshot().vehicles.map(|vehicle| vehicle.tx_power_w.is_some());
-        if on != self.radiating() {
-            self.log.on_air.push((self.now, on));
-        }
-    }
-
-    fn step_companion(&mut self, role: Role) {
-        let now = self.now;
-        let Some(mut companion) = self.companions[role].take() else {
-            // Nobody listens.
-            while self.to_companion[role].receive(now).is_some() {}
-            while self.pair[role.peer()].receive(now).is_some() {}
-            return;
-        };
-        let at = companion.instant(now);
-        while let Some(bytes) = self.to_companion[role].receive(now) {
-            companion.from_vehicle.feed(&bytes);
-            companion.from_vehicle.end();
-            while let Some(raw) = companion.from_vehicle.next_frame(&mut companion.counters) {
-                let frame = raw.parse::<MavMessage>().unwrap();
-                self.log.note_received(role, frame.header, &frame.message, now);
-                companion.executive.handle_autopilot(frame.header, &frame.message, at);
-                self.send(role, &mut companion);
-            }
-        }
-        while let Some(bytes) = self.pair[role.peer()].receive(now) {
-            companion.from_peer.feed(&bytes);
-            companion.from_peer.end();
-            while let Some(raw) = companion.from_peer.next_frame(&mut companion.counters) {
-                let frame = raw.parse::<wire::MavMessage>().unwrap();
-                companion.executive.handle_pair(&frame.message, at);
-                self.send(role, &mut companion);
-            }
-        }
-        let mut rounds = 0;
-        while companion.executive.poll_timeout().0 <= at {
-            companion.executive.handle_timeout(at);
-            self.send(role, &mut companion);
-            rounds += 1;
-            assert!(
-                rounds < 100,
-                "{role} has something to do for ever: {:?}",
-                companion.executive.poll_timeout()
-            );
-        }
-        self.outcomes[role] = companion.executive.outcome(at);
-        if self.outcomes[role].is_none() {
-            self.companions[role] = Some(companion);
-        } else {
-            assert_eq!(companion.counters.rejected.total(), 0, "{role}: {}", companion.counters);
-        }
-    }
-
-    fn send(&mut self, role: Role, companion: &mut Companion) {
-        let now = self.now;
-        let own = (1 + index(role) as u8, 191);
-        while let Some(outgoing) = companion.executive.poll_transmit() {
-            match outgoing {
-                Outgoing::Autopilot(message) => {
-                    self.log.note_sent(role, &message, now);
-                    let frame = companion.encoder.encode(own, &*message);
-                    self.to_vehicle[role].send(frame.raw_bytes(), now);
-                }
-                Outgoing::Pair(message) => {
-                    let frame = companion.encoder.encode(own, &*message);
-                    self.pair[role].send(frame.raw_bytes(), now);
-                }
-            }
-        }
-        while let Some(notice) = companion.executive.poll_notice() {
-            self.log.notices.push((now, role, notice.text));
+            assert_eq!(self.counters(role).rejected.total(), 0, "{role}: {}", self.counters(role));
         }
     }
 
@@ -476,30 +281,39 @@ impl Flight {
     }
 }
 
-impl Log {
-    fn note_received(&mut self, role: Role, header: MavHeader, message: &MavMessage, now: Duration) {
+impl Observer for Log {
+    fn said(&mut self, at: Duration, role: Role, notice: &Notice) {
+        self.notices.push((at, role, notice.text.clone()));
+    }
+
+    fn sent(&mut self, at: Duration, role: Role, message: &Outgoing) {
+        let Outgoing::Autopilot(message) = message else { return };
+        match &**message {
+            MavMessage::SET_POSITION_TARGET_LOCAL_NED(_)
+            | MavMessage::SET_POSITION_TARGET_GLOBAL_INT(_)
+            | MavMessage::SET_ATTITUDE_TARGET(_) => self.setpoints[role].push(at),
+            MavMessage::COMMAND_INT(c) if c.command == MavCmd::MAV_CMD_USER_1 && c.y <= 0 => {
+                self.offs[role].push(at);
+            }
+            message @ MavMessage::COMMAND_ACK(_) => self.acks.push((at, role, message.clone())),
+            _ => {}
+        }
+    }
+
+    fn received(&mut self, at: Duration, role: Role, header: MavHeader, message: &MavMessage) {
         match message {
             MavMessage::LOCAL_POSITION_NED(_) | MavMessage::ATTITUDE_QUATERNION(_) => {
-                self.last_state[role] = now
+                self.last_state[role] = at;
             }
             MavMessage::HEARTBEAT(_) if header.component_id != 1 => {}
             MavMessage::HEARTBEAT(_) | MavMessage::ESTIMATOR_STATUS(_) | MavMessage::SYS_STATUS(_) => {
-                self.health.push((now, role, message.clone()));
+                self.health.push((at, role, message.clone()));
             }
             _ => {}
         }
     }
 
-    fn note_sent(&mut self, role: Role, message: &MavMessage, now: Duration) {
-        match message {
-            MavMessage::SET_POSITION_TARGET_LOCAL_NED(_)
-            | MavMessage::SET_POSITION_TARGET_GLOBAL_INT(_)
-            | MavMessage::SET_ATTITUDE_TARGET(_) => self.setpoints[role].push(now),
-            MavMessage::COMMAND_INT(c) if c.command == MavCmd::MAV_CMD_USER_1 && c.y <= 0 => {
-                self.offs[role].push(now);
-            }
-            MavMessage::COMMAND_ACK(_) => self.acks.push((now, role, message.clone())),
-            _ => {}
-        }
+    fn on_air(&mut self, at: Duration, on: [bool; 2]) {
+        self.on_air.push((at, on));
     }
 }

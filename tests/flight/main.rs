@@ -4,6 +4,14 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
 
 mod agreement;
+mod face;
 mod faults;
 mod harness;
+mod kinds;
+mod mutations;
 mod nominal;
+mod reaction;
+mod reaction_table;
+mod start;
+mod tunnel;
+mod turns;

@@ -13,3 +13,4 @@ mod smoke;
 mod tlog;
 mod transports;
 mod trust;
+mod tunnel;

@@ -11,6 +11,7 @@ use std::time::Duration;
 
 use mavlink::dialects::ardupilotmega::MavMessage as RadioMessage;
 use stateright::{Checker, Expectation, HasDiscoveries, Model, Property};
+use veilwing::link::Clock;
 use veilwing::pair::wire::MavMessage;
 use veilwing::role::{PerVehicle, Role};
 
@@ -286,19 +287,57 @@ impl Model for SlotModel {
     }
 }
 
-/// Explores, and returns the number of states and the names of the properties that do not hold.
-pub fn explore(model: SlotModel) -> (usize, Vec<&'static str>) {
+/// What an exploration found.
+pub struct Explored {
+    /// Different states.
+    pub states: usize,
+    /// Names of the properties that do not hold.
+    pub broken: Vec<&'static str>,
+    report: String,
+}
+
+impl std::fmt::Display for Explored {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&self.report)
+    }
+}
+
+/// Explores, until a bug put in is found or everything is seen.
+pub fn explore(model: SlotModel) -> Explored {
     let properties = model.properties();
-    // A bug is found when anything fails; else everything is explored.
+    let (name, liveness) = (format!("{:?}", model.bug), model.losses.is_some());
     let stop = match model.bug {
         Bug::None => HasDiscoveries::All,
         _ => HasDiscoveries::AnyFailures,
     };
+    let clock = Clock::real();
     let checker = model.checker().threads(1).finish_when(stop).spawn_bfs().join();
     // A discovery is a counterexample, except of what is to happen sometimes: there it is the example.
-    let broken = |p: &Property<SlotModel>| {
+    let breaks = |p: &Property<SlotModel>| {
         (checker.discovery(p.name).is_some()) != matches!(p.expectation, Expectation::Sometimes)
     };
-    let broken = properties.iter().filter(|p| broken(p)).map(|p| p.name).collect();
-    (checker.unique_state_count(), broken)
+    let broken: Vec<_> = properties.iter().filter(|p| breaks(p)).map(|p| p.name).collect();
+    let states = checker.unique_state_count();
+    let mut report = format!(
+        "bug put in: {name}{}: {states} states ({} with repetitions), depth {}, {:.1} s",
+        if liveness { ", few losses" } else { "" },
+        checker.state_count(),
+        checker.max_depth(),
+        clock.now().since_start().as_secs_f64()
+    );
+    for property in &properties {
+        let kind = match property.expectation {
+            Expectation::Always => "always",
+            Expectation::Eventually => "eventually",
+            Expectation::Sometimes => "sometimes",
+        };
+        let steps = checker.discovery(property.name).map(|path| path.into_actions().len());
+        let verdict = match (broken.contains(&property.name), steps) {
+            (true, Some(steps)) => format!("BROKEN in {steps} steps"),
+            (true, None) => "NOT SEEN".to_owned(),
+            (false, _) => "holds".to_owned(),
+        };
+        report += &format!("\n  {kind:<10} {:<45} {verdict}", property.name);
+    }
+    Explored { states, broken, report }
 }

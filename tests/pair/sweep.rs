@@ -12,6 +12,39 @@ const FAULTS: [FaultKind; 5] =
 /// Beyond this delay a lease is over before its grant arrives: nothing can be served, and nothing is.
 const SERVABLE_MS: u64 = 100;
 
+/// What `pair_sweep` is asked for: the whole grid, or one cell.
+#[derive(Debug, clap::Parser)]
+pub struct Args {
+    /// Slots a cell.
+    #[arg(long, default_value_t = 500)]
+    slots: usize,
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// One cell instead of the grid: share of datagrams lost.
+    #[arg(long)]
+    loss: Option<f64>,
+    #[arg(long, default_value_t = 0)]
+    delay_ms: u64,
+    #[arg(long, default_value_t = 0.0)]
+    duplication: f64,
+    /// None, Partition, Restart, Pose or Clock.
+    #[arg(long, default_value = "None", value_parser = parse_fault)]
+    fault: FaultKind,
+}
+
+fn parse_fault(text: &str) -> Result<FaultKind, String> {
+    let known = FAULTS.into_iter().find(|fault| format!("{fault:?}") == text);
+    known.ok_or_else(|| format!("give one of {FAULTS:?}"))
+}
+
+impl Args {
+    pub fn cases(&self) -> Vec<Case> {
+        let Self { slots, seed, duplication, fault, .. } = *self;
+        let Some(loss) = self.loss else { return cases(slots, seed) };
+        vec![Case { loss, delay: Duration::from_millis(self.delay_ms), duplication, fault, slots, seed }]
+    }
+}
+
 /// A cell of the grid and what was seen.
 pub struct Row {
     pub case: Case,

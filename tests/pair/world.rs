@@ -27,7 +27,7 @@ pub enum FaultKind {
     Clock,
 }
 
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Case {
     pub loss: f64,
     /// Longest way of a datagram; the shortest is half of it.

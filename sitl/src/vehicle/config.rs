@@ -2,6 +2,11 @@
 
 use nalgebra::Vector3;
 
+pub use super::autopilot::slip::Slip;
+use super::geometry::{AirframeModel, Geometry};
+use super::rotors;
+pub use super::traps::Traps;
+
 /// Which vehicle of the pair this is; a vehicle alone is `I`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Role {
@@ -43,19 +48,13 @@ pub enum Airframe {
     Conventional,
 }
 
-/// Mass and limits of the rigid body.
+/// Mass and drag of the rigid body.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Body {
     /// Kilograms.
     pub mass_kg: f64,
     /// Principal moments about the body's axes.
     pub inertia_kg_m2: [f64; 3],
-    /// The greatest force of the rotors, in any direction the airframe has.
-    pub max_force_n: f64,
-    /// The greatest torque of the rotors.
-    pub max_torque_nm: f64,
-    /// First-order lag of force and torque behind their commands.
-    pub actuator_lag_s: f64,
     /// Drag: force = this times the square of the air speed.
     pub drag_n_s2_per_m2: f64,
     /// Where drag acts, from the centre of mass, body axes: wind turns the vehicle as well as pushing it.
@@ -65,34 +64,51 @@ pub struct Body {
 impl Default for Body {
     fn default() -> Self {
         Self {
-            mass_kg: 4.0,
-            inertia_kg_m2: [0.09, 0.09, 0.12],
-            max_force_n: 90.0,
-            max_torque_nm: 8.0,
-            actuator_lag_s: 0.03,
-            drag_n_s2_per_m2: 0.06,
+            mass_kg: 2.0,
+            inertia_kg_m2: [0.045, 0.045, 0.06],
+            drag_n_s2_per_m2: 0.04,
             pressure_offset_m: [0.0, 0.0, 0.02],
         }
     }
 }
 
-/// Mean wind and its first-order (Gauss-Markov) gusts.
+/// Mean wind and Dryden turbulence (MIL-F-8785C, low altitude).
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct WindConfig {
     /// Where the air moves to, east, north, up.
     pub mean_enu_m_s: [f64; 3],
-    /// Standard deviation of the gust on each horizontal axis; the vertical one has half of it.
-    pub gust_std_m_s: f64,
-    /// Correlation time of the gusts; 0 takes 2 s.
-    pub gust_correlation_s: f64,
+    /// The wind at 20 feet (6 m) that the turbulence belongs to, m/s: 7.7 is light, 15.4 moderate, 23 severe
+    /// turbulence; 0 is none.
+    pub turbulence_m_s: f64,
 }
 
-/// A battery that drains evenly.
+/// What the autopilot's estimator gets wrong. The default is perfect.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct SensorConfig {
+    /// Standard deviation of the position error on each axis, metres; correlated over 20 s.
+    pub position_std_m: f64,
+    /// Standard deviation of the velocity error on each axis, m/s; correlated over 1 s.
+    pub velocity_std_m_s: f64,
+    /// Standard deviation of the attitude error about each body axis, degrees; correlated over 5 s.
+    pub attitude_std_deg: f64,
+    /// How old the estimate is, seconds; at most 1.
+    pub lag_s: f64,
+}
+
+impl SensorConfig {
+    /// A vehicle with centimetre positioning and a well-kept attitude.
+    #[must_use]
+    pub const fn typical() -> Self {
+        Self { position_std_m: 0.03, velocity_std_m_s: 0.02, attitude_std_deg: 0.1, lag_s: 0.01 }
+    }
+}
+
+/// A battery that drains with the rotors' power.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BatteryConfig {
     /// Charge at the start, 0 to 1.
     pub initial: f64,
-    /// Time in the air from full to empty.
+    /// Time in a level hover from full to empty.
     pub endurance_s: f64,
 }
 
@@ -119,12 +135,20 @@ pub struct VehicleConfig {
     pub airframe: Airframe,
     /// Whose manners the autopilot has.
     pub firmware: Firmware,
-    /// Mass and limits.
+    /// Mass and drag.
     pub body: Body,
+    /// The rotors; `None` has those of the airframe's kind.
+    pub geometry: Option<Geometry>,
     /// Wind where this vehicle flies.
     pub wind: WindConfig,
+    /// What the estimator gets wrong.
+    pub sensors: SensorConfig,
     /// Battery.
     pub battery: BatteryConfig,
+    /// Which manners of the firmware it has.
+    pub traps: Traps,
+    /// A slip planted on purpose in what the autopilot hears, for tests of tests.
+    pub slip: Option<Slip>,
     /// Time from power-on until the autopilot agrees to arm.
     pub ready_after_s: f64,
     /// The transmitter's own limit.
@@ -144,15 +168,41 @@ impl VehicleConfig {
             airframe: Airframe::default(),
             firmware: Firmware::default(),
             body: Body::default(),
+            geometry: None,
             wind: WindConfig::default(),
+            sensors: SensorConfig::default(),
             battery: BatteryConfig::default(),
+            traps: Traps::default(),
+            slip: None,
             ready_after_s: 2.0,
             transmitter_max_dbm: 30.0,
         }
     }
 
+    /// Takes its airframe, its mass and its rotors from a model.
+    pub fn fly(&mut self, model: AirframeModel) {
+        self.airframe = model.airframe;
+        self.body = model.body;
+        self.geometry = Some(model.geometry);
+    }
+
+    /// The rotors that it has.
+    pub(crate) fn rotors(&self) -> Geometry {
+        self.geometry.clone().unwrap_or_else(|| Geometry::of(self.airframe))
+    }
+
     pub(crate) fn home(&self) -> Vector3<f64> {
         Vector3::from(self.home_enu_m)
+    }
+
+    /// Too few directions of force and torque for this kind of airframe.
+    fn uncontrolled(&self) -> Option<(&'static str, f64)> {
+        let (name, needed) = match self.airframe {
+            Airframe::Omnidirectional => ("geometry: directions of force and torque, of the 6 needed", 6),
+            Airframe::Conventional => ("geometry: directions of force and torque, of the 4 needed", 4),
+        };
+        let rank = rotors::rank(&self.rotors());
+        (rank < needed).then_some((name, rank as f64))
     }
 
     /// The first value that cannot be flown, if any.
@@ -163,18 +213,18 @@ impl VehicleConfig {
             ("body.inertia_kg_m2[0]", body.inertia_kg_m2[0]),
             ("body.inertia_kg_m2[1]", body.inertia_kg_m2[1]),
             ("body.inertia_kg_m2[2]", body.inertia_kg_m2[2]),
-            ("body.max_force_n", body.max_force_n),
-            ("body.max_torque_nm", body.max_torque_nm),
             ("battery.endurance_s", self.battery.endurance_s),
         ];
         let mut finite = vec![
             ("heading_rad", self.heading_rad),
             ("ready_after_s", self.ready_after_s),
             ("transmitter_max_dbm", self.transmitter_max_dbm),
-            ("body.actuator_lag_s", body.actuator_lag_s),
             ("body.drag_n_s2_per_m2", body.drag_n_s2_per_m2),
-            ("wind.gust_std_m_s", self.wind.gust_std_m_s),
-            ("wind.gust_correlation_s", self.wind.gust_correlation_s),
+            ("wind.turbulence_m_s", self.wind.turbulence_m_s),
+            ("sensors.position_std_m", self.sensors.position_std_m),
+            ("sensors.velocity_std_m_s", self.sensors.velocity_std_m_s),
+            ("sensors.attitude_std_deg", self.sensors.attitude_std_deg),
+            ("sensors.lag_s", self.sensors.lag_s),
             ("battery.initial", self.battery.initial),
         ];
         finite.extend(body.pressure_offset_m.map(|v| ("body.pressure_offset_m", v)));
@@ -185,5 +235,7 @@ impl VehicleConfig {
             .into_iter()
             .find(|(_, v)| !(v.is_finite() && *v > 0.0))
             .or_else(|| finite.into_iter().find(|(_, v)| !v.is_finite()))
+            .or_else(|| self.rotors().fault())
+            .or_else(|| self.uncontrolled())
     }
 }

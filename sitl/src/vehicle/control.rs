@@ -1,9 +1,12 @@
-//! The autopilot's inner loops: position and attitude, tracked independently where the airframe can.
+//! The autopilot's inner loops: position and attitude, tracked independently where the airframe can, and the
+//! throttles that follow from them. They know what the estimator says, and nothing else.
 
 use nalgebra::{Rotation3, UnitQuaternion, Vector3};
 
 use super::config::{Airframe, Body};
-use super::dynamics::{Dynamics, GRAVITY_M_S2, Wrench};
+use super::dynamics::GRAVITY_M_S2;
+use super::geometry::Geometry;
+use super::rotors::{Allocator, Saturation, Throttles, Wrench};
 
 /// Position error to velocity, 1/s.
 const POSITION_GAIN: f64 = 2.0;
@@ -21,6 +24,11 @@ const BRAKING_M_S2: f64 = 2.5;
 const ATTITUDE_GAIN: f64 = 8.0;
 /// Rate error to angular acceleration, 1/s.
 const RATE_GAIN: f64 = 22.0;
+/// Rate error to the integral of angular acceleration, 1/s^2: what turns the body for long (wind on a lever, a rotor
+/// that is gone) leaves no attitude error.
+const RATE_INTEGRAL_GAIN: f64 = 40.0;
+/// Bound of that integral on each axis, rad/s^2.
+const RATE_INTEGRAL_LIMIT_RAD_S2: f64 = 40.0;
 /// Bound of the commanded rates, rad/s.
 const RATE_LIMIT_RAD_S: f64 = 2.6;
 /// Steepest lean of a conventional airframe.
@@ -35,6 +43,37 @@ pub(crate) struct Target {
     pub attitude: UnitQuaternion<f64>,
 }
 
+/// An attitude with a thrust along the body's axes: nobody aboard minds the position.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct ThrustTarget {
+    /// Body FLU to ENU.
+    pub attitude: UnitQuaternion<f64>,
+    /// In the allocator's units, FLU. Taken as it is, numbers or not.
+    pub thrust_flu: Vector3<f64>,
+    /// Rates and thrust from the same message, which every other step gets in the attitude's way.
+    pub rates: Option<RateTarget>,
+}
+
+/// Body rates with a thrust along the body's z.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct RateTarget {
+    pub rates_flu_rad_s: Vector3<f64>,
+    /// In the allocator's units.
+    pub thrust: f64,
+}
+
+/// What the loops know of the vehicle's motion.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Estimate {
+    pub position_enu_m: Vector3<f64>,
+    pub velocity_enu_m_s: Vector3<f64>,
+    /// Body FLU to ENU.
+    pub attitude: UnitQuaternion<f64>,
+    pub rates_flu_rad_s: Vector3<f64>,
+    /// The landing gear carries weight.
+    pub contact: bool,
+}
+
 /// Greatest speeds, m/s.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct SpeedLimits {
@@ -43,48 +82,79 @@ pub(crate) struct SpeedLimits {
     pub down_m_s: f64,
 }
 
-/// Cascaded loops: position to velocity to acceleration to force, attitude to rate to torque.
+/// Cascaded loops: position to velocity to acceleration to force, attitude to rate to torque, and both to throttles.
 #[derive(Debug, Clone)]
 pub(crate) struct Controller {
     body: Body,
     airframe: Airframe,
+    allocator: Allocator,
     integral_m_s2: Vector3<f64>,
+    integral_rad_s2: Vector3<f64>,
+    /// Whose turn it is where two setpoints fight.
+    fighting: bool,
     last_velocity: Option<Vector3<f64>>,
     feed_forward_m_s2: Vector3<f64>,
 }
 
 impl Controller {
-    pub fn new(body: Body, airframe: Airframe) -> Self {
+    pub fn new(body: Body, airframe: Airframe, geometry: &Geometry) -> Self {
         Self {
             body,
             airframe,
+            allocator: Allocator::new(geometry),
             integral_m_s2: Vector3::zeros(),
+            integral_rad_s2: Vector3::zeros(),
+            fighting: false,
             last_velocity: None,
             feed_forward_m_s2: Vector3::zeros(),
         }
     }
 
+    /// A rotor is known to be lost.
+    pub fn drop_rotor(&mut self, rotor: usize) {
+        self.allocator.drop_rotor(rotor);
+    }
+
     /// Forgets what was learnt: on the ground with the motors off.
     pub fn reset(&mut self) {
         self.integral_m_s2 = Vector3::zeros();
+        self.integral_rad_s2 = Vector3::zeros();
         self.last_velocity = None;
         self.feed_forward_m_s2 = Vector3::zeros();
     }
 
-    /// The wrench for this step of `dt` seconds.
-    pub fn step(&mut self, state: &Dynamics, target: &Target, limits: SpeedLimits, dt: f64) -> Wrench {
+    /// The throttles that bring the vehicle to a target, for this step of `dt` seconds.
+    pub fn step(&mut self, state: &Estimate, target: &Target, limits: SpeedLimits, dt: f64) -> Throttles {
         let acceleration = self.acceleration(state, target, limits, dt);
         let force = (acceleration + Vector3::new(0.0, 0.0, GRAVITY_M_S2)) * self.body.mass_kg;
         let attitude = match self.airframe {
             Airframe::Omnidirectional => target.attitude,
             Airframe::Conventional => lean(force, crate::frames::heading_rad(&target.attitude)),
         };
-        Wrench { force_n: state.attitude.inverse() * force, torque_nm: self.torque(state, &attitude) }
+        let rates = rates_towards(state, &attitude);
+        let wanted =
+            Wrench { force_n: state.attitude.inverse() * force, torque_nm: self.torque(state, rates, dt) };
+        self.allocator.allocate(&wanted, Saturation::Scale)
+    }
+
+    /// The throttles for an attitude and a thrust in body axes, for this step of `dt` seconds.
+    pub fn step_thrust(&mut self, state: &Estimate, target: &ThrustTarget, dt: f64) -> Throttles {
+        self.fighting = !self.fighting;
+        let (rates, thrust_flu) = match target.rates {
+            Some(other) if self.fighting => (other.rates_flu_rad_s, Vector3::new(0.0, 0.0, other.thrust)),
+            _ => (rates_towards(state, &target.attitude), target.thrust_flu),
+        };
+        // The position loops will start afresh.
+        self.integral_m_s2 = Vector3::zeros();
+        self.last_velocity = None;
+        let force_n = thrust_flu.component_mul(self.allocator.unit_n());
+        let wanted = Wrench { force_n, torque_nm: self.torque(state, rates, dt) };
+        self.allocator.allocate(&wanted, Saturation::Clip)
     }
 
     fn acceleration(
         &mut self,
-        state: &Dynamics,
+        state: &Estimate,
         target: &Target,
         limits: SpeedLimits,
         dt: f64,
@@ -127,14 +197,25 @@ impl Controller {
         }
     }
 
-    fn torque(&self, state: &Dynamics, target: &UnitQuaternion<f64>) -> Vector3<f64> {
-        let rates = state.rates_rad_s();
-        let error = (state.attitude.inverse() * target).scaled_axis();
-        let rate_target = (error * ATTITUDE_GAIN).cap_magnitude(RATE_LIMIT_RAD_S);
+    fn torque(&mut self, state: &Estimate, rate_target: Vector3<f64>, dt: f64) -> Vector3<f64> {
+        let rates = state.rates_flu_rad_s;
+        let error = rate_target - rates;
+        // On the ground the gear holds the body against any torque: nothing is to be learnt from that.
+        if !state.contact && error.iter().all(|e| e.is_finite()) {
+            let bound = Vector3::repeat(RATE_INTEGRAL_LIMIT_RAD_S2);
+            let grown = self.integral_rad_s2 + error * (RATE_INTEGRAL_GAIN * dt);
+            self.integral_rad_s2 = grown.sup(&-bound).inf(&bound);
+        }
         let inertia = Vector3::from(self.body.inertia_kg_m2);
         let momentum = rates.component_mul(&inertia);
-        ((rate_target - rates) * RATE_GAIN).component_mul(&inertia) + rates.cross(&momentum)
+        (error * RATE_GAIN + self.integral_rad_s2).component_mul(&inertia) + rates.cross(&momentum)
     }
+}
+
+/// The body rates that close an attitude error.
+fn rates_towards(state: &Estimate, target: &UnitQuaternion<f64>) -> Vector3<f64> {
+    let error = (state.attitude.inverse() * target).scaled_axis();
+    (error * ATTITUDE_GAIN).cap_magnitude(RATE_LIMIT_RAD_S)
 }
 
 /// The attitude of this heading whose thrust axis lies along the force, within the lean limit.
@@ -148,130 +229,4 @@ fn lean(force: Vector3<f64>, heading: f64) -> UnitQuaternion<f64> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::frames::Euler;
-    use crate::vehicle::config::WindConfig;
-    use crate::vehicle::wind::Wind;
-
-    const DT: f64 = 0.0025;
-    const LIMITS: SpeedLimits = SpeedLimits { horizontal_m_s: 12.0, up_m_s: 6.0, down_m_s: 6.0 };
-
-    struct Rig {
-        body: Dynamics,
-        controller: Controller,
-        wind: Wind,
-    }
-
-    impl Rig {
-        fn new(airframe: Airframe, wind: WindConfig) -> Self {
-            let mut body = Dynamics::new(Body::default(), airframe, Vector3::zeros(), 0.0);
-            body.position_enu_m.z = 100.0;
-            body.on_ground = false;
-            Self { body, controller: Controller::new(Body::default(), airframe), wind: Wind::new(wind, 4, 0) }
-        }
-
-        fn run(
-            &mut self,
-            seconds: f64,
-            mut target: impl FnMut(f64) -> Target,
-            mut see: impl FnMut(f64, &Dynamics),
-        ) {
-            let steps = (seconds / DT).round() as usize;
-            for k in 0..steps {
-                let t = k as f64 * DT;
-                let wrench = self.controller.step(&self.body, &target(t), LIMITS, DT);
-                let wind = self.wind.step(DT);
-                self.body.step(wrench, wind, DT);
-                see(t + DT, &self.body);
-            }
-        }
-    }
-
-    fn hold(at: Vector3<f64>, attitude: UnitQuaternion<f64>) -> Target {
-        Target { position_enu_m: [Some(at.x), Some(at.y), Some(at.z)], velocity_enu_m_s: [None; 3], attitude }
-    }
-
-    #[test]
-    fn prop_hold_at_every_tilt_is_centimetres_and_tenths_of_a_degree() {
-        let at = Vector3::new(0.0, 0.0, 100.0);
-        for (roll, pitch) in [(0.0, 0.0), (30.0, 0.0), (60.0, -45.0), (90.0, 0.0), (0.0, 90.0), (180.0, 0.0)]
-        {
-            let attitude =
-                Euler { roll_rad: f64::to_radians(roll), pitch_rad: f64::to_radians(pitch), yaw_rad: 0.0 }
-                    .rotation();
-            let mut rig = Rig::new(Airframe::Omnidirectional, WindConfig::default());
-            let (mut worst_m, mut worst_rad) = (0.0f64, 0.0f64);
-            rig.run(
-                10.0,
-                |_| hold(at, attitude),
-                |t, body| {
-                    if t > 5.0 {
-                        worst_m = worst_m.max((body.position_enu_m - at).norm());
-                        worst_rad = worst_rad.max(body.attitude.angle_to(&attitude));
-                    }
-                },
-            );
-            assert!(worst_m < 0.01 && worst_rad.to_degrees() < 0.05, "{roll} {pitch}: {worst_m} {worst_rad}");
-        }
-    }
-
-    #[test]
-    fn prop_hold_in_gusts() {
-        let wind = WindConfig { mean_enu_m_s: [6.0, 2.0, 0.0], gust_std_m_s: 1.5, gust_correlation_s: 2.0 };
-        let at = Vector3::new(0.0, 0.0, 100.0);
-        let mut rig = Rig::new(Airframe::Omnidirectional, wind);
-        let (mut squares, mut n) = (0.0, 0);
-        rig.run(
-            40.0,
-            |_| hold(at, UnitQuaternion::identity()),
-            |t, body| {
-                if t > 10.0 {
-                    squares += (body.position_enu_m - at).norm_squared();
-                    n += 1;
-                }
-            },
-        );
-        let rms = (squares / f64::from(n)).sqrt();
-        assert!(rms < 0.1 && rms > 1e-4, "{rms}");
-    }
-
-    #[test]
-    fn prop_tracks_a_moving_setpoint_with_its_velocity() {
-        // 3 m/s^2 to 8 m/s, on at 8 m/s, streamed at 50 Hz.
-        let mut rig = Rig::new(Airframe::Omnidirectional, WindConfig::default());
-        let path = |t: f64| {
-            let ramp = 8.0 / 3.0;
-            if t < ramp { (1.5 * t * t, 3.0 * t) } else { (1.5 * ramp * ramp + 8.0 * (t - ramp), 8.0) }
-        };
-        let mut worst = 0.0f64;
-        let streamed = |t: f64| {
-            let sent = (t / 0.02).floor() * 0.02;
-            let (p, v) = path(sent);
-            let mut target = hold(Vector3::new(p + v * (t - sent), 0.0, 100.0), UnitQuaternion::identity());
-            target.velocity_enu_m_s = [Some(v), Some(0.0), Some(0.0)];
-            target
-        };
-        rig.run(10.0, streamed, |t, body| worst = worst.max((body.position_enu_m.x - path(t).0).abs()));
-        assert!(worst < 0.3, "{worst}");
-    }
-
-    #[test]
-    fn prop_a_far_target_is_reached_without_overshoot() {
-        for airframe in [Airframe::Omnidirectional, Airframe::Conventional] {
-            let mut rig = Rig::new(airframe, WindConfig::default());
-            let at = Vector3::new(60.0, -30.0, 120.0);
-            let (mut beyond, mut speed) = (0.0f64, 0.0f64);
-            rig.run(
-                25.0,
-                |_| hold(at, UnitQuaternion::identity()),
-                |_, body| {
-                    beyond = beyond.max(body.position_enu_m.x - at.x);
-                    speed = speed.max(body.velocity_enu_m_s.xy().norm());
-                },
-            );
-            let left = (rig.body.position_enu_m - at).norm();
-            assert!(beyond < 0.5 && left < 0.05 && speed < 12.5, "{airframe:?} {beyond} {left} {speed}");
-        }
-    }
-}
+mod tests;

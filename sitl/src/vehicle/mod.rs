@@ -1,13 +1,21 @@
 //! One software vehicle: body, autopilot face, transmitter and router.
 
+pub mod airframe_file;
 pub mod autopilot;
+mod companion_link;
 pub mod config;
 pub(crate) mod control;
 pub(crate) mod dynamics;
+mod estimator;
+mod faults;
+pub mod geometry;
 pub mod jitter;
 mod parameters;
+mod radio;
+mod rotors;
 mod router;
 pub mod transmitter;
+pub mod traps;
 mod wind;
 
 use std::time::Duration;
@@ -20,12 +28,15 @@ use crate::frames::Euler;
 use crate::geodesy::Origin;
 use crate::wire::WireCounters;
 use autopilot::{Autopilot, Guidance, Mode, Sensed, SetpointCounters};
+use companion_link::CompanionLink;
 use config::{Firmware, VehicleConfig};
-use control::Controller;
-use dynamics::{Dynamics, Wrench};
+use control::{Controller, Estimate};
+use dynamics::Dynamics;
+use estimator::Estimator;
+use geometry::{Geometry, MAX_ROTORS};
 use jitter::{Jitter, JitterConfig};
-use parameters::SetOutcome;
-use router::{Router, Sender, To};
+use rotors::{Allocator, Throttles, through_curves};
+use router::{Router, To};
 use transmitter::{Transmitter, TransmitterCounters};
 use wind::Wind;
 
@@ -82,6 +93,9 @@ pub struct Vehicle {
     config: VehicleConfig,
     dynamics: Dynamics,
     controller: Controller,
+    motor_curve: f64,
+    /// Of the whole charge, with all rotors at full throttle.
+    drain_per_s: f64,
     wind: Wind,
     jitter: Jitter,
     autopilot: Autopilot,
@@ -89,8 +103,17 @@ pub struct Vehicle {
     router: Router,
     battery: f64,
     attitude: UnitQuaternion<f64>,
-    /// Both directions of the companion's link are cut.
-    companion_link_down: bool,
+    estimator: Estimator,
+    /// What it says, as of the last step.
+    estimate: Estimate,
+    estimator_failed: bool,
+    /// A rotor is lost and the autopilot does not know.
+    crippled: bool,
+    link: CompanionLink,
+    mission: Origin,
+    utc_start_us: u64,
+    /// Bytes and frames are of this time.
+    now: Duration,
     next_radio_heartbeat: Duration,
     ticks: u64,
 }
@@ -106,9 +129,12 @@ impl Vehicle {
         seed: u64,
     ) -> Self {
         let index = config.role.index();
-        let dynamics = Dynamics::new(config.body, config.airframe, config.home(), config.heading_rad);
+        let geometry = config.rotors();
+        let dynamics = Dynamics::new(config.body, &geometry, config.home(), config.heading_rad);
         Self {
-            controller: Controller::new(config.body, config.airframe),
+            controller: Controller::new(config.body, config.airframe, &geometry),
+            motor_curve: geometry.curve,
+            drain_per_s: drain_per_s(&config, &geometry),
             wind: Wind::new(config.wind, seed, index),
             jitter: Jitter::new(jitter, seed, index),
             autopilot: Autopilot::new(&config, mission, utc_start_us),
@@ -116,19 +142,36 @@ impl Vehicle {
             router: Router::new(config.system_id, &[autopilot::COMPONENT, transmitter::COMPONENT]),
             battery: config.battery.initial.clamp(0.0, 1.0),
             attitude: dynamics.attitude,
+            estimator: Estimator::new(config.sensors, seed, index, TICK.as_secs_f64()),
+            estimate: truth(&dynamics),
+            estimator_failed: false,
+            crippled: false,
+            link: CompanionLink::new(seed, index),
+            mission,
+            utc_start_us,
+            now: Duration::ZERO,
             dynamics,
-            companion_link_down: false,
             next_radio_heartbeat: Duration::ZERO,
             ticks: 0,
             config,
         }
     }
 
+    /// Telemetry on a link from now on, for a ground station that waits to hear something.
+    pub fn open_link(&mut self, link: usize) {
+        self.router.open(link);
+    }
+
     /// Bytes from a client on a link (0 is the companion's).
     pub fn handle(&mut self, link: usize, bytes: &[u8], now: Duration) {
-        if self.companion_link_down && link == COMPANION_LINK {
-            return;
+        self.now = self.now.max(now);
+        let here = if link == COMPANION_LINK { self.link.receive(bytes, now) } else { Some(bytes) };
+        if let Some(bytes) = here {
+            self.take(link, bytes, now);
         }
+    }
+
+    fn take(&mut self, link: usize, bytes: &[u8], now: Duration) {
         for (from, component, message) in self.router.receive(link, bytes) {
             if component == autopilot::COMPONENT {
                 self.autopilot.handle(from, message, now, &mut self.router);
@@ -141,81 +184,27 @@ impl Vehicle {
     /// The next MAVLink frame to send, and the link it goes to.
     pub fn poll_transmit(&mut self) -> Option<(usize, Vec<u8>)> {
         loop {
+            if let Some(frame) = self.link.delivered(self.now) {
+                return Some((COMPANION_LINK, frame));
+            }
             let (link, frame) = self.router.poll_transmit()?;
-            if !(self.companion_link_down && link == COMPANION_LINK) {
+            if link != COMPANION_LINK {
                 return Some((link, frame));
             }
-        }
-    }
-
-    /// The radio component's side of a message.
-    fn radio(&mut self, from: Sender, message: MavMessage, now: Duration) {
-        let component = transmitter::COMPONENT;
-        let link = To::Link(from.link);
-        let ack = |command, result, result_param2| {
-            MavMessage::COMMAND_ACK(COMMAND_ACK_DATA {
-                command,
-                result,
-                progress: 0,
-                result_param2,
-                target_system: from.system_id,
-                target_component: from.component_id,
-            })
-        };
-        match message {
-            MavMessage::COMMAND_INT(c) if c.target_component == component => {
-                let reply = if c.command == transmitter::POWER_COMMAND {
-                    let (result, achieved_mdbm) = self.transmitter.command(&c, now);
-                    ack(c.command, result, achieved_mdbm)
-                } else {
-                    ack(c.command, MavResult::MAV_RESULT_UNSUPPORTED, 0)
-                };
-                self.router.send(link, component, &reply);
+            if let Some(frame) = self.link.transmit(frame, self.now) {
+                return Some((link, frame));
             }
-            MavMessage::COMMAND_LONG(c) if c.target_component == component => {
-                // The slot and the expiry are integers; a float cannot carry them safely.
-                let result = if c.command == transmitter::POWER_COMMAND {
-                    MavResult::MAV_RESULT_COMMAND_INT_ONLY
-                } else {
-                    MavResult::MAV_RESULT_UNSUPPORTED
-                };
-                self.router.send(link, component, &ack(c.command, result, 0));
-            }
-            MavMessage::PARAM_REQUEST_LIST(_) => {
-                for index in 0..self.transmitter.parameters.len() {
-                    self.radio_parameter(link, Some(index));
-                }
-            }
-            MavMessage::PARAM_REQUEST_READ(m) if m.target_component == component => {
-                let by_name = || self.transmitter.parameters.index_of(m.param_id.to_str().ok()?);
-                self.radio_parameter(link, usize::try_from(m.param_index).ok().or_else(by_name));
-            }
-            MavMessage::PARAM_SET(m) if m.target_component == component => {
-                match self.transmitter.parameters.handle_set(&m) {
-                    SetOutcome::Stored(index) | SetOutcome::Refused(index) => {
-                        self.radio_parameter(To::All, Some(index));
-                    }
-                    SetOutcome::Unknown => {}
-                }
-            }
-            _ => {}
-        }
-    }
-
-    fn radio_parameter(&mut self, to: To, index: Option<usize>) {
-        if let Some(value) = index.and_then(|k| self.transmitter.parameters.message(k)) {
-            self.router.send(to, transmitter::COMPONENT, &MavMessage::PARAM_VALUE(value));
         }
     }
 
     fn sensed(&self, now: Duration) -> Sensed {
         Sensed {
             now,
-            position_enu_m: self.dynamics.position_enu_m,
-            velocity_enu_m_s: self.dynamics.velocity_enu_m_s,
-            attitude: self.attitude,
-            nominal: self.dynamics.attitude,
-            rates_flu_rad_s: self.dynamics.rates_rad_s(),
+            position_enu_m: self.estimate.position_enu_m,
+            velocity_enu_m_s: self.estimate.velocity_enu_m_s,
+            attitude: self.attitude * self.estimator.tilt(),
+            nominal: self.estimate.attitude,
+            rates_flu_rad_s: self.estimate.rates_flu_rad_s,
             contact: self.dynamics.on_ground,
             battery: self.battery,
         }
@@ -233,6 +222,10 @@ impl Vehicle {
 
     /// One step of autopilot, control and dynamics, from `now` to `now + TICK`.
     pub(crate) fn tick(&mut self, now: Duration) {
+        self.now = self.now.max(now);
+        while let Some(bytes) = self.link.arrived(now) {
+            self.take(COMPANION_LINK, &bytes, now);
+        }
         if now >= self.next_radio_heartbeat {
             self.next_radio_heartbeat = now + Duration::from_secs(1);
             let heartbeat = HEARTBEAT_DATA {
@@ -244,22 +237,39 @@ impl Vehicle {
             };
             self.router.send(To::All, transmitter::COMPONENT, &MavMessage::HEARTBEAT(heartbeat));
         }
+        let dt = TICK.as_secs_f64();
+        self.estimate = self.estimator.step(truth(&self.dynamics), now, dt);
+        self.autopilot.gps_ok = self.estimator.has_gps();
+        self.autopilot.estimator_ok = !self.estimator_failed && self.estimator.trusted(now);
         let sensed = self.sensed(now);
         let guidance = self.autopilot.tick(&sensed, &mut self.router);
-        let dt = TICK.as_secs_f64();
-        let wrench = match guidance {
+        let throttles = self.throttles(&guidance, dt);
+        let height_m = self.dynamics.position_enu_m.z - self.config.home_enu_m[2];
+        let wind = self.wind.step(dt, height_m, &self.dynamics.velocity_enu_m_s);
+        self.dynamics.step(&throttles, wind, dt);
+        self.battery = (self.battery - self.dynamics.rotors.load() * self.drain_per_s * dt).max(0.0);
+        self.ticks += 1;
+    }
+
+    /// What the motors are told, and through a curve that is not theirs if the autopilot believes in one.
+    fn throttles(&mut self, guidance: &Guidance, dt: f64) -> Throttles {
+        let state = self.estimate;
+        let throttles = match guidance {
+            // An empty battery turns nothing.
+            _ if self.battery <= 0.0 => [0.0; MAX_ROTORS],
             Guidance::Off => {
                 self.controller.reset();
-                Wrench::zero()
+                [0.0; MAX_ROTORS]
             }
-            Guidance::Fly(target, limits) => {
-                self.battery = (self.battery - dt / self.config.battery.endurance_s).max(0.0);
-                self.controller.step(&self.dynamics, &target, limits, dt)
-            }
+            Guidance::Fly(target, limits) => self.controller.step(&state, target, *limits, dt),
+            Guidance::Thrust(target) => self.controller.step_thrust(&state, target, dt),
         };
-        let wind = self.wind.step(dt);
-        self.dynamics.step(wrench, wind, dt);
-        self.ticks += 1;
+        match self.autopilot.believed_curve() {
+            Some(believed) if believed != self.motor_curve => {
+                throttles.map(|u| through_curves(u, believed, self.motor_curve))
+            }
+            _ => throttles,
+        }
     }
 
     /// A vehicle alone: everything due up to simulation time `to`, without a world around it.
@@ -278,6 +288,11 @@ impl Vehicle {
         self.transmitter.expire(to);
     }
 
+    /// An operator's radio kill has passed on its way to the companion.
+    pub(crate) fn radio_kill_seen(&self) -> bool {
+        self.router.radio_kill_seen()
+    }
+
     pub(crate) fn transmitter(&self) -> &Transmitter {
         &self.transmitter
     }
@@ -294,6 +309,11 @@ impl Vehicle {
         self.dynamics.position_enu_m
     }
 
+    /// Where the best-informed mind aboard takes it to be: the truth, and what the estimator makes up.
+    pub(crate) fn supposed_position_enu_m(&self) -> Vector3<f64> {
+        self.dynamics.position_enu_m + self.estimator.lie_m()
+    }
+
     pub(crate) fn nominal_attitude(&self) -> &UnitQuaternion<f64> {
         &self.dynamics.attitude
     }
@@ -304,27 +324,16 @@ impl Vehicle {
     }
 
     pub(crate) fn airborne(&self) -> bool {
-        !self.autopilot.landed
+        !self.autopilot.grounded
+    }
+
+    /// The motors turn, all of those that the autopilot counts on.
+    pub(crate) fn powered(&self) -> bool {
+        self.autopilot.armed && self.battery > 0.0 && !self.crippled
     }
 
     pub(crate) fn mode(&self) -> Mode {
         self.autopilot.mode
-    }
-
-    pub(crate) fn cut_companion_link(&mut self, down: bool) {
-        self.companion_link_down = down;
-    }
-
-    pub(crate) fn pilot_takes_over(&mut self) {
-        self.autopilot.pilot_takes_over(&mut self.router);
-    }
-
-    pub(crate) fn fail_estimator(&mut self) {
-        self.autopilot.estimator_ok = false;
-    }
-
-    pub(crate) fn set_wind(&mut self, mean_enu_m_s: Vector3<f64>) {
-        self.wind.mean_enu_m_s = mean_enu_m_s;
     }
 
     /// The firmware face.
@@ -345,7 +354,7 @@ impl Vehicle {
             mode: self.autopilot.mode_name(),
             companion_controlled: self.autopilot.mode == Mode::Companion,
             armed: self.autopilot.armed,
-            landed: self.autopilot.landed,
+            landed: self.autopilot.grounded,
             battery: self.battery,
             tx_power_w: self.transmitter.power_w(),
             slot: self.transmitter.emission().map(|e| e.slot),
@@ -362,6 +371,24 @@ impl Vehicle {
             power_commands: [accepted, denied, expired],
         }
     }
+}
+
+/// The body's motion as it is.
+fn truth(body: &Dynamics) -> Estimate {
+    Estimate {
+        position_enu_m: body.position_enu_m,
+        velocity_enu_m_s: body.velocity_enu_m_s,
+        attitude: body.attitude,
+        rates_flu_rad_s: body.rates_rad_s(),
+        contact: body.on_ground,
+    }
+}
+
+/// The charge that all rotors at full throttle take in a second: hovering takes the whole in the endurance.
+fn drain_per_s(config: &VehicleConfig, geometry: &Geometry) -> f64 {
+    let weight_n = config.body.mass_kg * dynamics::GRAVITY_M_S2;
+    let hover = Allocator::new(geometry).hover_load(weight_n);
+    if hover > 0.0 { 1.0 / (hover * config.battery.endurance_s) } else { 0.0 }
 }
 
 /// The simulation time of a tick.

@@ -1,10 +1,12 @@
 //! Onboard parameters and their encodings in the float of PARAM_VALUE and PARAM_SET.
 
+use std::borrow::Cow;
 use std::time::Duration;
 
 use mavlink::dialects::ardupilotmega::{MavParamType, PARAM_SET_DATA, PARAM_VALUE_DATA};
 
 use super::config::Firmware;
+use super::geometry::Geometry;
 
 /// How an integer rides in the message's float.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -33,16 +35,20 @@ pub(crate) enum SetOutcome {
     Refused(usize),
 }
 
-/// A table in a fixed order, as the protocol's indices want.
+/// A table in the order of its names, which is the protocol's order of indices.
 #[derive(Debug, Clone)]
 pub(crate) struct Parameters {
     encoding: Encoding,
-    table: Vec<(&'static str, Value)>,
+    table: Vec<(Cow<'static, str>, Value)>,
+    /// Counts the writes: who keeps values of its own knows when they are old.
+    pub revision: u32,
 }
 
 impl Parameters {
     pub fn new(encoding: Encoding, table: &[(&'static str, Value)]) -> Self {
-        Self { encoding, table: table.to_vec() }
+        let mut table: Vec<_> = table.iter().map(|(name, value)| (Cow::Borrowed(*name), *value)).collect();
+        table.sort_by(|a, b| a.0.cmp(&b.0));
+        Self { encoding, table, revision: 0 }
     }
 
     /// What an autopilot of this firmware has.
@@ -53,12 +59,27 @@ impl Parameters {
         }
     }
 
+    /// Adds the rotors as PX4 describes them (CA_ROTOR*): body FRD axes, thrust at full throttle, moment ratio.
+    pub fn describe_rotors(&mut self, geometry: &Geometry) {
+        let mut add = |name: String, value| self.table.push((Cow::Owned(name), value));
+        add("CA_ROTOR_COUNT".to_owned(), Value::Int(geometry.rotors.len() as i32));
+        for (k, rotor) in geometry.rotors.iter().enumerate() {
+            let ([px, py, pz], [ax, ay, az]) = (rotor.position_flu_m, rotor.axis_flu);
+            let fields = [("PX", px), ("PY", -py), ("PZ", -pz), ("AX", ax), ("AY", -ay), ("AZ", -az)];
+            for (field, value) in fields.into_iter().chain([("CT", rotor.thrust_n), ("KM", rotor.moment_m)]) {
+                add(format!("CA_ROTOR{k}_{field}"), Value::Real(value as f32));
+            }
+        }
+        self.table.sort_by(|a, b| a.0.cmp(&b.0));
+        self.revision += 1;
+    }
+
     pub fn len(&self) -> usize {
         self.table.len()
     }
 
     pub fn index_of(&self, name: &str) -> Option<usize> {
-        self.table.iter().position(|(n, _)| *n == name)
+        self.table.binary_search_by(|(n, _)| n.as_ref().cmp(name)).ok()
     }
 
     /// A parameter as a number; 0 where the table has none.
@@ -78,6 +99,7 @@ impl Parameters {
     /// Sets a parameter that exists, keeping its type.
     pub fn set(&mut self, name: &str, value: Value) {
         if let Some(k) = self.index_of(name) {
+            self.revision += 1;
             self.table[k].1 = value;
         }
     }
@@ -96,7 +118,7 @@ impl Parameters {
             param_value,
             param_count: self.table.len() as u16,
             param_index: index as u16,
-            param_id: (*name).into(),
+            param_id: name.as_ref().into(),
             param_type,
         })
     }
@@ -121,38 +143,55 @@ impl Parameters {
             (Value::Real(_), _) => Value::Real(set.param_value),
         };
         self.table[index].1 = value;
+        self.revision += 1;
         SetOutcome::Stored(index)
     }
 }
 
 /// PX4's, with the defaults of a vehicle prepared for companion flight where the stock ones would end it
-/// (COM_OBL_RC_ACT, FD_FAIL_R/P).
+/// (COM_OBL_RC_ACT, FD_FAIL_R/P) or make a lost rotor fatal (CA_FAILURE_MODE).
 const PX4: &[(&str, Value)] = &[
+    ("BAT_CRIT_THR", Value::Real(0.07)),
+    ("BAT_EMERGEN_THR", Value::Real(0.05)),
+    ("BAT_LOW_THR", Value::Real(0.15)),
+    ("CA_FAILURE_MODE", Value::Int(1)),
     ("COM_ARM_WO_GPS", Value::Int(1)),
     ("COM_DISARM_LAND", Value::Real(2.0)),
     ("COM_DISARM_PRFLT", Value::Real(10.0)),
+    ("COM_DL_LOSS_T", Value::Int(10)),
+    ("COM_LOW_BAT_ACT", Value::Int(3)),
     ("COM_OBL_RC_ACT", Value::Int(5)),
     ("COM_OF_LOSS_T", Value::Real(1.0)),
     ("COM_RC_IN_MODE", Value::Int(4)),
     ("FD_FAIL_P", Value::Int(0)),
     ("FD_FAIL_R", Value::Int(0)),
+    ("LNDMC_ROT_MAX", Value::Real(20.0)),
+    ("LNDMC_TRIG_TIME", Value::Real(1.0)),
+    ("LNDMC_XY_VEL_MAX", Value::Real(1.5)),
     ("LNDMC_Z_VEL_MAX", Value::Real(0.25)),
     ("MAV_COMP_ID", Value::Int(1)),
     ("MAV_SYS_ID", Value::Int(1)),
     ("MAV_TYPE", Value::Int(14)),
     ("MIS_TAKEOFF_ALT", Value::Real(2.5)),
     ("MPC_LAND_SPEED", Value::Real(0.7)),
+    ("MPC_MANTHR_MIN", Value::Real(0.08)),
     ("MPC_XY_VEL_MAX", Value::Real(12.0)),
     ("MPC_Z_VEL_MAX_DN", Value::Real(6.0)),
     ("MPC_Z_VEL_MAX_UP", Value::Real(6.0)),
     ("NAV_DLL_ACT", Value::Int(0)),
     ("RTL_RETURN_ALT", Value::Real(30.0)),
     ("SYS_AUTOSTART", Value::Int(4001)),
+    ("THR_MDL_FAC", Value::Real(1.0)),
 ];
 
 /// ArduCopter's; lengths and speeds in centimetres, as it has them.
 const ARDUCOPTER: &[(&str, Value)] = &[
     ("ARMING_CHECK", Value::Int(1)),
+    ("BATT_CAPACITY", Value::Int(3300)),
+    ("BATT_CRT_MAH", Value::Int(330)),
+    ("BATT_FS_CRT_ACT", Value::Int(1)),
+    ("BATT_FS_LOW_ACT", Value::Int(2)),
+    ("BATT_LOW_MAH", Value::Int(660)),
     ("DISARM_DELAY", Value::Int(10)),
     ("FRAME_CLASS", Value::Int(3)),
     ("FRAME_TYPE", Value::Int(1)),

@@ -6,7 +6,7 @@
 use std::collections::{BTreeMap, VecDeque};
 
 use mavlink::Message;
-use mavlink::dialects::ardupilotmega::{MavMessage, STATUSTEXT_DATA};
+use mavlink::dialects::ardupilotmega::{MavCmd, MavMessage, STATUSTEXT_DATA};
 
 use crate::wire::{self, Decoder, Frame, WireCounters};
 
@@ -47,12 +47,31 @@ pub(crate) struct Router {
     heard: BTreeMap<(u8, u8), usize>,
     out: VecDeque<(usize, Vec<u8>)>,
     text_id: u16,
+    /// A radio kill for a component that is not aboard has come by.
+    radio_kill: bool,
+}
+
+fn is_radio_kill(message: &MavMessage) -> bool {
+    let command = match message {
+        MavMessage::COMMAND_LONG(c) => c.command,
+        MavMessage::COMMAND_INT(c) => c.command,
+        _ => return false,
+    };
+    command == MavCmd::MAV_CMD_USER_2
 }
 
 impl Router {
     pub fn new(system_id: u8, components: &'static [u8]) -> Self {
         let links = vec![Link { active: true, ..Link::default() }];
-        Self { system_id, components, links, heard: BTreeMap::new(), out: VecDeque::new(), text_id: 0 }
+        Self {
+            system_id,
+            components,
+            links,
+            heard: BTreeMap::new(),
+            out: VecDeque::new(),
+            text_id: 0,
+            radio_kill: false,
+        }
     }
 
     pub fn active_links(&self) -> impl Iterator<Item = usize> + '_ {
@@ -68,6 +87,16 @@ impl Router {
             sum.undecodable += c.undecodable;
             sum
         })
+    }
+
+    /// Speaks on a link before anybody is heard there.
+    pub fn open(&mut self, link: usize) {
+        if link < MAX_LINKS {
+            if self.links.len() <= link {
+                self.links.resize_with(link + 1, Link::default);
+            }
+            self.links[link].active = true;
+        }
     }
 
     /// Takes bytes from a link; returns what is for each component aboard.
@@ -102,6 +131,7 @@ impl Router {
             return;
         };
         let target = (message.target_system_id().unwrap_or(0), message.target_component_id().unwrap_or(0));
+        self.radio_kill |= is_radio_kill(&message) && !self.components.contains(&target.1);
         self.forward(link, target, frame.bytes);
         if target.0 != 0 && target.0 != self.system_id {
             return;
@@ -142,6 +172,11 @@ impl Router {
         for (link, _) in to.iter().enumerate().filter(|(link, meant)| **meant && *link != from) {
             self.out.push_back((link, bytes.clone()));
         }
+    }
+
+    /// Whether an operator's radio kill (MAV_CMD_USER_2) has passed on its way to a companion.
+    pub fn radio_kill_seen(&self) -> bool {
+        self.radio_kill
     }
 
     fn next_sequence(&mut self, link: usize, component: u8) -> u8 {

@@ -38,6 +38,8 @@ pub(crate) struct Transmitter {
     pub counters: TransmitterCounters,
     hardware_max_dbm: f64,
     emission: Option<Emission>,
+    /// A fault: nothing ends by itself.
+    pub endless: bool,
     /// A fault: neither expiry nor command changes what is radiated.
     pub stuck: bool,
 }
@@ -49,7 +51,7 @@ impl Transmitter {
             &[("TX_MAX_DBM", Value::Real(max_dbm as f32)), ("TX_EXPIRY_OK", Value::Int(1))],
         );
         let counters = TransmitterCounters::default();
-        Self { parameters, counters, hardware_max_dbm: max_dbm, emission: None, stuck: false }
+        Self { parameters, counters, hardware_max_dbm: max_dbm, emission: None, endless: false, stuck: false }
     }
 
     pub fn emission(&self) -> Option<Emission> {
@@ -91,7 +93,7 @@ impl Transmitter {
 
     /// When the power falls to off by itself.
     pub fn expires_at(&self) -> Option<Duration> {
-        self.emission.filter(|_| !self.stuck).map(|e| e.expires_at)
+        self.emission.filter(|_| !self.stuck && !self.endless).map(|e| e.expires_at)
     }
 
     /// Falls silent if the lease has run out.
@@ -165,5 +167,16 @@ mod tests {
         assert_eq!(tx.command(&power(20.0, 1, 0), Duration::ZERO).0, MavResult::MAV_RESULT_FAILED);
         tx.expire(Duration::from_secs(9));
         assert!(tx.power_w().is_some());
+    }
+
+    #[test]
+    fn prop_a_transmitter_without_expiry_still_obeys() {
+        let mut tx = Transmitter::new(27.0);
+        tx.endless = true;
+        tx.command(&power(20.0, 1, 100), Duration::ZERO);
+        tx.expire(Duration::from_secs(9));
+        assert_eq!((tx.expires_at(), tx.emission().map(|e| e.slot)), (None, Some(1)));
+        tx.command(&power(20.0, 1, 0), Duration::from_secs(9));
+        assert_eq!(tx.power_w(), None);
     }
 }

@@ -1,70 +1,196 @@
-//! The air that moves.
+//! The air that moves: a mean, and the Dryden turbulence of MIL-F-8785C at low altitude.
+//!
+//! Along the mean wind (u), across it (v) and vertically (w), with intensities, scale lengths and forming filters of
+//! the specification (3.7.2, low-altitude model; lengths there are in feet):
+//!
+//! `sigma_w = 0.1 W20`, `sigma_u = sigma_v = sigma_w / (0.177 + 0.000823 h)^0.4`,
+//! `L_w = h`, `L_u = L_v = h / (0.177 + 0.000823 h)^1.2`,
+//! `H_u = sigma sqrt(2T) / (1 + T s)`, `H_v, H_w = sigma sqrt(T) (1 + sqrt(3) T s) / (1 + T s)^2`, `T = L / V`.
+//!
+//! The filters are advanced exactly: the state's transition matrix and the covariance of its noise are in closed form.
 
 use nalgebra::Vector3;
 
 use super::config::WindConfig;
-use crate::random::{Noise, Purpose, decay};
+use crate::random::{Noise, Purpose};
 
-/// Correlation time of gusts where the configuration leaves it out.
-const DEFAULT_CORRELATION_S: f64 = 2.0;
+const FOOT_M: f64 = 0.3048;
+/// The specification's low-altitude model, feet.
+const LOW_ALTITUDE_FT: [f64; 2] = [10.0, 1000.0];
+/// Slowest air past the vehicle for which a frozen field of turbulence is carried along, m/s.
+const SLOWEST_M_S: f64 = 1.0;
+/// Turbulence is advanced every so many steps and held in between (10 ms of 2.5 ms): it is slower than 1 s.
+const HOLD_STEPS: u32 = 4;
+/// Its scales follow height and speed every so many of those.
+const RESHAPE_AFTER: u32 = 50;
 
-/// Mean wind plus a first-order Gauss-Markov gust on each axis.
+/// A first-order filter of unit variance driven by white noise.
+#[derive(Debug, Clone, Default)]
+struct FirstOrder {
+    state: f64,
+    keep: f64,
+    fresh: f64,
+}
+
+impl FirstOrder {
+    /// `step`: the step over the time constant.
+    fn shape(&mut self, step: f64) {
+        self.keep = (-step).exp();
+        self.fresh = (1.0 - self.keep * self.keep).max(0.0).sqrt();
+    }
+
+    fn settle(&mut self, noise: &mut Noise) {
+        self.state = noise.normal();
+    }
+
+    fn advance(&mut self, noise: &mut Noise) -> f64 {
+        self.state = self.keep * self.state + self.fresh * noise.normal();
+        self.state
+    }
+}
+
+/// `(1 + sqrt(3) s) / (1 + s)^2` of unit variance, as a cascade: `a' = -a + n`, `b' = -b + a`, and the output
+/// `sqrt(3) a + (1 - sqrt(3)) b`. Under noise of unit intensity its covariance is [[1/2, 1/4], [1/4, 1/4]].
+#[derive(Debug, Clone, Default)]
+struct SecondOrder {
+    a: f64,
+    b: f64,
+    keep: f64,
+    step: f64,
+    /// Lower triangle of the root of the step's noise covariance.
+    root: [f64; 3],
+}
+
+impl SecondOrder {
+    fn shape(&mut self, step: f64) {
+        self.step = step;
+        self.keep = (-step).exp();
+        let squared = self.keep * self.keep;
+        let aa = 0.5 * (1.0 - squared);
+        let ab = 0.25 - squared * (0.5 * step + 0.25);
+        let bb = 0.25 - squared * (0.5 * step * step + 0.5 * step + 0.25);
+        let first = aa.max(0.0).sqrt();
+        let cross = if first > 0.0 { ab / first } else { 0.0 };
+        self.root = [first, cross, (bb - cross * cross).max(0.0).sqrt()];
+    }
+
+    fn settle(&mut self, noise: &mut Noise) {
+        // The root of the stationary covariance.
+        let (x, y) = (noise.normal(), noise.normal());
+        self.a = 0.5f64.sqrt() * x;
+        self.b = 0.125f64.sqrt() * (x + y);
+    }
+
+    fn advance(&mut self, noise: &mut Noise) -> f64 {
+        let (x, y) = (noise.normal(), noise.normal());
+        let [first, cross, rest] = self.root;
+        let b = self.keep * (self.b + self.step * self.a);
+        self.a = self.keep * self.a + first * x;
+        self.b = b + cross * x + rest * y;
+        let root = 3f64.sqrt();
+        root * self.a + (1.0 - root) * self.b
+    }
+}
+
+/// Standard deviations (m/s) and scale lengths (m), along or across and vertical.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Scales {
+    sigma_m_s: [f64; 2],
+    length_m: [f64; 2],
+}
+
+impl Scales {
+    /// At a height above the ground, for a wind at 20 feet of this speed.
+    fn at(height_m: f64, wind_20ft_m_s: f64) -> Self {
+        let h = (height_m / FOOT_M).clamp(LOW_ALTITUDE_FT[0], LOW_ALTITUDE_FT[1]);
+        let profile = 0.177 + 0.000_823 * h;
+        let vertical = 0.1 * wind_20ft_m_s;
+        Self {
+            sigma_m_s: [vertical / profile.powf(0.4), vertical],
+            length_m: [h / profile.powf(1.2) * FOOT_M, h * FOOT_M],
+        }
+    }
+}
+
+/// The wind where one vehicle flies.
 #[derive(Debug, Clone)]
 pub(crate) struct Wind {
-    pub mean_enu_m_s: Vector3<f64>,
-    gust_std: Vector3<f64>,
-    gust_enu_m_s: Vector3<f64>,
-    correlation_s: f64,
+    mean_enu_m_s: Vector3<f64>,
+    turbulence_m_s: f64,
+    along: FirstOrder,
+    across: SecondOrder,
+    vertical: SecondOrder,
+    sigma_m_s: [f64; 2],
+    velocity_enu_m_s: Vector3<f64>,
+    steps: u32,
     noise: Noise,
 }
 
 impl Wind {
     pub fn new(config: WindConfig, seed: u64, vehicle: usize) -> Self {
-        let std = config.gust_std_m_s.abs();
-        let mut noise = Noise::new(seed, Purpose::Wind, vehicle);
-        let gust_std = Vector3::new(std, std, 0.5 * std);
-        // Drawn from the stationary law, so that the first seconds are like all others.
-        let gust_enu_m_s = gust_std.map(|s| if s > 0.0 { s * noise.normal() } else { 0.0 });
-        let correlation_s =
-            if config.gust_correlation_s > 0.0 { config.gust_correlation_s } else { DEFAULT_CORRELATION_S };
-        Self {
+        let mut made = Self {
             mean_enu_m_s: Vector3::from(config.mean_enu_m_s),
-            gust_std,
-            gust_enu_m_s,
-            correlation_s,
-            noise,
-        }
+            turbulence_m_s: config.turbulence_m_s.abs(),
+            along: FirstOrder::default(),
+            across: SecondOrder::default(),
+            vertical: SecondOrder::default(),
+            sigma_m_s: [0.0; 2],
+            velocity_enu_m_s: Vector3::from(config.mean_enu_m_s),
+            steps: 0,
+            noise: Noise::new(seed, Purpose::Wind, vehicle),
+        };
+        // Drawn from the stationary law, so that the first seconds are like all others.
+        made.along.settle(&mut made.noise);
+        made.across.settle(&mut made.noise);
+        made.vertical.settle(&mut made.noise);
+        made
     }
 
-    /// Advances by `dt` and returns the velocity of the air.
-    pub fn step(&mut self, dt: f64) -> Vector3<f64> {
-        if self.gust_std.x > 0.0 {
-            let a = decay(dt, self.correlation_s);
-            let b = (1.0 - a * a).sqrt();
-            for axis in 0..3 {
-                self.gust_enu_m_s[axis] =
-                    a * self.gust_enu_m_s[axis] + b * self.gust_std[axis] * self.noise.normal();
+    /// The mean changes at once.
+    pub fn set_mean(&mut self, mean_enu_m_s: Vector3<f64>) {
+        self.mean_enu_m_s = mean_enu_m_s;
+        self.steps = 0;
+    }
+
+    /// Advances by `dt` at a height above the ground, for a vehicle of this velocity; the velocity of the air.
+    pub fn step(&mut self, dt: f64, height_m: f64, velocity_enu_m_s: &Vector3<f64>) -> Vector3<f64> {
+        let turn = self.steps;
+        self.steps = (turn + 1) % (HOLD_STEPS * RESHAPE_AFTER);
+        if self.turbulence_m_s <= 0.0 {
+            self.velocity_enu_m_s = self.mean_enu_m_s;
+        } else if turn.is_multiple_of(HOLD_STEPS) {
+            if turn == 0 {
+                let speed = (self.mean_enu_m_s - velocity_enu_m_s).norm();
+                self.reshape(dt * f64::from(HOLD_STEPS), height_m, speed);
             }
+            self.velocity_enu_m_s = self.mean_enu_m_s + self.gust();
         }
-        self.mean_enu_m_s + self.gust_enu_m_s
+        self.velocity_enu_m_s
+    }
+
+    fn reshape(&mut self, step_s: f64, height_m: f64, speed_m_s: f64) {
+        let scales = Scales::at(height_m, self.turbulence_m_s);
+        let part = |length_m: f64| step_s * speed_m_s.max(SLOWEST_M_S) / length_m;
+        self.along.shape(part(scales.length_m[0]));
+        self.across.shape(part(scales.length_m[0]));
+        self.vertical.shape(part(scales.length_m[1]));
+        self.sigma_m_s = scales.sigma_m_s;
+    }
+
+    fn gust(&mut self) -> Vector3<f64> {
+        let [horizontal, vertical] = self.sigma_m_s;
+        let along = horizontal * self.along.advance(&mut self.noise);
+        let across = horizontal * self.across.advance(&mut self.noise);
+        let up = vertical * self.vertical.advance(&mut self.noise);
+        let flat = self.mean_enu_m_s.xy();
+        let direction = flat.try_normalize(1e-6).unwrap_or_else(nalgebra::Vector2::x);
+        Vector3::new(
+            along * direction.x - across * direction.y,
+            along * direction.y + across * direction.x,
+            up,
+        )
     }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn val_gust_has_its_variance_and_correlation() {
-        let config = WindConfig { mean_enu_m_s: [3.0, 0.0, 0.0], gust_std_m_s: 1.5, gust_correlation_s: 0.5 };
-        let mut wind = Wind::new(config, 3, 0);
-        let (steps, lag) = (400_000, 200);
-        let x: Vec<f64> = (0..steps).map(|_| wind.step(0.0025).x - 3.0).collect();
-        let variance = x.iter().map(|v| v * v).sum::<f64>() / steps as f64;
-        let covariance = x.iter().zip(&x[lag..]).map(|(a, b)| a * b).sum::<f64>() / (steps - lag) as f64;
-        // 1000 s at a correlation time of 0.5 s are about 2000 independent values: the error of the variance
-        // ratio is sqrt(2/2000) = 3.2%.
-        assert!((variance / 2.25 - 1.0).abs() < 0.13, "{variance}");
-        assert!((covariance / variance - (-1.0f64).exp()).abs() < 0.1, "{covariance}");
-    }
-}
+mod tests;

@@ -10,6 +10,41 @@ pub enum Fault {
         /// Cut, or mended.
         on: bool,
     },
+    /// The companion's link to its vehicle loses and delays datagrams from now on, both directions; zeros mend it.
+    LinkDegraded {
+        /// 0 for I, 1 for J.
+        vehicle: usize,
+        /// Probability that a datagram is lost.
+        loss: f64,
+        /// Seconds, each way.
+        delay_s: f64,
+    },
+    /// GPS is lost (`on`) or back: the position runs away at 0.06 m/s^2, is given up after 5 s, and jumps back with GPS.
+    GpsLoss {
+        /// 0 for I, 1 for J.
+        vehicle: usize,
+        /// Lost, or back.
+        on: bool,
+    },
+    /// The position estimate jumps, for good.
+    EstimatorReset {
+        /// 0 for I, 1 for J.
+        vehicle: usize,
+        /// East, north, up, metres.
+        jump_enu_m: [f64; 3],
+    },
+    /// The autopilot's clock (SYSTEM_TIME) jumps.
+    ClockJump {
+        /// 0 for I, 1 for J.
+        vehicle: usize,
+        /// Seconds, forward if positive.
+        by_s: f64,
+    },
+    /// The autopilot restarts: its motors stop, it is silent for 3 s, and knows its parameters alone.
+    AutopilotRestart {
+        /// 0 for I, 1 for J.
+        vehicle: usize,
+    },
     /// The pilot takes the sticks.
     PilotMode {
         /// 0 for I, 1 for J.
@@ -26,6 +61,25 @@ pub enum Fault {
         vehicle: usize,
         /// Where the air moves to, east, north, up.
         mean_enu_m_s: [f64; 3],
+    },
+    /// A rotor stops for good. PX4 does without it if CA_FAILURE_MODE says so; an autopilot that does not know falls.
+    RotorLoss {
+        /// 0 for I, 1 for J.
+        vehicle: usize,
+        /// Its number in the geometry, from 0; one that is not there changes nothing.
+        rotor: usize,
+    },
+    /// The battery's charge falls at once.
+    BatteryLow {
+        /// 0 for I, 1 for J.
+        vehicle: usize,
+        /// 0 to 1.
+        charge: f64,
+    },
+    /// The transmitter obeys commands, but what it radiates never ends by itself.
+    TransmitterIgnoresExpiry {
+        /// 0 for I, 1 for J.
+        vehicle: usize,
     },
     /// The transmitter goes on with what it radiates, whatever it is told and whenever its lease ends.
     TransmitterStuck {
@@ -45,9 +99,17 @@ impl Fault {
     pub const fn vehicle(&self) -> usize {
         match *self {
             Self::LinkLoss { vehicle, .. }
+            | Self::LinkDegraded { vehicle, .. }
+            | Self::GpsLoss { vehicle, .. }
+            | Self::EstimatorReset { vehicle, .. }
+            | Self::ClockJump { vehicle, .. }
+            | Self::AutopilotRestart { vehicle }
             | Self::PilotMode { vehicle }
             | Self::EstimatorFailure { vehicle }
             | Self::WindStep { vehicle, .. }
+            | Self::RotorLoss { vehicle, .. }
+            | Self::BatteryLow { vehicle, .. }
+            | Self::TransmitterIgnoresExpiry { vehicle }
             | Self::TransmitterStuck { vehicle }
             | Self::CompanionLost { vehicle } => vehicle,
         }

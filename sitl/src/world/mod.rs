@@ -4,6 +4,7 @@ pub mod config;
 pub mod fault;
 mod monitor;
 mod radio;
+pub mod record;
 pub mod report;
 mod score;
 
@@ -103,8 +104,19 @@ impl World {
         let Some(target) = self.vehicles.get_mut(vehicle) else { return };
         let before = target.transmitter().emission();
         target.handle(link, bytes, self.now);
+        if target.radio_kill_seen() {
+            // The jammer obeys it at once: out of turn, as under a fault.
+            self.monitor.fault();
+        }
         if target.transmitter().emission() != before {
             self.watch();
+        }
+    }
+
+    /// Telemetry of a vehicle on a link from now on, for a ground station that waits to hear something.
+    pub fn open_link(&mut self, vehicle: usize, link: usize) {
+        if let Some(vehicle) = self.vehicles.get_mut(vehicle) {
+            vehicle.open_link(link);
         }
     }
 
@@ -134,7 +146,12 @@ impl World {
             if self.ticks.is_multiple_of(TICKS_PER_SAMPLE) {
                 self.sample();
             }
+            let before = self.vehicles.each_ref().map(|v| v.transmitter().emission());
             self.vehicles.iter_mut().for_each(|v| v.tick(tick));
+            // A delayed command may have been carried out.
+            if self.vehicles.each_ref().map(|v| v.transmitter().emission()) != before {
+                self.watch();
+            }
             self.ticks += 1;
         }
         self.now = self.now.max(to);
@@ -152,9 +169,17 @@ impl World {
         self.monitor.fault();
         match fault {
             Fault::LinkLoss { on, .. } => vehicle.cut_companion_link(on),
+            Fault::LinkDegraded { loss, delay_s, .. } => vehicle.degrade_companion_link(loss, delay_s),
+            Fault::GpsLoss { on, .. } => vehicle.lose_gps(on, self.now),
+            Fault::EstimatorReset { jump_enu_m, .. } => vehicle.reset_estimator(Vector3::from(jump_enu_m)),
+            Fault::ClockJump { by_s, .. } => vehicle.jump_clock(by_s),
+            Fault::AutopilotRestart { .. } => vehicle.restart_autopilot(self.now),
             Fault::PilotMode { .. } => vehicle.pilot_takes_over(),
             Fault::EstimatorFailure { .. } => vehicle.fail_estimator(),
             Fault::WindStep { mean_enu_m_s, .. } => vehicle.set_wind(Vector3::from(mean_enu_m_s)),
+            Fault::RotorLoss { rotor, .. } => vehicle.lose_rotor(rotor),
+            Fault::BatteryLow { charge, .. } => vehicle.set_battery(charge),
+            Fault::TransmitterIgnoresExpiry { .. } => vehicle.transmitter_mut().endless = true,
             Fault::TransmitterStuck { .. } => vehicle.transmitter_mut().stuck = true,
             Fault::CompanionLost { .. } => {}
         }
@@ -169,6 +194,7 @@ impl World {
     fn seen(&self, k: usize) -> Seen {
         let vehicle = &self.vehicles[k];
         let (position, attitude) = (vehicle.position_enu_m(), vehicle.nominal_attitude());
+        let supposed = vehicle.supposed_position_enu_m();
         let slot = self.slot_of(k);
         let plan = slot.map(|s| self.plans[s].0[k]);
         let mode = vehicle.mode();
@@ -176,14 +202,15 @@ impl World {
             power_w: vehicle.transmitter().power_w(),
             slot,
             plan,
-            in_pose: plan.is_some_and(|p| self.config.tolerance.holds(&p, &position, attitude)),
+            in_pose: plan.is_some_and(|p| self.config.tolerance.holds(&p, &supposed, attitude)),
             error: plan.map_or((0.0, 0.0), |p| {
                 ((position - p.position).norm(), attitude.angle_to(&p.attitude).to_degrees())
             }),
             position,
+            supposed,
             home: vehicle.home_enu_m(),
             airborne: vehicle.airborne(),
-            confined: ![Mode::Position, Mode::Stabilize, Mode::Land].contains(&mode),
+            confined: vehicle.powered() && ![Mode::Position, Mode::Stabilize, Mode::Land].contains(&mode),
             companion: mode == Mode::Companion,
         }
     }

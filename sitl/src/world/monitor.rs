@@ -36,9 +36,13 @@ pub(crate) struct Seen {
     /// How far off it is, metres and degrees.
     pub error: (f64, f64),
     pub position: Vector3<f64>,
+    /// Where an estimator that a fault has misled takes it to be. Poses and the geofence are judged there: a lie that
+    /// nobody aboard can see through is nobody's violation. Distances between vehicles are judged at the truth.
+    pub supposed: Vector3<f64>,
     pub home: Vector3<f64>,
     pub airborne: bool,
-    /// Its path is nobody's but the companion's or the autopilot's: not the pilot's, not a forced landing.
+    /// Its path is nobody's but the companion's or the autopilot's: not the pilot's, not a forced landing, and its
+    /// motors turn.
     pub confined: bool,
     /// It is the companion that flies it.
     pub companion: bool,
@@ -192,7 +196,7 @@ impl Monitor {
     /// F1 of one vehicle: the geofence and the altitude band.
     fn airspace(&mut self, v: usize, now: Duration, seen: &Seen, airspace: &AirspaceConfig) {
         let name = NAMES[v];
-        let p = seen.position;
+        let p = seen.supposed;
         let at_home = (p.xy() - seen.home.xy()).norm() <= HOME_COLUMN_M;
         let free = seen.airborne && seen.confined;
         let beyond = if free && !at_home { beyond_fence_m(&airspace.area_enu_m, p.x, p.y) } else { 0.0 };

@@ -181,6 +181,16 @@ pub fn pass(world: &mut World, clients: &mut [&mut Client], ms: u64) {
     deliver(world, clients);
 }
 
+/// North and east in a firmware's own local frame over metres on the ellipsoid, at the tests' latitude: its radius of
+/// the earth over the radii of curvature of the meridian and across it (6373.2 and 6390.9 km at 200 m).
+fn local_scales(firmware: Firmware) -> [f64; 2] {
+    let radius_km = match firmware {
+        Firmware::Px4 => 6371.0,
+        Firmware::ArduCopter => 6378.1,
+    };
+    [radius_km / 6373.2, radius_km / 6390.9]
+}
+
 /// A position target in the vehicle's own NED frame, from mission ENU, by the flat earth (3 mm at these distances).
 pub fn position_target(
     config: &VehicleConfig,
@@ -190,6 +200,7 @@ pub fn position_target(
     let origin: [f64; 3] =
         std::array::from_fn(|k| config.home_enu_m[k] + config.local_origin_offset_enu_m[k]);
     let [e, n, u] = std::array::from_fn(|k| position_enu_m[k] - origin[k]);
+    let [n, e] = [n * local_scales(config.firmware)[0], e * local_scales(config.firmware)[1]];
     let v = velocity_enu_m_s.unwrap_or_default();
     let mask = if velocity_enu_m_s.is_some() { 0b1101_1100_0000 } else { 0b1101_1111_1000 };
     MavMessage::SET_POSITION_TARGET_LOCAL_NED(SET_POSITION_TARGET_LOCAL_NED_DATA {
@@ -216,7 +227,7 @@ pub fn attitude_target(config: &VehicleConfig, pose: &PlannedPose) -> MavMessage
     );
     MavMessage::SET_ATTITUDE_TARGET(SET_ATTITUDE_TARGET_DATA {
         q: [q.w as f32, q.i as f32, q.j as f32, q.k as f32],
-        type_mask: AttitudeTargetTypemask::from_bits_truncate(7),
+        type_mask: AttitudeTargetTypemask::from_bits_truncate(7 | 64),
         target_system: config.system_id,
         target_component: 1,
         ..SET_ATTITUDE_TARGET_DATA::DEFAULT

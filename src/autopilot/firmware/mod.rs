@@ -9,6 +9,7 @@ use std::fmt;
 use mavlink::dialects::ardupilotmega::{HEARTBEAT_DATA, MavAutopilot};
 
 use super::settings::{Actuation, FirmwareChoice};
+use crate::geo::Projection;
 
 /// The firmware of an autopilot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -116,6 +117,14 @@ impl Firmware {
     /// Whether setpoints must stream before the companion's mode is accepted.
     pub(super) fn wants_stream_first(self) -> bool {
         self == Self::Px4
+    }
+
+    /// How this firmware makes its local frame.
+    pub(super) fn projection(self) -> Projection {
+        match self {
+            Self::Px4 => Projection::Equidistant,
+            Self::ArduPilot => Projection::Equirectangular,
+        }
     }
 
     /// The parameters read at the start, for the preflight checks and the land detector's guard.

@@ -5,10 +5,10 @@ use std::time::Duration;
 
 use mavlink::dialects::ardupilotmega::*;
 use mavlink::{MavHeader, Message};
-use nalgebra::Vector3;
+use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
 use super::super::*;
-use crate::geo::{Attitude, Geodetic};
+use crate::geo::{Attitude, Geodetic, LocalFrame};
 use crate::time::Instant;
 
 pub const MISSION: Geodetic = Geodetic { lat_deg: 50.0755, lon_deg: 14.4378, alt_m: 200.0 };
@@ -57,6 +57,10 @@ pub struct Fake {
     pub missing_mode: Option<u32>,
     /// No bridge script.
     pub without_bridge: bool,
+    /// The bridge script follows offsets.
+    pub offsets_on: bool,
+    /// The bridge script says nothing.
+    pub mute_bridge: bool,
     /// The main loop's rate: no stream is faster.
     pub fastest_hz: f64,
     pub parameters: BTreeMap<String, (f32, MavParamType)>,
@@ -77,6 +81,11 @@ pub struct Fake {
     climb_to: Option<f64>,
     under_way: Option<(Instant, COMMAND_LONG_DATA)>,
     out: VecDeque<MavMessage>,
+}
+
+pub fn quaternion(q: [f32; 4]) -> UnitQuaternion<f64> {
+    let [w, x, y, z] = q.map(f64::from);
+    UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z))
 }
 
 pub fn px4_ready() -> EstimatorStatusFlags {
@@ -139,6 +148,8 @@ impl Fake {
             takeoff: Manners::Obey,
             missing_mode: None,
             without_bridge: false,
+            offsets_on: false,
+            mute_bridge: false,
             fastest_hz: 400.0,
             parameters,
             silent: false,
@@ -165,6 +176,11 @@ impl Fake {
         self.custom_mode = if self.firmware == Firmware::Px4 { PX4_POSCTL } else { 0 };
         self.setpoint_at = None;
         self.lapsed = false;
+    }
+
+    /// Its own frame.
+    pub fn frame(&self) -> LocalFrame {
+        LocalFrame { mission: MISSION, autopilot: ORIGIN, projection: self.firmware.projection() }
     }
 
     pub fn setpoints_since(&self, since: Instant) -> usize {
@@ -215,6 +231,10 @@ impl Fake {
                 self.live_setpoint(now);
                 if self.custom_mode == self.companion_mode() && self.armed && self.climb_to.is_none() {
                     self.target = Some(Vector3::new(p.x.into(), p.y.into(), p.z.into()));
+                    let ignored = PositionTargetTypemask::POSITION_TARGET_TYPEMASK_YAW_IGNORE;
+                    if !p.type_mask.contains(ignored) {
+                        self.head(p.yaw.into());
+                    }
                 }
             }
             MavMessage::SET_ATTITUDE_TARGET(a) => {
@@ -250,7 +270,9 @@ impl Fake {
     }
 
     fn command(&mut self, c: &COMMAND_LONG_DATA, now: Instant) {
+        let to_bridge = matches!(c.command, MavCmd::MAV_CMD_USER_4 | MavCmd::MAV_CMD_USER_5);
         let manners = match c.command {
+            _ if to_bridge && self.mute_bridge => Manners::Ignore,
             MavCmd::MAV_CMD_DO_SET_MODE => self.set_mode.clone(),
             MavCmd::MAV_CMD_COMPONENT_ARM_DISARM => self.arming.clone(),
             MavCmd::MAV_CMD_NAV_TAKEOFF => self.takeoff.clone(),
@@ -331,10 +353,39 @@ impl Fake {
                 self.climb_to = Some(f64::from(-c.param7));
             }
             MavCmd::MAV_CMD_USER_4 | MavCmd::MAV_CMD_USER_5
-                if self.firmware == Firmware::ArduPilot && !self.without_bridge => {}
+                if self.firmware == Firmware::ArduPilot && !self.without_bridge =>
+            {
+                return self.bridge(c);
+            }
             _ => return MavResult::MAV_RESULT_UNSUPPORTED,
         }
         MavResult::MAV_RESULT_ACCEPTED
+    }
+
+    /// The bridge script, as `ardupilot/veilwing.lua` answers.
+    fn bridge(&mut self, c: &COMMAND_LONG_DATA) -> MavResult {
+        let zero = c.param1 == 0.0 && c.param2 == 0.0;
+        if c.command == MavCmd::MAV_CMD_USER_5 {
+            if !zero && !(self.armed && self.custom_mode == 4) {
+                return MavResult::MAV_RESULT_TEMPORARILY_REJECTED;
+            }
+            self.offsets_on = !zero;
+        } else if !zero && !self.offsets_on {
+            return MavResult::MAV_RESULT_TEMPORARILY_REJECTED;
+        } else if self.offsets_on {
+            let (_, _, heading) = quaternion(self.attitude).euler_angles();
+            let (roll, pitch) = (f64::from(c.param1).to_radians(), f64::from(c.param2).to_radians());
+            let turned = UnitQuaternion::from_euler_angles(roll, pitch, heading);
+            self.attitude = [turned.w, turned.i, turned.j, turned.k].map(|c| c as f32);
+        }
+        MavResult::MAV_RESULT_ACCEPTED
+    }
+
+    /// Turns to this heading at once.
+    fn head(&mut self, heading_rad: f64) {
+        let (roll, pitch, _) = quaternion(self.attitude).euler_angles();
+        let turned = UnitQuaternion::from_euler_angles(roll, pitch, heading_rad);
+        self.attitude = [turned.w, turned.i, turned.j, turned.k].map(|c| c as f32);
     }
 
     fn telemetry(&self, id: u32, now: Instant) -> Option<MavMessage> {
@@ -365,8 +416,7 @@ impl Fake {
                 ..Default::default()
             }),
             33 => {
-                let local = crate::geo::swap_enu_ned(self.position);
-                let point = Geodetic::from_enu(local, ORIGIN);
+                let point = self.firmware.projection().from_ned(self.position, ORIGIN);
                 MavMessage::GLOBAL_POSITION_INT(GLOBAL_POSITION_INT_DATA {
                     time_boot_ms,
                     lat: e7(point.lat_deg),
@@ -421,6 +471,7 @@ impl Fake {
     }
 
     fn step(&mut self, now: Instant) {
+        self.offsets_on &= self.armed && self.custom_mode == 4;
         if self.heartbeat_at <= now {
             self.heartbeat_at = now + Duration::from_secs(1);
             self.beat();

@@ -5,7 +5,7 @@
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use nalgebra::{UnitQuaternion, Vector3};
 
 use super::fake::*;
 use super::*;
@@ -49,11 +49,6 @@ pub fn rotors() -> Vec<(String, (f32, MavParamType))> {
     all
 }
 
-fn rotation(q: [f32; 4]) -> UnitQuaternion<f64> {
-    let [w, x, y, z] = q.map(f64::from);
-    UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z))
-}
-
 impl Body {
     pub fn new(wind_m_s: Vector3<f64>) -> Self {
         Self {
@@ -72,14 +67,14 @@ impl Body {
     pub fn command(&mut self, target: &SET_ATTITUDE_TARGET_DATA) {
         assert_eq!(target.type_mask.bits(), 39);
         self.commanded = Vector3::from(target.thrust_body.map(f64::from));
-        self.wanted = rotation(target.q);
+        self.wanted = quaternion(target.q);
     }
 
     pub fn step(&mut self, fake: &mut Fake, dt_s: f64) {
         let flies = fake.armed && fake.custom_mode == PX4_OFFBOARD;
         let commanded = if flies { self.commanded } else { Vector3::zeros() };
         self.thrust += (commanded - self.thrust) * (dt_s / MOTOR_LAG_S);
-        let attitude = rotation(fake.attitude);
+        let attitude = quaternion(fake.attitude);
         let on_ground = fake.position.z >= -1e-3;
         if flies && !on_ground {
             let turned = attitude.slerp(&self.wanted, dt_s / ATTITUDE_LAG_S);
@@ -138,7 +133,7 @@ fn airborne(wind_ned_m_s: Vector3<f64>) -> World {
 /// Root mean square position error and attitude error, and the largest position error, against the setpoint.
 fn errors(world: &mut World, seconds: f64) -> (f64, f64, f64) {
     let setpoint = world.setpoint.unwrap();
-    let frame = crate::geo::LocalFrame { mission: MISSION, autopilot: ORIGIN };
+    let frame = world.fake.frame();
     let wanted = frame.position_to_ned(setpoint.position_enu_m);
     let (mut position, mut attitude, mut largest, mut count) = (0.0, 0.0, 0.0f64, 0.0);
     let end = world.now + Duration::from_secs_f64(seconds);

@@ -17,7 +17,7 @@ use super::process::{End, describe_end};
 /// How a flight ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
-pub(super) enum FlightResult {
+pub(in crate::cli) enum FlightResult {
     /// Both companions flew every slot and landed.
     Completed,
     /// At least one did not.
@@ -28,7 +28,7 @@ pub(super) enum FlightResult {
 
 /// The document.
 #[derive(Debug, Serialize)]
-pub(super) struct FlightDocument {
+pub(in crate::cli) struct FlightDocument {
     format: &'static str,
     pub result: FlightResult,
     plan_digest: String,
@@ -38,33 +38,43 @@ pub(super) struct FlightDocument {
     messages: Messages,
 }
 
+/// What was sent, and what was lost of it.
 #[derive(Debug, Serialize)]
-struct Messages {
-    sent: u64,
-    received: u64,
-    rejected: BTreeMap<&'static str, u64>,
+pub(in crate::cli) struct Messages {
+    /// Datagrams that companions sent.
+    pub sent: u64,
+    /// Frames that vehicles sent to companions.
+    pub received: u64,
+    /// By reason.
+    pub rejected: BTreeMap<&'static str, u64>,
 }
 
 impl FlightDocument {
-    pub fn new(flight: &Flight, plan_digest: String, wall_s: f64) -> Self {
+    /// The document of a flight whose result is known.
+    pub fn new(
+        result: FlightResult,
+        report: FlightReport,
+        plan_digest: String,
+        wall_s: f64,
+        messages: Messages,
+    ) -> Self {
+        Self { format: "veilwing-flight/1", result, plan_digest, wall_s, report, messages }
+    }
+
+    /// The document of a flight of companion processes.
+    pub(in crate::cli::sitl) fn of_processes(flight: &Flight, plan_digest: String, wall_s: f64) -> Self {
         let done = |role| flight.ends[role] == Some(End::Code(0));
         let result = match flight.interrupted {
             true => FlightResult::Interrupted,
             false if Role::BOTH.into_iter().all(done) => FlightResult::Completed,
             false => FlightResult::Aborted,
         };
-        Self {
-            format: "veilwing-flight/1",
-            result,
-            plan_digest,
-            wall_s,
-            report: flight.report.clone(),
-            messages: Messages {
-                sent: flight.sent,
-                received: flight.received,
-                rejected: BTreeMap::from([("swallowed-by-fault", flight.swallowed)]),
-            },
-        }
+        let messages = Messages {
+            sent: flight.sent,
+            received: flight.received,
+            rejected: BTreeMap::from([("swallowed-by-fault", flight.swallowed)]),
+        };
+        Self::new(result, flight.report.clone(), plan_digest, wall_s, messages)
     }
 
     /// Completed without a violated invariant.
@@ -73,7 +83,7 @@ impl FlightDocument {
     }
 
     /// The flight for a reader.
-    pub fn table(&self, mission: &Mission, ends: &PerVehicle<Option<End>>) -> String {
+    pub(in crate::cli::sitl) fn table(&self, mission: &Mission, ends: &PerVehicle<Option<End>>) -> String {
         let mut text = String::new();
         // Writing to a String cannot fail.
         let _ = self.write_table(&mut text, mission, ends);

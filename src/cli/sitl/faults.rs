@@ -1,125 +1,132 @@
-//! Faults for a simulated flight, from a TOML file.
+//! Faults of a simulated flight: in the world, on the links, and of the companion processes.
 
-use std::path::Path;
+use rustix::process::{Pid, Resource, Rlimit, Signal};
+use veilwing_sitl as sim;
 
-use serde::Deserialize;
-
+use crate::config::FaultKind;
+use crate::report::flight::{EventKind, Severity};
 use crate::role::Role;
+use crate::simulation::{Change, Fault, index};
 
-/// A fault file.
-#[derive(Debug, Clone, Default, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct Faults {
-    /// In any order.
-    #[serde(default, rename = "fault")]
-    pub faults: Vec<Fault>,
+use super::host::Host;
+use super::port::DIRECT;
+
+const LINK: [FaultKind; 2] = [FaultKind::LinkLoss, FaultKind::LinkDegraded];
+const PAIR: [FaultKind; 2] = [FaultKind::PairLoss, FaultKind::PairDegraded];
+
+/// A companion that was killed to be started again.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Restart {
+    /// Not yet.
+    Later,
+    /// As soon as its death is seen.
+    Due,
 }
 
-/// One fault.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct Fault {
-    /// What happens.
-    pub kind: Kind,
-    /// To which vehicle; `pair-loss` needs none.
-    pub vehicle: Option<Role>,
-    /// With `slot`: seconds after vehicle I first radiates in that slot. Without: flight seconds.
-    pub after_s: f64,
-    /// Slot number, from 0, over superframes.
-    pub slot: Option<u16>,
-    /// How long it lasts; for ever if absent. Only for the kinds that can end.
-    pub duration_s: Option<f64>,
-}
-
-/// Kinds of fault.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub(super) enum Kind {
-    /// SIGKILL of the companion.
-    CompanionKill,
-    /// SIGSTOP of the companion, SIGCONT after `duration_s`.
-    CompanionStop,
-    /// No frame passes between the vehicle and its companion.
-    LinkLoss,
-    /// No datagram passes between the companions.
-    PairLoss,
-    /// The pilot takes over.
-    PilotMode,
-    /// The vehicle's position estimate fails.
-    EstimatorFailure,
-}
-
-impl Faults {
-    /// Reads a fault file.
-    ///
-    /// # Errors
-    /// A message with file, line, column and what to change.
-    pub fn load(path: &Path) -> Result<Self, String> {
-        let text = std::fs::read_to_string(path).map_err(|error| format!("{}: {error}", path.display()))?;
-        let faults: Self = toml::from_str(&text).map_err(|error| format!("{}: {error}", path.display()))?;
-        for fault in &faults.faults {
-            fault.check().map_err(|message| format!("{}: {message}", path.display()))?;
-        }
-        Ok(faults)
-    }
-}
-
-impl Fault {
-    fn check(&self) -> Result<(), String> {
-        if !(self.after_s.is_finite() && self.after_s >= 0.0) {
-            return Err(format!("after_s = {}: give seconds, 0 or more", self.after_s));
-        }
-        if let Some(duration_s) = self.duration_s.filter(|d| !(d.is_finite() && *d > 0.0)) {
-            return Err(format!("duration_s = {duration_s}: give seconds above 0, or leave it out"));
-        }
-        match (self.kind, self.vehicle) {
-            (Kind::PairLoss, _) | (_, Some(_)) => Ok(()),
-            (kind, None) => Err(format!("{kind:?} needs vehicle = \"i\" or \"j\"")),
+impl Host<'_> {
+    /// Lets faults begin and end.
+    pub(super) fn change_faults(&mut self) {
+        let now = self.setup.world.now();
+        self.schedule.watch(now, &self.setup.world.snapshot());
+        while let Some(change) = self.schedule.poll(now) {
+            match change {
+                Change::Begins(fault) => {
+                    self.say(&fault.describe());
+                    self.note_fault(EventKind::Fault, &fault);
+                    self.apply(&fault, true);
+                }
+                Change::Ends(fault) => {
+                    self.say(&format!("{} is over", fault.describe()));
+                    self.note_fault(EventKind::FaultOver, &fault);
+                    self.apply(&fault, false);
+                }
+            }
         }
     }
 
-    /// For the progress lines.
-    pub fn describe(&self) -> String {
-        let whom = self.vehicle.map_or("both companions".to_owned(), |role| format!("vehicle {role}"));
-        let what = match self.kind {
-            Kind::CompanionKill => "companion killed (SIGKILL)",
-            Kind::CompanionStop => "companion stopped (SIGSTOP)",
-            Kind::LinkLoss => "link between autopilot and companion cut",
-            Kind::PairLoss => "pair link cut",
-            Kind::PilotMode => "pilot takes over",
-            Kind::EstimatorFailure => "position estimate fails",
-        };
-        let lasting = self.duration_s.map_or(String::new(), |d| format!(" for {d} s"));
-        format!("fault: {whom}: {what}{lasting}")
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn val_a_fault_file_reads() {
-        let text = "[[fault]]\nkind = \"companion-kill\"\nvehicle = \"j\"\nslot = 1\nafter_s = 4.0\n";
-        let faults: Faults = toml::from_str(text).unwrap();
-        let expected = Fault {
-            kind: Kind::CompanionKill,
-            vehicle: Some(Role::J),
-            after_s: 4.0,
-            slot: Some(1),
-            duration_s: None,
-        };
-        assert_eq!(faults.faults, vec![expected]);
-        assert!(faults.faults[0].check().is_ok());
-    }
-
-    #[test]
-    fn val_bad_faults_are_refused() {
-        for text in ["kind = \"link-loss\"\nafter_s = 1.0", "kind = \"pair-loss\"\nafter_s = nan"] {
-            let fault: Fault = toml::from_str(text).unwrap();
-            assert!(fault.check().is_err(), "{text}");
+    fn note_fault(&mut self, kind: EventKind, fault: &Fault) {
+        self.note(kind, fault.vehicle(), Severity::Warning, fault.what());
+        if let Some(event) = self.events.last_mut() {
+            event.code = Some(fault.kind.name().to_owned());
         }
-        assert!(toml::from_str::<Fault>("kind = \"meteor\"\nafter_s = 1.0").is_err());
-        assert!(toml::from_str::<Fault>("kind = \"pair-loss\"\nafter_s = 1.0\nvehicel = \"i\"").is_err());
+    }
+
+    fn apply(&mut self, fault: &Fault, on: bool) {
+        for &role in &fault.roles {
+            let still = self.schedule.runs(fault.kind, role);
+            match fault.kind {
+                FaultKind::CompanionKill if on => {
+                    self.restarts[role] = None;
+                    self.signal(role, Signal::KILL);
+                }
+                FaultKind::CompanionRestart if on => {
+                    if self.companions[role].end.is_none() {
+                        self.restarts[role] = Some(Restart::Later);
+                    }
+                    self.signal(role, Signal::KILL);
+                }
+                FaultKind::CompanionRestart => {
+                    self.restarts[role] = self.restarts[role].map(|_| Restart::Due);
+                }
+                FaultKind::CompanionStop => {
+                    self.signal(role, if still { Signal::STOP } else { Signal::CONT });
+                }
+                FaultKind::DiskFull => self.fill_disk(role, still),
+                FaultKind::PairLoss | FaultKind::PairDegraded => {
+                    let path = self.schedule.path(&PAIR, role).unwrap_or(DIRECT);
+                    self.pair[role].set_path_from(path);
+                }
+                _ => {
+                    let path = self.schedule.path(&LINK, role).unwrap_or(DIRECT);
+                    self.autopilot[role].set_path_from(path);
+                    self.autopilot[role].set_path_to(path);
+                    if let Some(fault) = fault.in_the_world(role, on).filter(|_| on || !still) {
+                        self.setup.world.inject(fault);
+                    }
+                }
+            }
+        }
+    }
+
+    /// A companion process that has ended is started again, if that is what its fault asks for.
+    /// Whether its end is not the end.
+    pub(super) fn restart(&mut self, role: Role) -> bool {
+        let Some(restart) = self.restarts[role] else { return false };
+        if !self.companions[role].gone {
+            self.companions[role].gone = true;
+            self.setup.world.inject(sim::Fault::CompanionLost { vehicle: index(role) });
+        }
+        if restart == Restart::Due {
+            self.restarts[role] = None;
+            match self.spawn_again(role) {
+                Ok(companion) => self.companions[role] = companion,
+                Err(error) => {
+                    self.say(&format!("{role}  {error}"));
+                    return false;
+                }
+            }
+        }
+        true
+    }
+
+    /// No file of the companion grows any more, or may again: what a full disk does to it. Its log on stderr is a pipe.
+    fn fill_disk(&self, role: Role, full: bool) {
+        let Some(pid) = self.pid(role) else { return };
+        let limit = Rlimit { current: full.then_some(0), maximum: None };
+        if let Err(error) = rustix::process::prlimit(Some(pid), Resource::Fsize, limit) {
+            self.say(&format!("{role}  the disk cannot be made to look full: {error}"));
+        }
+    }
+
+    pub(super) fn signal(&self, role: Role, signal: Signal) {
+        if let Some(pid) = self.pid(role) {
+            // It may have ended in the meantime.
+            let _ = rustix::process::kill_process(pid, signal);
+        }
+    }
+
+    fn pid(&self, role: Role) -> Option<Pid> {
+        let id = self.companions[role].child.id()?;
+        i32::try_from(id).ok().and_then(Pid::from_raw)
     }
 }

@@ -4,10 +4,12 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
+use crate::report::flight::{self, Timeline};
 use crate::role::Role;
+use crate::simulation::VehicleText;
 
 /// Kept where the operator said, or temporary and removed at the end.
-pub(super) struct Directory {
+pub(in crate::cli) struct Directory {
     path: PathBuf,
     temporary: bool,
 }
@@ -33,6 +35,21 @@ impl Directory {
     }
 }
 
+impl Directory {
+    /// Keeps the flight itself, and the mission beside it: what `veilwing report` reads.
+    pub fn write_flight(&self, mission: &Path, timeline: &Timeline) -> Result<(), String> {
+        let kept = self.path.join("mission.toml");
+        let same = |a: &Path, b: &Path| match (a.canonicalize(), b.canonicalize()) {
+            (Ok(a), Ok(b)) => a == b,
+            _ => false,
+        };
+        if !same(mission, &kept) {
+            std::fs::copy(mission, &kept).map_err(|error| format!("{}: {error}", kept.display()))?;
+        }
+        flight::store(&self.path, timeline).map_err(|error| error.to_string())
+    }
+}
+
 impl Drop for Directory {
     fn drop(&mut self) {
         if self.temporary {
@@ -46,24 +63,21 @@ impl Drop for Directory {
 pub(super) fn write_vehicle(
     directory: &Path,
     role: Role,
-    system_id: u8,
-    autopilot_port: u16,
-    pair_port: u16,
+    [autopilot_port, pair_port]: [u16; 2],
     actuation: &str,
 ) -> Result<PathBuf, String> {
     let name = role.to_string().to_lowercase();
     let path = directory.join(format!("vehicle-{name}.toml"));
     // The companion may run in another directory; TOML's own quoting takes any path.
     let log_dir = std::path::absolute(directory).unwrap_or_else(|_| directory.to_path_buf());
-    let log_dir = toml::Value::String(log_dir.display().to_string());
-    let text = format!(
-        "# Written by `veilwing sitl`: the simulated vehicle {role}.\n\
-         [vehicle]\nrole = \"{name}\"\n\n\
-         [autopilot]\nlink = \"udpout:127.0.0.1:{autopilot_port}\"\nactuation = \"{actuation}\"\nsystem_id = {system_id}\n\n\
-         [transmitter]\nkind = \"leased\"\nsimulated = true\n\n\
-         [pair]\nlink = \"udpout:127.0.0.1:{pair_port}\"\n\n\
-         [log]\ndir = {log_dir}\n"
-    );
-    std::fs::write(&path, text).map_err(|error| format!("{}: {error}", path.display()))?;
+    let text = VehicleText {
+        role,
+        autopilot_link: &format!("udpout:127.0.0.1:{autopilot_port}"),
+        pair_link: &format!("udpout:127.0.0.1:{pair_port}"),
+        actuation,
+        simulated: true,
+        log_dir: Some(toml::Value::String(log_dir.display().to_string()).to_string()),
+    };
+    std::fs::write(&path, text.text()).map_err(|error| format!("{}: {error}", path.display()))?;
     Ok(path)
 }

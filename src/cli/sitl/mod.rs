@@ -1,28 +1,35 @@
 //! `veilwing sitl`: the main job on one machine. The simulated world in this process, the two companions in
 //! processes of their own, MAVLink over loopback UDP between them.
 
-mod document;
+pub(super) mod document;
 mod faults;
-mod files;
+pub(super) mod files;
+mod ground;
 mod host;
+mod port;
 mod process;
 
 use std::path::PathBuf;
 
-use crate::config::Mission;
+use crate::config::{Faults, HostPort, Mission};
 use crate::link::clock::Clock;
-use crate::planner::problem::Airframe;
-use crate::simulation;
+use crate::report::flight;
+use crate::role::PerVehicle;
+use crate::simulation::{self, Scenario, draw};
 
 use super::plan::write_plan;
 use super::planning::{document as plan_document, mission_options, plan_mission};
 use super::{Exit, load_mission, print_json, print_text};
 use document::{FlightDocument, FlightResult};
-use faults::Faults;
+
+const EXAMPLES: &str = "Examples:
+  veilwing sitl config/mission.toml --out flight-1
+  veilwing sitl config/mission.toml --ground-station udpout:127.0.0.1:14550
+      the same, watched by a ground station on this machine that listens where they all do";
 
 /// Fly a mission in simulation: two software vehicles, two companion processes, every slot flown and scored.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Example: veilwing sitl config/mission.toml --out flight-1")]
+#[command(after_help = EXAMPLES)]
 pub(super) struct Args {
     /// Mission file.
     mission: PathBuf,
@@ -35,9 +42,25 @@ pub(super) struct Args {
     /// Keep plan, summary, logs and a .tlog of every link in this directory.
     #[arg(long)]
     out: Option<PathBuf>,
-    /// Faults to inject, a TOML file (README, "Faults").
+    /// What goes wrong, a TOML file (config/faults.toml); what it leaves open is drawn by the mission's seed.
     #[arg(long)]
     faults: Option<PathBuf>,
+    /// A ground station (QGroundControl, MAVProxy) that listens there; both vehicles and both companions are on it.
+    #[arg(long, value_name = "udpout:HOST:PORT", value_parser = ground::parse_ground_station)]
+    ground_station: Option<HostPort>,
+    /// Take off only when the ground station sends MISSION_START (command 300) to either companion (component 191).
+    #[arg(long, requires = "ground_station")]
+    wait_for_start: bool,
+    /// Where a relay between the companions listens: loopback UDP ports for vehicle I and for vehicle J. Without it,
+    /// this process passes on what they say to each other.
+    #[arg(long, hide = true, value_name = "PORT,PORT", value_parser = parse_relay)]
+    pair_relay: Option<PerVehicle<u16>>,
+}
+
+fn parse_relay(text: &str) -> Result<PerVehicle<u16>, String> {
+    let ports =
+        text.split_once(',').and_then(|(i, j)| Some(PerVehicle { i: i.parse().ok()?, j: j.parse().ok()? }));
+    ports.ok_or_else(|| "give two UDP ports, such as 14601,14602".into())
 }
 
 fn parse_speed(text: &str) -> Result<f64, String> {
@@ -54,18 +77,18 @@ pub(super) fn run(args: &Args) -> Exit {
     };
     let faults = match args.faults.as_deref().map(Faults::load).transpose() {
         Ok(faults) => faults.unwrap_or_default(),
-        Err(message) => {
-            eprintln!("{message}");
+        Err(errors) => {
+            eprintln!("{errors}");
             return Exit::Unusable;
         }
     };
-    fly(args, &mission, faults).unwrap_or_else(|message| {
+    fly(args, &mission, &faults).unwrap_or_else(|message| {
         eprintln!("error: {message}");
         Exit::Unusable
     })
 }
 
-fn fly(args: &Args, mission: &Mission, faults: Faults) -> Result<Exit, String> {
+fn fly(args: &Args, mission: &Mission, faults: &Faults) -> Result<Exit, String> {
     let wall = Clock::real();
     let options = mission_options(mission);
     let timed = plan_mission(mission, &options).map_err(|error| error.to_string())?;
@@ -76,26 +99,40 @@ fn fly(args: &Args, mission: &Mission, faults: Faults) -> Result<Exit, String> {
     }
     let config = simulation::world_config(mission, &timed.plan)?;
     let world = veilwing_sitl::World::new(config).map_err(|error| error.to_string())?;
+    let faults = match faults.laws.as_slice() {
+        [] => Vec::new(),
+        // Times of faults may depend on the length of the flight, which one in virtual time tells.
+        _ => {
+            let scenario = Scenario::new(mission, &timed.plan).map_err(|error| error.to_string())?;
+            draw(faults, mission.seed, scenario.lengths())
+        }
+    };
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()
         .map_err(|error| format!("the event loop cannot start: {error}"))?;
-    let flight = runtime.block_on(host::fly(host::Setup {
+    let flown = runtime.block_on(host::fly(host::Setup {
         mission: &args.mission,
         world,
         faults,
+        seed: mission.seed,
         speed: args.speed,
         directory: directory.path(),
-        actuation: crate::role::PerVehicle::from_fn(|role| match mission.vehicles[role].airframe {
-            Airframe::Omnidirectional => "pose",
-            Airframe::Conventional => "position",
-        }),
+        pair_relay: args.pair_relay,
+        actuation: PerVehicle::from_fn(|role| simulation::actuation(mission, role)),
+        ground_station: args.ground_station.as_ref(),
+        start: !args.wait_for_start,
     }))?;
     let wall_s = wall.now().since_start().as_secs_f64();
-    let document = FlightDocument::new(&flight, plan.plan_digest.clone(), wall_s);
+    let document = FlightDocument::of_processes(&flown, plan.plan_digest.clone(), wall_s);
     directory.write_summary(&document)?;
+    if args.out.is_some() {
+        let timeline =
+            flight::simulated::timeline(mission, &flown.world, &flown.records, flown.events.clone());
+        directory.write_flight(&args.mission, &timeline)?;
+    }
     let shown =
-        if args.json { print_json(&document) } else { print_text(&document.table(mission, &flight.ends)) };
+        if args.json { print_json(&document) } else { print_text(&document.table(mission, &flown.ends)) };
     if let Some(out) = &args.out {
         eprintln!("kept in {}", out.display());
     }

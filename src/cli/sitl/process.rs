@@ -7,6 +7,7 @@ use tokio::io::{AsyncBufReadExt, BufReader};
 use tokio::process::{Child, Command};
 use tokio::sync::mpsc;
 
+use crate::report::flight::Severity;
 use crate::role::Role;
 use crate::time::Instant;
 
@@ -26,6 +27,18 @@ pub(super) struct Companion {
     pub child: Child,
     pub end: Option<End>,
     pub asked_to_stop: Option<Instant>,
+    /// Dead, to be started again.
+    pub gone: bool,
+}
+
+/// How companions are started.
+pub(super) struct Spawning<'a> {
+    pub mission: &'a Path,
+    pub directory: &'a Path,
+    /// Simulated seconds per second.
+    pub speed: f64,
+    /// Begin without waiting for MISSION_START.
+    pub start: bool,
 }
 
 /// How a companion ended, in words.
@@ -38,14 +51,13 @@ pub(super) fn describe_end(end: End) -> String {
     }
 }
 
-/// Starts a companion; its log goes to a file in `directory`, and what the operator should see of it to `lines`.
+/// Starts a companion; its log goes to a file in the directory, after that of an earlier one, and what the operator
+/// should see of it to `lines`.
 pub(super) fn spawn_companion(
-    mission: &Path,
-    directory: &Path,
-    speed: f64,
+    &Spawning { mission, directory, speed, start }: &Spawning<'_>,
     role: Role,
     vehicle: &Path,
-    lines: &mpsc::UnboundedSender<(Role, String)>,
+    lines: &mpsc::UnboundedSender<(Role, Line)>,
 ) -> Result<Companion, String> {
     let program =
         std::env::current_exe().map_err(|error| format!("this program cannot find itself: {error}"))?;
@@ -54,7 +66,8 @@ pub(super) fn spawn_companion(
         .arg(mission)
         .arg("--vehicle")
         .arg(vehicle)
-        .args(["--start", "--clock-rate", &speed.to_string()])
+        .args(start.then_some("--start"))
+        .args(["--clock-rate", &speed.to_string()])
         .stdin(Stdio::null())
         .stdout(Stdio::null())
         .stderr(Stdio::piped())
@@ -67,7 +80,11 @@ pub(super) fn spawn_companion(
     eprintln!("[    0.0 s] {role}  companion started, process {pid}");
     let name = role.to_string().to_lowercase();
     let path = directory.join(format!("companion-{name}.log"));
-    let mut file = std::fs::File::create(&path).map_err(|error| format!("{}: {error}", path.display()))?;
+    let mut file = std::fs::OpenOptions::new()
+        .append(true)
+        .create(true)
+        .open(&path)
+        .map_err(|error| format!("{}: {error}", path.display()))?;
     if let Some(stderr) = child.stderr.take() {
         let lines = lines.clone();
         tokio::spawn(async move {
@@ -83,19 +100,51 @@ pub(super) fn spawn_companion(
             }
         });
     }
-    Ok(Companion { child, end: None, asked_to_stop: None })
+    Ok(Companion { child, end: None, asked_to_stop: None, gone: false })
 }
 
-/// A companion's log line for the operator: its message if it is a log record of information or worse.
-fn readable(line: &str) -> Option<String> {
-    let Ok(record) = serde_json::from_str::<serde_json::Value>(line) else { return Some(line.to_owned()) };
-    let level = record.get("level").and_then(serde_json::Value::as_str).unwrap_or_default();
-    let fields = record.get("fields");
-    let field =
-        |name: &str| fields.and_then(|f| f.get(name)).and_then(serde_json::Value::as_str).unwrap_or_default();
-    match level {
-        "DEBUG" | "TRACE" => None,
-        "INFO" => Some(format!("{:<14} {}", field("phase"), field("message"))),
-        _ => Some(format!("{:<14} {}: {}", field("phase"), level.to_lowercase(), field("message"))),
+/// A line of a companion's log, for the operator.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Line {
+    /// How bad it is.
+    pub severity: Severity,
+    /// The companion's phase; empty if it has none to tell.
+    pub phase: String,
+    /// What it says.
+    pub text: String,
+}
+
+impl std::fmt::Display for Line {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { severity, phase, text } = self;
+        match severity {
+            Severity::Info => write!(f, "{phase:<14} {text}"),
+            Severity::Warning => write!(f, "{phase:<14} warn: {text}"),
+            Severity::Error => write!(f, "{phase:<14} error: {text}"),
+        }
     }
+}
+
+/// What the operator should see of a companion's log: its message if it is a log record of information or worse.
+fn readable(line: &str) -> Option<Line> {
+    let Ok(record) = serde_json::from_str::<serde_json::Value>(line) else {
+        return Some(Line { severity: Severity::Info, phase: String::new(), text: line.to_owned() });
+    };
+    let severity = match record.get("level").and_then(serde_json::Value::as_str).unwrap_or_default() {
+        "DEBUG" | "TRACE" => return None,
+        "INFO" => Severity::Info,
+        "WARN" => Severity::Warning,
+        _ => Severity::Error,
+    };
+    let fields = record.get("fields");
+    let field = |name: &str| {
+        fields.and_then(|f| f.get(name)).and_then(serde_json::Value::as_str).unwrap_or_default().to_owned()
+    };
+    // A record of a link says which one, and what went wrong with it.
+    let part = |name: &str, before: &str, after: &str| {
+        let value = field(name);
+        if value.is_empty() { value } else { format!("{before}{value}{after}") }
+    };
+    let text = format!("{}{}{}", part("link", "", ": "), field("message"), part("error", ": ", ""));
+    Some(Line { severity, phase: field("phase"), text })
 }

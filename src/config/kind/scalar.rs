@@ -5,8 +5,10 @@ use std::str::FromStr;
 
 use serde_json::{Value as Json, json};
 use toml::de::DeValue;
+use toml::value::Offset;
 
 use super::{Fault, Item, Kind, nearest, wrong_type};
+use crate::time::Utc;
 
 /// A finite number in a unit and a range.
 #[derive(Debug, Clone, Copy)]
@@ -286,6 +288,49 @@ impl<T: FromStr<Err: Display> + Display> Kind for Parsed<T> {
     }
 
     fn canonical(&self, value: &T) -> Json {
+        json!(value.to_string())
+    }
+}
+
+/// A point in time, by a date and time with an offset, as TOML has them.
+pub(in crate::config) struct Moment;
+
+impl Kind for Moment {
+    type Out = Utc;
+
+    fn read(&self, item: &Item<'_>, faults: &mut Vec<Fault>) -> Option<Utc> {
+        let DeValue::Datetime(datetime) = item.get_ref() else {
+            wrong_type(self, item, faults);
+            return None;
+        };
+        let (Some(date), Some(time), Some(offset)) = (datetime.date, datetime.time, datetime.offset) else {
+            let clause =
+                format!("is {datetime}, which leaves the date, the time or the offset from UTC open");
+            faults.push(Fault { at: item.span(), clause });
+            return None;
+        };
+        let offset_min = match offset {
+            Offset::Z => 0,
+            Offset::Custom { minutes } => minutes,
+        };
+        let clock = (time.hour, time.minute, time.second.unwrap_or(0));
+        let micros = time.nanosecond.unwrap_or(0) / 1000;
+        let moment = Utc::from_civil((date.year, date.month, date.day), clock, micros, offset_min);
+        if moment.is_none() {
+            faults.push(Fault { at: item.span(), clause: format!("is {datetime}, which is before 1970") });
+        }
+        moment
+    }
+
+    fn expected(&self) -> String {
+        "a date and time with its offset, such as 2026-11-21T18:00:00Z, without quotes".to_owned()
+    }
+
+    fn schema(&self) -> Json {
+        json!({ "type": "string", "format": "date-time" })
+    }
+
+    fn canonical(&self, value: &Utc) -> Json {
         json!(value.to_string())
     }
 }

@@ -1,7 +1,10 @@
 //! What a single odd datagram must not do. Whole pairs are simulated in tests/pair.
 
+use super::super::wire::VeilwingAnswer;
 use super::*;
-use crate::geo::Pose;
+use crate::geo::{Enu, Pose};
+use crate::planner::plan::VehiclePlan;
+use crate::role::PerVehicle;
 
 const NEEDS: Duration = Duration::from_secs(2);
 

@@ -118,20 +118,6 @@ impl Region {
         reach.norm_squared() < self.separation_squared
     }
 
-    /// Least distance from the user, the origin, to a position of the airspace.
-    pub fn least_distance(&self) -> f64 {
-        let vertical = self.bounds.lo.z.max(-self.bounds.hi.z).max(0.0);
-        let horizontal = if self.polygon.is_empty() {
-            let flat = Cell { lo: self.bounds.lo.xy().push(0.0), hi: self.bounds.hi.xy().push(0.0) };
-            flat.least_distance_squared(&Vector3::zeros()).sqrt()
-        } else if self.surrounds(&Vector2::zeros()) {
-            0.0
-        } else {
-            self.edges().map(|(a, b)| distance_to_origin(a, b)).fold(f64::INFINITY, f64::min)
-        };
-        vertical.hypot(horizontal)
-    }
-
     fn edges(&self) -> impl Iterator<Item = (&Vector2<f64>, &Vector2<f64>)> {
         self.polygon.iter().zip(self.polygon.iter().cycle().skip(1))
     }
@@ -165,11 +151,4 @@ fn segment_meets(a: &Vector2<f64>, b: &Vector2<f64>, lo: Vector2<f64>, hi: Vecto
         leave = leave.min(s.max(t));
     }
     enter <= leave
-}
-
-fn distance_to_origin(a: &Vector2<f64>, b: &Vector2<f64>) -> f64 {
-    let edge = b - a;
-    let length_squared = edge.norm_squared();
-    let along = if length_squared > 0.0 { (-a.dot(&edge) / length_squared).clamp(0.0, 1.0) } else { 0.0 };
-    (a + edge * along).norm()
 }

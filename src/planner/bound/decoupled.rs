@@ -13,15 +13,13 @@ use super::steady::{Outcome, chord};
 /// E b_0 over 2^l: at most 2 e^gamma = 3.56 for a null under noise of one angle; with a quarter to spare.
 const SPREAD: f64 = 4.5;
 /// Steps of the interface, a power of two.
-const STEPS: u16 = 256;
-/// Parts of each side of an interface box in which tangents and L are compared.
-const PARTS: u16 = 8;
+const STEPS: u16 = 1024;
+/// Parts of each side of an interface box, in which tangents and L are compared.
+const PARTS: u16 = 16;
 /// Curvature of the means in s that decides between splits, per bit/s/Hz.
 const BEND: f64 = 0.03;
-/// L is looked for to this much above what is asked for, bit/s/Hz.
-const AHEAD: f64 = 0.3;
-/// Grids of the interface, in steps, coarse to fine.
-const GRAINS: [u16; 3] = [16, 4, 2];
+/// Boxes of J that take the time of one of I.
+const JAMMER_BOXES: usize = 16;
 /// Margin of each mean for its quadrature, bit/s/Hz: twice what was measured (the tests of `law`).
 const QUADRATURE: f64 = 0.03;
 
@@ -45,8 +43,8 @@ pub(super) struct Search<'a> {
     pair: [Vector3<f64>; 2],
     /// s of one step, bit/s/Hz.
     step: f64,
-    /// Lower bounds on L at the corners of the interface's grid, and whether more cannot be shown.
-    harm: Vec<(f64, bool)>,
+    /// ln(2^s - 1) of each step.
+    wanted: Vec<f64>,
     stack: Vec<Node>,
     resolution_m: f64,
     boxes: usize,
@@ -64,7 +62,6 @@ impl<'a> Search<'a> {
         let most =
             pair.iter().map(|e| links.rho.j / region.bounds.least_distance_squared(e)).fold(0.0, f64::max);
         let step = (most.ln_1p() / LN_2 * (1.0 + 1e-12) / f64::from(STEPS)).max(1e-6);
-        let side = usize::from(STEPS) + 1;
         Self {
             links,
             region,
@@ -72,16 +69,16 @@ impl<'a> Search<'a> {
             jammer: Jammer::new(law, region, links.rho.j, pair),
             pair,
             step,
-            harm: vec![(0.0, false); side * side],
+            wanted: (0..=STEPS).map(|s| (f64::from(s) * step * LN_2).exp_m1().ln()).collect(),
             stack: Vec::with_capacity(4096),
             resolution_m,
             boxes: 0,
         }
     }
 
-    /// Boxes of both sides.
+    /// Boxes of both sides, in boxes of I.
     pub fn used(&self) -> usize {
-        self.boxes + self.jammer.boxes
+        self.boxes + self.jammer.boxes / JAMMER_BOXES
     }
 
     /// Whether some configuration's signed rate exceeds `threshold`.
@@ -96,7 +93,7 @@ impl<'a> Search<'a> {
         let Some(position) = self.region.bounds.cut_to(reach) else { return Outcome::Excluded };
         let whole = [[0, STEPS]; 2];
         self.stack.push(Node { position, roll: ALL_ANGLES, pitch: ALL_ANGLES, s: whole });
-        while let Some(node) = self.stack.pop() {
+        while let Some(mut node) = self.stack.pop() {
             if self.used() >= limit {
                 return Outcome::Exhausted;
             }
@@ -105,7 +102,7 @@ impl<'a> Search<'a> {
                 continue;
             }
             let rate = self.rate(&node);
-            if rate.at([0.0; 2]) <= wanted || self.covered(&node, &rate, wanted) {
+            if rate.at([0.0; 2]) <= wanted || !self.shrink(&mut node, &rate, wanted) {
                 continue;
             }
             if !self.branch(&node, &rate) {
@@ -115,48 +112,39 @@ impl<'a> Search<'a> {
         Outcome::Excluded
     }
 
-    /// Whether L at a corner of the grid is shown to be at least `least`.
+    /// Whether L at a corner of the interface's grid is shown to be at least `least`.
     fn harms(&mut self, s: [u16; 2], least: f64) -> bool {
-        if least <= 0.0 || s == [0, 0] {
-            return least <= 0.0;
-        }
-        let index = usize::from(s[0]) * (usize::from(STEPS) + 1) + usize::from(s[1]);
-        let (shown, last) = self.harm[index];
-        if shown >= least || last {
-            return shown >= least;
-        }
-        let wanted = s.map(|s| (f64::from(s) * self.step * LN_2).exp_m1());
-        // A little more than asked for spares asking again.
-        self.harm[index] = self.jammer.least_harm(wanted, least + AHEAD);
-        self.harm[index].0 >= least
+        self.jammer.harms(s.map(|s| self.wanted[usize::from(s)]), least)
     }
 
-    /// Whether the rate less L stays below `wanted` all over the node's interface box.
-    fn covered(&mut self, node: &Node, rate: &Rate, wanted: f64) -> bool {
+    /// Shrinks the node's interface box to where the rate less L is not shown to stay below `wanted`; false if that is
+    /// nowhere.
+    fn shrink(&mut self, node: &mut Node, rate: &Rate, wanted: f64) -> bool {
         if self.harms(node.s.map(|s| s[0]), rate.at([0.0; 2]) - wanted) {
-            return true;
+            return false;
         }
+        let [[lo_a, hi_a], [lo_b, hi_b]] = node.s;
         let part = node.s.map(|[lo, hi]| (hi - lo).div_ceil(PARTS).max(1));
-        let mut first = node.s[0][0];
-        while first < node.s[0][1] {
-            let first_hi = (first + part[0]).min(node.s[0][1]);
-            let mut second = node.s[1][0];
-            while second < node.s[1][1] {
-                let second_hi = (second + part[1]).min(node.s[1][1]);
-                let below =
-                    [node.s[0][1] - first_hi, node.s[1][1] - second_hi].map(|s| f64::from(s) * self.step);
-                let here = rate.at(below);
-                // The coarser corners are shared by more boxes: ask them first.
-                let least = here - wanted;
-                let mut grains = GRAINS.into_iter();
-                if !grains.any(|grain| self.harms([first, second].map(|s| s / grain * grain), least)) {
-                    return false;
+        let mut left = [[u16::MAX, 0]; 2];
+        let mut a = lo_a;
+        while a < hi_a {
+            let a_hi = (a + part[0]).min(hi_a);
+            let mut b = lo_b;
+            while b < hi_b {
+                let b_hi = (b + part[1]).min(hi_b);
+                let below = [hi_a - a_hi, hi_b - b_hi].map(|s| f64::from(s) * self.step);
+                if !self.harms([a, b], rate.at(below) - wanted) {
+                    left = [
+                        [left[0][0].min(a), left[0][1].max(a_hi)],
+                        [left[1][0].min(b), left[1][1].max(b_hi)],
+                    ];
                 }
-                second = second_hi;
+                b = b_hi;
             }
-            first = first_hi;
+            a = a_hi;
         }
-        true
+        node.s = left;
+        left[0][0] < left[0][1]
     }
 
     fn branch(&mut self, node: &Node, rate: &Rate) -> bool {
@@ -308,13 +296,14 @@ fn halves(range: Range) -> [Range; 2] {
 
 #[cfg(test)]
 impl Search<'_> {
-    /// The whole chain at one configuration: the bound on its rate, the interface from its own `E b_j`.
+    /// The whole chain at one configuration: the bound on its rate, the interface from its own `E b_j`; and whether the
+    /// table of L stays below the bound on its own l there.
     pub fn relaxed_rate(
-        &self,
+        &mut self,
         poses: [(Vector3<f64>, f64, f64); 2],
         power_share: f64,
         threshold: f64,
-    ) -> f64 {
+    ) -> (f64, bool) {
         let [(p_i, roll_i, pitch_i), (p_j, roll_j, pitch_j)] = poses;
         let moment = self.law.second_moment(roll_j, pitch_j);
         let jamming = self.pair.map(|e| {
@@ -324,6 +313,9 @@ impl Search<'_> {
         });
         let node = Node { position: Cell::at(&p_i), roll: [roll_i; 2], pitch: [pitch_i; 2], s: [[0, 0]; 2] };
         let rate = self.rate_at(&node, jamming.map(|b| b.ln_1p() / LN_2)).at([0.0; 2]);
-        rate - self.jammer.harm_at(&p_j, roll_j, pitch_j, jamming) + allowance(threshold)
+        let harm = self.jammer.harm_at(&p_j, roll_j, pitch_j, jamming);
+        // The law at a point and over a class differ by rounding alone where the class is tight.
+        let below = !self.jammer.harms(jamming.map(f64::ln), harm + 1e-6);
+        (rate - harm + allowance(threshold), below)
     }
 }

@@ -9,7 +9,7 @@ use crate::planner::expectation::normal;
 const POINTS: usize = 96;
 /// Its generator: the golden ratio less one.
 const GENERATOR: f64 = 0.618_033_988_749_894_9;
-/// Factors multiplied before a logarithm is taken: 1e300 is never reached.
+/// Points taken at once.
 const GROUP: usize = 8;
 
 /// A closed interval.
@@ -65,6 +65,23 @@ struct Nearest {
     /// The least and the largest cosine of the line's roll.
     line_cos: f64,
     flat_cos: f64,
+}
+
+/// A mean to take, as vector code of the machine's own.
+struct Mean<'a> {
+    law: &'a Law,
+    scale: f64,
+    floor: f64,
+    at: &'a Nearest,
+}
+
+impl pulp::NullaryFnOnce for Mean<'_> {
+    type Output = (f64, f64);
+
+    #[inline(always)]
+    fn call(self) -> Self::Output {
+        self.law.mean_inline(self.scale, self.floor, self.at)
+    }
 }
 
 impl Law {
@@ -125,7 +142,13 @@ impl Law {
         if least.0.is_finite() { least } else { (scale.max(floor).ln_1p() / LN_2, 0.0) }
     }
 
+    /// In the widest vectors that this machine has; the result is the same in all.
     fn mean(&self, scale: f64, floor: f64, at: &Nearest) -> (f64, f64) {
+        pulp::Arch::new().dispatch(Mean { law: self, scale, floor, at })
+    }
+
+    #[inline(always)]
+    fn mean_inline(&self, scale: f64, floor: f64, at: &Nearest) -> (f64, f64) {
         let &Nearest { x, y, pitch_off, roll, line_cos, flat_cos } = at;
         // Half the sine of the farthest pitch, unless opposite ones are near: then all of it.
         let [far_a, far_b] = pitch_off.map(|y| (0.5 * y).sin_cos());
@@ -134,6 +157,8 @@ impl Law {
         let (sy, cy) = (0.5 * y).sin_cos();
         let [(s_lo, c_lo), (s_hi, c_hi)] = roll.map(f64::sin_cos);
         let floor = 1.0 + floor;
+        // All factors of a lane together stay below 1e300, or the logarithm is taken at once.
+        let often = scale.max(floor) > 1e24;
         let mut sum = 0.0;
         let mut products = [1.0; GROUP];
         let mut shares = [0.0; GROUP];
@@ -160,7 +185,7 @@ impl Law {
                 products[m] *= if x > floor { x } else { floor };
                 shares[m] += if x > floor { (x - 1.0) / x } else { 0.0 };
             }
-            if g % 4 == 3 {
+            if often {
                 for p in &mut products {
                     sum += p.ln();
                     *p = 1.0;

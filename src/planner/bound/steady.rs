@@ -6,6 +6,7 @@ use super::Budget;
 use super::cell::{Cell, Region};
 use super::form::{Axis, Form, exclude};
 use super::link::Links;
+use crate::radio::link::NEAREST_M;
 
 /// Taken off every comparison that excludes: the rounding of some fifty operations, doubled, and then a thousand.
 const MARGIN: f64 = 1e-11;
@@ -189,7 +190,8 @@ impl Relaxed {
             let line = e - centre;
             let distance = line.norm();
             let nearest = i.least_distance_squared(e).sqrt();
-            let spread = if nearest > 0.0 { radius / nearest } else { f64::INFINITY };
+            // Nearer than this the link is not that of the formulas, and weaker.
+            let spread = if nearest > NEAREST_M { radius / nearest } else { f64::INFINITY };
             let direction = line.try_normalize(0.0).unwrap_or_else(Vector3::z);
             self.lines.push(Line { direction, inverse_square: 1.0 / (distance * distance), spread });
         }
@@ -231,7 +233,8 @@ impl Relaxed {
         } else {
             (1.0, 0.0)
         };
-        let farthest = cell.greatest_distance_squared(&Vector3::zeros()).sqrt();
+        // The user's own distance counts as NEAREST_M at least; that of an eavesdropper only ever weakens J.
+        let farthest = cell.greatest_distance_squared(&Vector3::zeros()).sqrt().max(NEAREST_M);
         let root_rho = links.rho.j.sqrt();
         for (j, e) in links.eavesdroppers.iter().enumerate() {
             let cross = centre.cross(e).norm();
@@ -242,7 +245,7 @@ impl Relaxed {
             let sine = if distance * length > 0.0 { (cross / (distance * length)).min(1.0) } else { 1.0 };
             let cosine = (1.0 - sine * sine).sqrt();
             let wider = if sine >= cos_half { 1.0 } else { sine * cos_half + cosine * sin_half };
-            let ratio = (farthest / nearest).min(1.0 + length / nearest);
+            let ratio = (farthest / nearest).min(1.0 + length.max(NEAREST_M) / nearest);
             let root = (root_rho * length * wider / nearest_squared + root_interference * ratio)
                 .min(root_rho / nearest);
             // A box that holds the eavesdropper may silence it.

@@ -1,11 +1,13 @@
-use std::f64::consts::FRAC_PI_2;
-
 use nalgebra::{Vector2, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::*;
-use crate::planner::problem::{Airframe, Airspace, Eavesdropper, Jitter, Radio, VehicleModel};
+use crate::planner::cap;
+use crate::planner::problem::{
+    Airframe, Airspace, Eavesdropper, Jitter, JitterAxes, JitterModel, Objective, Radio, Uncertainty,
+    VehicleModel,
+};
 use crate::role::PerVehicle;
 
 fn rows(name: &str) -> Vec<Vec<f64>> {
@@ -51,7 +53,7 @@ fn scenario(n: usize, k: usize) -> Vec<f64> {
 fn val_cap_is_the_reference_cap() {
     for row in rows("no_jitter.csv") {
         let p = problem(&scenario(2, 0), row[2], 0.0);
-        assert!((cap(&p) / 1e6 - row[4]).abs() < 2e-6, "{} {}", cap(&p) / 1e6, row[4]);
+        assert!((cap(&p).unwrap() / 1e6 - row[4]).abs() < 2e-6, "{} {}", cap(&p).unwrap() / 1e6, row[4]);
     }
 }
 
@@ -61,7 +63,7 @@ fn val_cap_from_outside_the_area_and_above_the_band() {
     // 300 m east of the square's edge and 100 m above its ceiling.
     p.user_enu_m = Vector3::new(800.0, 0.0, 400.0);
     let wanted = (1e12_f64 / (300.0_f64.powi(2) + 100.0_f64.powi(2))).ln_1p() / std::f64::consts::LN_2;
-    assert!((cap(&p) / 1e6 / wanted - 1.0).abs() < 1e-12);
+    assert!((cap(&p).unwrap() / 1e6 / wanted - 1.0).abs() < 1e-12);
     // A notch: the user's side of an L is not part of the area.
     p.user_enu_m = Vector3::zeros();
     p.airspace.area_enu_m =
@@ -69,12 +71,12 @@ fn val_cap_from_outside_the_area_and_above_the_band() {
             .map(|(x, y)| Vector2::new(x, y))
             .to_vec();
     let wanted = (1e12_f64 / (40.0_f64.powi(2) + 80.0_f64.powi(2))).ln_1p() / std::f64::consts::LN_2;
-    assert!((cap(&p) / 1e6 / wanted - 1.0).abs() < 1e-12);
+    assert!((cap(&p).unwrap() / 1e6 / wanted - 1.0).abs() < 1e-12);
     p.radio.noise_power_w = 0.0;
-    assert_eq!(best_bound(&p, 0.0, Budget::STEADY).upper_bound_bps, f64::INFINITY);
+    assert!(best_bound(&p, 0.0, Budget::STEADY).is_err());
     p.radio.noise_power_w = 1e-12;
     p.radio.max_power_w.i = 0.0;
-    assert_eq!(best_bound(&p, 0.0, Budget::STEADY).upper_bound_bps, 0.0);
+    assert_eq!(best_bound(&p, 0.0, Budget::STEADY).unwrap().upper_bound_bps, 0.0);
 }
 
 #[test]
@@ -82,7 +84,7 @@ fn val_bound_holds_at_the_best_known_and_meets_the_gap() {
     let mut tight = 0;
     for row in rows("no_jitter.csv").iter().filter(|r| r[0] == 2.0 && r[2] == 0.5).step_by(5) {
         let p = problem(&scenario(2, row[1] as usize), 0.5, 0.0);
-        let bound = best_bound(&p, row[3] * 1e6, Budget { boxes: 300_000, ..Budget::STEADY });
+        let bound = best_bound(&p, row[3] * 1e6, Budget { boxes: 300_000, ..Budget::STEADY }).unwrap();
         assert!(bound.upper_bound_bps >= row[3] * 1e6);
         assert!(bound.upper_bound_bps <= row[4] * 1e6 * (1.0 + 1e-7));
         tight += usize::from(bound.upper_bound_bps <= row[3] * 1.00101e6);
@@ -99,7 +101,7 @@ fn prop_false_thresholds_are_never_certified() {
         let p = problem(&scenario(2, row[1] as usize), 0.5, 0.0);
         let threshold_bps = row[3] * 1e6 * (1.0 - 1e-4 * (1 + k % 7) as f64);
         let budget = Budget { boxes: 2_000_000, resolution_m: 8.0, exhaustive: true, ..Budget::STEADY };
-        let answer = certify(&p, threshold_bps, budget);
+        let answer = certify(&p, threshold_bps, budget).unwrap();
         assert!(matches!(answer, Certificate::NotCertified { .. }), "{row:?} {answer:?}");
     }
 }
@@ -124,7 +126,7 @@ fn prop_random_configurations_refute_what_they_beat() {
         let rate = prepared.links.rate_nulled(&p_i, &p_j, &axis);
         if rate > 0.1 {
             let budget = Budget { boxes: 20_000, resolution_m: 20.0, exhaustive: true, ..Budget::STEADY };
-            let answer = certify(&p, 0.999e6 * rate, budget);
+            let answer = certify(&p, 0.999e6 * rate, budget).unwrap();
             assert!(matches!(answer, Certificate::NotCertified { .. }), "{rate} {answer:?}");
         }
     }
@@ -138,9 +140,10 @@ fn val_chain_under_jitter_holds_at_every_known_plan() {
         let prepared = Prepared::new(&p).unwrap();
         let law = prepared.law.as_ref().unwrap();
         let e = &prepared.links.eavesdroppers;
-        let search = decoupled::Search::new(&prepared.links, &prepared.region, law, [e[0], e[1]], 1e-3);
+        let mut search = decoupled::Search::new(&prepared.links, &prepared.region, law, [e[0], e[1]], 1e-3);
         let at = |k: usize| (Vector3::new(row[k], row[k + 1], row[k + 2]), row[k + 3], row[k + 4]);
-        let relaxed = search.relaxed_rate([at(7), at(13)], row[18] / 0.5, row[3]);
+        let (relaxed, below) = search.relaxed_rate([at(7), at(13)], row[18] / 0.5, row[3]);
+        assert!(below, "scenario {} at {} deg: the table of L is above this plan's own l", row[1], row[2]);
         assert!(relaxed >= row[3], "scenario {} at {} deg: {relaxed} below {}", row[1], row[2], row[3]);
         let sigma = [1.0, 2.0, 5.0, 10.0].iter().position(|d| *d == row[2]).unwrap();
         losses[sigma].push(relaxed / row[3] - 1.0);
@@ -155,27 +158,41 @@ fn val_chain_under_jitter_holds_at_every_known_plan() {
 
 #[test]
 fn prop_false_thresholds_under_jitter_are_never_certified() {
-    for row in rows("jitter.csv").iter().filter(|r| r[0] == 2.0).step_by(7) {
+    for row in rows("jitter.csv").iter().filter(|r| r[0] == 2.0).step_by(19) {
         let p = problem(&scenario(2, row[1] as usize), 0.5, row[2].to_radians());
-        let answer = certify(&p, row[3] * 0.998e6, Budget { boxes: 30_000, ..Budget::JITTER });
-        assert!(matches!(answer, Certificate::NotCertified { .. }), "{row:?} {answer:?}");
+        let answer = certify(&p, row[3] * 0.998e6, Budget { boxes: 800_000, ..Budget::JITTER }).unwrap();
+        let Certificate::NotCertified { reason, .. } = answer else { panic!("{row:?} {answer:?}") };
+        // Not for want of boxes: the search met what it cannot exclude.
+        assert_eq!(reason, Reason::Resolution, "{row:?}");
     }
+}
+
+#[test]
+fn prop_near_a_node_the_bound_is_without_the_decoupled_formulas() {
+    // An eavesdropper inside the airspace: within a millimetre links follow another law.
+    let mut p = problem(&scenario(2, 9), 0.5, 1.0_f64.to_radians());
+    p.eavesdroppers[0].position_enu_m.z = 100.0;
+    let bound = best_bound(&p, 20e6, Budget { boxes: 20_000, ..Budget::JITTER }).unwrap();
+    assert_ne!(bound.kind, BoundKind::DecoupledSigned);
+    assert!(bound.upper_bound_bps >= 20e6 && bound.upper_bound_bps <= cap(&p).unwrap());
 }
 
 #[test]
 fn prop_bound_is_deterministic_and_falls_back() {
     let p = problem(&scenario(2, 9), 0.5, 1.0_f64.to_radians());
-    let budget = Budget { boxes: 100_000, relative_gap: 0.03, ..Budget::JITTER };
-    let bound = best_bound(&p, 25.4e6, budget);
-    assert_eq!(bound, best_bound(&p, 25.4e6, budget));
+    let budget = Budget { boxes: 400_000, relative_gap: 0.03, ..Budget::JITTER };
+    let bound = best_bound(&p, 25.4e6, budget).unwrap();
+    assert_eq!(bound, best_bound(&p, 25.4e6, budget).unwrap());
     assert_eq!(bound.kind, BoundKind::DecoupledSigned);
     let mut body = p.clone();
     body.jitter.model = JitterModel::Body;
-    assert_ne!(best_bound(&body, 24e6, budget).kind, BoundKind::DecoupledSigned);
+    assert_ne!(best_bound(&body, 24e6, budget).unwrap().kind, BoundKind::DecoupledSigned);
     let mut uncertain = p;
     uncertain.eavesdroppers[0].uncertainty = Uncertainty::Disc { radius_m: 50.0 };
-    uncertain.objective = Objective::Mean;
-    assert_eq!(best_bound(&uncertain, 20e6, budget).kind, BoundKind::Cap);
+    for objective in [Objective::Nominal, Objective::Mean, Objective::WorstCase] {
+        uncertain.objective = objective;
+        assert_eq!(best_bound(&uncertain, 20e6, budget).unwrap().kind, BoundKind::Cap);
+    }
 }
 
 #[test]
@@ -214,8 +231,12 @@ fn prop_no_sampled_configuration_of_a_field_problem_exceeds_the_bound() {
             best = best.max(prepared.links.rate_nulled(&p_i, &p_j, &axis));
         }
     }
-    let bound = best_bound(&p, best * 1e6, Budget { boxes: 100_000, relative_gap: 1e-2, ..Budget::STEADY });
-    assert!(bound.upper_bound_bps >= best * 1e6 && bound.upper_bound_bps <= cap(&p), "{best} {bound:?}");
-    let answer = certify(&p, best * 0.999e6, Budget { boxes: 200_000, ..Budget::STEADY });
+    let bound =
+        best_bound(&p, best * 1e6, Budget { boxes: 100_000, relative_gap: 1e-2, ..Budget::STEADY }).unwrap();
+    assert!(
+        bound.upper_bound_bps >= best * 1e6 && bound.upper_bound_bps <= cap(&p).unwrap(),
+        "{best} {bound:?}"
+    );
+    let answer = certify(&p, best * 0.999e6, Budget { boxes: 200_000, ..Budget::STEADY }).unwrap();
     assert!(matches!(answer, Certificate::NotCertified { .. }), "{answer:?}");
 }

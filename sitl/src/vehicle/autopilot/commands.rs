@@ -18,12 +18,14 @@ const FASTEST_INTERVAL: Duration = Duration::from_micros(2500);
 const SLOWEST_INTERVAL: Duration = Duration::from_secs(86_400);
 
 /// A command of either message, as far as both have it.
-struct Command {
+pub(super) struct Command {
     id: MavCmd,
-    params: [f32; 4],
+    pub params: [f32; 4],
+    /// Latitude and longitude, where both are given.
+    pub lat_lon_deg: Option<[f64; 2]>,
     /// The third coordinate, and the frame that COMMAND_INT gives it.
-    z: f32,
-    frame: Option<MavFrame>,
+    pub z: f32,
+    pub frame: Option<MavFrame>,
 }
 
 impl Autopilot {
@@ -38,12 +40,17 @@ impl Autopilot {
             MavMessage::COMMAND_LONG(c) => Command {
                 id: c.command,
                 params: [c.param1, c.param2, c.param3, c.param4],
+                lat_lon_deg: (c.param5.is_finite() && c.param6.is_finite())
+                    .then(|| [c.param5.into(), c.param6.into()]),
                 z: c.param7,
                 frame: None,
             },
             MavMessage::COMMAND_INT(c) => Command {
                 id: c.command,
                 params: [c.param1, c.param2, c.param3, c.param4],
+                // The greatest integer in both says that there is no point.
+                lat_lon_deg: ([c.x, c.y] != [i32::MAX; 2])
+                    .then(|| [c.x, c.y].map(|degrees| f64::from(degrees) * 1e-7)),
                 z: c.z,
                 frame: Some(c.frame),
             },
@@ -96,18 +103,26 @@ impl Autopilot {
             MavCmd::MAV_CMD_NAV_TAKEOFF => self.command_takeoff(c, now, router),
             MavCmd::MAV_CMD_NAV_LAND => self.command_mode(Mode::Land, now, router),
             MavCmd::MAV_CMD_NAV_RETURN_TO_LAUNCH => self.command_mode(Mode::ReturnToLaunch, now, router),
+            MavCmd::MAV_CMD_DO_REPOSITION => self.command_reposition(c, now, router),
+            MavCmd::MAV_CMD_USER_4 | MavCmd::MAV_CMD_USER_5 => self.command_offsets(c.id, [p1, p2]),
             MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL => self.command_interval(from.link, p1, p2, now),
             MavCmd::MAV_CMD_GET_MESSAGE_INTERVAL => self.command_get_interval(from.link, p1, router),
             MavCmd::MAV_CMD_REQUEST_MESSAGE => self.command_request(from.link, p1, router),
             MavCmd::MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES if p1 == 1.0 => {
                 self.command_request(from.link, AUTOPILOT_VERSION_DATA::ID as f32, router)
             }
+            MavCmd::MAV_CMD_REQUEST_PROTOCOL_VERSION if p1 == 1.0 => {
+                self.command_request(from.link, PROTOCOL_VERSION_DATA::ID as f32, router)
+            }
+            MavCmd::MAV_CMD_GET_HOME_POSITION => {
+                self.command_request(from.link, HOME_POSITION_DATA::ID as f32, router)
+            }
             _ => MavResult::MAV_RESULT_UNSUPPORTED,
         }
     }
 
     /// The firmware's way of saying no for now.
-    fn refusal(&self) -> MavResult {
+    pub(super) fn refusal(&self) -> MavResult {
         match self.firmware {
             Firmware::Px4 => MavResult::MAV_RESULT_TEMPORARILY_REJECTED,
             Firmware::ArduCopter => MavResult::MAV_RESULT_FAILED,
@@ -140,7 +155,8 @@ impl Autopilot {
         self.home_enu_m = sensed.position_enu_m;
         let (mode, takeoff) = (self.mode, self.flight.takeoff_altitude_enu_m);
         self.enter(mode, &sensed);
-        self.flight.begin(now, takeoff);
+        self.flight.takeoff_altitude_enu_m = takeoff;
+        (self.ground.armed_at, self.ground.flown) = (now, false);
         self.text(MavSeverity::MAV_SEVERITY_INFO, "Armed by command", router);
         MavResult::MAV_RESULT_ACCEPTED
     }
@@ -156,7 +172,7 @@ impl Autopilot {
         MavResult::MAV_RESULT_ACCEPTED
     }
 
-    fn command_mode(&mut self, mode: Mode, now: Duration, router: &mut Router) -> MavResult {
+    pub(super) fn command_mode(&mut self, mode: Mode, now: Duration, router: &mut Router) -> MavResult {
         let Some(sensed) = self.sensed else { return self.refusal() };
         let blind = self.armed && !self.estimator_ok && ![Mode::Land, Mode::Stabilize].contains(&mode);
         if blind {
@@ -164,10 +180,14 @@ impl Autopilot {
         }
         if mode == Mode::Companion
             && self.firmware == Firmware::Px4
-            && self.armed
+            && (self.armed || !self.traps.ack_without_stream)
             && !self.offboard.proven(now)
         {
             return self.refuse("Switching to Offboard denied: no offboard signal", router);
+        }
+        if mode == Mode::Companion && self.traps.mode_ack_alone && !self.mode_forgotten {
+            self.mode_forgotten = true;
+            return MavResult::MAV_RESULT_ACCEPTED;
         }
         if self.mode != mode {
             if self.firmware == Firmware::ArduCopter {
@@ -238,7 +258,8 @@ impl Autopilot {
             streams.set_default(id, firmware, now);
         } else {
             let asked = Duration::from_micros(interval_us as u64).min(SLOWEST_INTERVAL);
-            if asked < FASTEST_INTERVAL && firmware == Firmware::ArduCopter {
+            let refuses = firmware == Firmware::ArduCopter && self.traps.fast_interval_refused;
+            if asked < FASTEST_INTERVAL && refuses {
                 return MavResult::MAV_RESULT_DENIED;
             }
             streams.set(id, asked.max(FASTEST_INTERVAL), now);

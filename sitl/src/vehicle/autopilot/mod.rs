@@ -15,12 +15,19 @@
 // Ground stations still speak the superseded SET_MODE, PING and frame names, so an autopilot must understand them.
 #![allow(deprecated)]
 
+mod arducopter;
 mod commands;
+mod failsafe;
+mod files;
 mod flight;
+mod land;
 mod modes;
 mod offboard;
+mod reposition;
+pub mod slip;
 mod streams;
 mod telemetry;
+mod tuning;
 
 use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
@@ -28,11 +35,13 @@ use std::time::Duration;
 use mavlink::dialects::ardupilotmega::*;
 use nalgebra::{UnitQuaternion, Vector3};
 
-use super::config::{Airframe, Firmware, VehicleConfig};
+use super::config::{Airframe, Firmware, Traps, VehicleConfig};
+use super::dynamics::GRAVITY_M_S2;
 use super::parameters::{Parameters, SetOutcome};
+use super::rotors::Allocator;
 use super::router::{Router, Sender, To};
 use crate::frames::heading_rad;
-use crate::geodesy::{LocalFrame, Origin};
+use crate::geodesy::{LocalFrame, Origin, Projection};
 
 pub(crate) use flight::Guidance;
 pub(crate) use modes::Mode;
@@ -41,8 +50,8 @@ pub use offboard::SetpointCounters;
 /// The autopilot's component id (MAV_COMP_ID_AUTOPILOT1).
 pub const COMPONENT: u8 = 1;
 const HEARTBEAT_INTERVAL: Duration = Duration::from_secs(1);
-/// From losing the position estimate to giving up the mode that needs it.
-const ESTIMATOR_GRACE: Duration = Duration::from_millis(500);
+/// From a restart to the first word.
+const BOOT_TIME: Duration = Duration::from_secs(3);
 
 /// What the autopilot's estimator says at one instant.
 #[derive(Debug, Clone, Copy)]
@@ -66,24 +75,43 @@ pub(crate) struct Sensed {
 pub(crate) struct Autopilot {
     system_id: u8,
     firmware: Firmware,
+    traps: Traps,
+    slip: Option<slip::Slip>,
     airframe: Airframe,
     frame: LocalFrame,
     utc_start_us: u64,
+    booted_at: Duration,
+    /// Still booting: neither hears nor speaks.
+    silent_until: Duration,
     ready_after: Duration,
     pub parameters: Parameters,
+    tuning: tuning::Tuning,
     offboard: offboard::Offboard,
 
     pub mode: Mode,
     pub armed: bool,
+    /// As the autopilot believes.
     pub landed: bool,
+    /// As it is.
+    pub grounded: bool,
     /// OFFBOARD was lost to a silent stream and nobody has chosen another mode since: PX4 goes back by itself.
     resumes: bool,
     /// A failsafe chose the present mode.
     failsafe: bool,
     flight: flight::Flight,
+    ground: land::Ground,
     home_enu_m: Vector3<f64>,
     pub estimator_ok: bool,
+    pub gps_ok: bool,
     estimator_lost_at: Option<Duration>,
+    /// The battery's state that has been acted on.
+    charge: failsafe::Charge,
+    /// The last heartbeat of a ground station.
+    ground_station_at: Option<Duration>,
+    /// Thrust, in the allocator's units, that carries the vehicle's weight.
+    hover_thrust: f64,
+    /// A mode was acknowledged and not taken.
+    mode_forgotten: bool,
 
     streams: BTreeMap<usize, streams::Streams>,
     parameter_queue: VecDeque<(usize, usize)>,
@@ -97,14 +125,22 @@ impl Autopilot {
         for name in ["MAV_SYS_ID", "SYSID_THISMAV"] {
             parameters.set(name, super::parameters::Value::Int(config.system_id.into()));
         }
+        if config.firmware == Firmware::Px4 {
+            parameters.describe_rotors(&config.rotors());
+        }
         let origin = config.home() + Vector3::from(config.local_origin_offset_enu_m);
         Self {
             system_id: config.system_id,
             firmware: config.firmware,
+            traps: config.traps,
+            slip: config.slip,
             airframe: config.airframe,
-            frame: LocalFrame::at(mission, origin),
+            frame: local_frame(mission, origin, config.firmware),
             utc_start_us,
+            booted_at: Duration::ZERO,
+            silent_until: Duration::ZERO,
             ready_after: Duration::try_from_secs_f64(config.ready_after_s).unwrap_or_default(),
+            tuning: tuning::Tuning::of(&parameters, config.firmware),
             parameters,
             offboard: offboard::Offboard::default(),
             mode: match config.firmware {
@@ -113,12 +149,19 @@ impl Autopilot {
             },
             armed: false,
             landed: true,
+            grounded: true,
             resumes: false,
             failsafe: false,
             flight: flight::Flight::at(config.home(), config.heading_rad),
+            ground: land::Ground::standing(),
             home_enu_m: config.home(),
             estimator_ok: true,
+            gps_ok: true,
             estimator_lost_at: None,
+            charge: failsafe::Charge::default(),
+            ground_station_at: None,
+            hover_thrust: hover_thrust(config),
+            mode_forgotten: false,
             streams: BTreeMap::new(),
             parameter_queue: VecDeque::new(),
             next_heartbeat: Duration::ZERO,
@@ -130,9 +173,33 @@ impl Autopilot {
         self.offboard.counters
     }
 
+    /// Time since power-on, or since the last restart.
+    pub(super) fn uptime(&self, now: Duration) -> Duration {
+        now.saturating_sub(self.booted_at)
+    }
+
+    /// Starts where another autopilot's program has ended, with its parameters: a restart in mid-flight or not.
+    pub fn boot(&mut self, before: &Self, mission: Origin, sensed: &Sensed) {
+        self.parameters = before.parameters.clone();
+        self.tuning = tuning::Tuning::of(&self.parameters, self.firmware);
+        self.booted_at = sensed.now;
+        self.silent_until = sensed.now + BOOT_TIME;
+        self.next_heartbeat = self.silent_until;
+        // A new estimator begins where it is.
+        self.frame = local_frame(mission, sensed.position_enu_m, self.firmware);
+        self.home_enu_m = before.home_enu_m;
+        (self.grounded, self.landed) = (sensed.contact, sensed.contact);
+    }
+
+    /// The clock is set: what it says jumps.
+    pub fn jump_clock(&mut self, by_s: f64) {
+        let by_us = (by_s * 1e6) as i64;
+        self.utc_start_us = self.utc_start_us.saturating_add_signed(by_us);
+    }
+
     /// Why the vehicle cannot arm, if it cannot.
     fn unready(&self, now: Duration) -> Option<&'static str> {
-        if now < self.ready_after {
+        if self.uptime(now) < self.ready_after {
             Some("Preflight Fail: estimator not ready")
         } else if !self.estimator_ok {
             Some("Preflight Fail: no valid position estimate")
@@ -143,21 +210,35 @@ impl Autopilot {
 
     /// Takes what a client sent to this component.
     pub fn handle(&mut self, from: Sender, message: MavMessage, now: Duration, router: &mut Router) {
+        if now < self.silent_until {
+            return;
+        }
         match message {
             MavMessage::COMMAND_LONG(_) | MavMessage::COMMAND_INT(_) | MavMessage::SET_MODE(_) => {
                 self.handle_command(from, &message, now, router);
             }
             MavMessage::SET_POSITION_TARGET_LOCAL_NED(_)
             | MavMessage::SET_POSITION_TARGET_GLOBAL_INT(_)
-            | MavMessage::SET_ATTITUDE_TARGET(_) => self.handle_setpoint(&message, now),
+            | MavMessage::SET_ATTITUDE_TARGET(_) => {
+                let message = match self.slip {
+                    Some(slip) => slip.plant(message),
+                    None => message,
+                };
+                self.handle_setpoint(&message, now, router);
+            }
+            MavMessage::HEARTBEAT(h) if h.mavtype == MavType::MAV_TYPE_GCS => {
+                self.ground_station_at = Some(now)
+            }
             MavMessage::PARAM_REQUEST_LIST(_) => {
                 self.parameter_queue.extend((0..self.parameters.len()).map(|k| (from.link, k)));
             }
+            MavMessage::REQUEST_DATA_STREAM(m) => self.request_data_stream(from.link, &m, now),
             MavMessage::PARAM_REQUEST_READ(m) => self.read_parameter(from, &m, router),
             MavMessage::PARAM_SET(m) => self.set_parameter(&m, router),
+            MavMessage::FILE_TRANSFER_PROTOCOL(m) => self.file_request(from, &m, router),
             MavMessage::TIMESYNC(m) if m.tc1 == 0 => {
                 let reply = TIMESYNC_DATA {
-                    tc1: now.as_nanos() as i64,
+                    tc1: self.uptime(now).as_nanos() as i64,
                     ts1: m.ts1,
                     target_system: from.system_id,
                     target_component: from.component_id,
@@ -182,19 +263,21 @@ impl Autopilot {
         }
     }
 
-    fn handle_setpoint(&mut self, message: &MavMessage, now: Duration) {
+    fn handle_setpoint(&mut self, message: &MavMessage, now: Duration, router: &mut Router) {
         if !self.takes_setpoints() {
             return;
         }
         match message {
             MavMessage::SET_POSITION_TARGET_LOCAL_NED(m) => {
-                self.offboard.local(m, self.firmware, &self.frame, now);
+                self.offboard.local(m, (self.firmware, &self.traps), &self.frame, now);
             }
             MavMessage::SET_POSITION_TARGET_GLOBAL_INT(m) => {
                 let home_alt_m = self.frame.geodetic(self.home_enu_m).alt_amsl_m;
-                self.offboard.global(m, self.firmware, &self.frame, home_alt_m, now);
+                self.offboard.global(m, (self.firmware, &self.traps), &self.frame, home_alt_m, now);
             }
-            MavMessage::SET_ATTITUDE_TARGET(m) => self.offboard.attitude(m, &self.frame, now),
+            MavMessage::SET_ATTITUDE_TARGET(m) if !self.take_angle(m, now, router) => {
+                self.offboard.attitude(m, (self.firmware, &self.traps), &self.frame, now);
+            }
             _ => {}
         }
     }
@@ -203,6 +286,7 @@ impl Autopilot {
     fn takes_setpoints(&mut self) -> bool {
         let takes = match self.firmware {
             Firmware::Px4 => true,
+            Firmware::ArduCopter if !self.traps.guided_first => true,
             Firmware::ArduCopter => {
                 self.mode == Mode::Companion && self.armed && !self.landed && !self.flight.taking_off()
             }
@@ -211,22 +295,38 @@ impl Autopilot {
         takes
     }
 
+    /// The old way to ask for telemetry. PX4 does not listen to it.
+    fn request_data_stream(&mut self, link: usize, m: &REQUEST_DATA_STREAM_DATA, now: Duration) {
+        if self.firmware == Firmware::ArduCopter {
+            let firmware = self.firmware;
+            let streams = self.streams.entry(link).or_insert_with(|| streams::Streams::new(firmware, now));
+            streams.set_group(m.req_stream_id as u8, m.start_stop == 1, m.req_message_rate, now);
+        }
+    }
+
     fn read_parameter(&self, from: Sender, m: &PARAM_REQUEST_READ_DATA, router: &mut Router) {
         let index = usize::try_from(m.param_index)
             .ok()
             .or_else(|| m.param_id.to_str().ok().and_then(|name| self.parameters.index_of(name)));
-        // An unknown parameter gets silence, from both firmwares.
-        if let Some(value) = index.and_then(|k| self.parameters.message(k)) {
-            router.send(To::Link(from.link), COMPONENT, &MavMessage::PARAM_VALUE(value));
+        match index.and_then(|k| self.parameters.message(k)) {
+            Some(value) => router.send(To::Link(from.link), COMPONENT, &MavMessage::PARAM_VALUE(value)),
+            None => self.unknown_parameter(router),
         }
     }
 
     fn set_parameter(&mut self, m: &PARAM_SET_DATA, router: &mut Router) {
         let (SetOutcome::Stored(index) | SetOutcome::Refused(index)) = self.parameters.handle_set(m) else {
-            return;
+            return self.unknown_parameter(router);
         };
         if let Some(value) = self.parameters.message(index) {
             router.send(To::All, COMPONENT, &MavMessage::PARAM_VALUE(value));
+        }
+    }
+
+    /// An unknown parameter gets silence, from both firmwares.
+    fn unknown_parameter(&self, router: &mut Router) {
+        if !self.traps.silent_unknown_parameter {
+            self.text(MavSeverity::MAV_SEVERITY_WARNING, "Unknown parameter", router);
         }
     }
 
@@ -237,11 +337,15 @@ impl Autopilot {
     /// One step: telemetry, failsafes, and what the vehicle shall do.
     pub fn tick(&mut self, sensed: &Sensed, router: &mut Router) -> Guidance {
         self.sensed = Some(*sensed);
+        if sensed.now < self.silent_until {
+            return Guidance::Off;
+        }
+        if self.tuning.revision != self.parameters.revision {
+            self.tuning = tuning::Tuning::of(&self.parameters, self.firmware);
+        }
         self.tell(sensed, router);
         self.watch_land(sensed, router);
-        self.watch_stream(sensed, router);
-        self.watch_estimator(sensed, router);
-        self.watch_attitude(sensed, router);
+        self.watch(sensed, router);
         self.guide(sensed, router)
     }
 
@@ -267,69 +371,6 @@ impl Autopilot {
         }
     }
 
-    /// PX4's offboard loss and return. ArduCopter says nothing and does nothing (see `flight`).
-    fn watch_stream(&mut self, sensed: &Sensed, router: &mut Router) {
-        if self.firmware != Firmware::Px4 || !self.armed {
-            return;
-        }
-        let live = self.offboard.live(sensed.now, self.parameters.seconds("COM_OF_LOSS_T"));
-        if self.mode == Mode::Companion && !live {
-            let action = self.parameters.real("COM_OBL_RC_ACT") as i32;
-            let mode = match action {
-                3 => Mode::ReturnToLaunch,
-                // Position, altitude and manual need sticks; without them the vehicle comes down.
-                0..=2 | 4 => Mode::Land,
-                6 | 7 => return self.terminate("Failsafe: offboard lost, terminating", router),
-                _ => Mode::Hold,
-            };
-            self.enter(mode, sensed);
-            self.failsafe = true;
-            self.resumes = true;
-            let text = format!("Failsafe: Offboard signal lost, switching to {}", mode.name(self.firmware));
-            self.text(MavSeverity::MAV_SEVERITY_CRITICAL, &text, router);
-        } else if self.resumes && live && self.offboard.proven(sensed.now) {
-            self.enter(Mode::Companion, sensed);
-            self.text(MavSeverity::MAV_SEVERITY_INFO, "Offboard signal regained", router);
-        }
-    }
-
-    fn watch_estimator(&mut self, sensed: &Sensed, router: &mut Router) {
-        if self.estimator_ok {
-            self.estimator_lost_at = None;
-            return;
-        }
-        let lost_at = *self.estimator_lost_at.get_or_insert(sensed.now);
-        let late = sensed.now.saturating_sub(lost_at) >= ESTIMATOR_GRACE;
-        if self.armed && late && self.mode != Mode::Land {
-            self.enter(Mode::Land, sensed);
-            self.failsafe = true;
-            let text = match self.firmware {
-                Firmware::Px4 => "Failsafe: position estimate lost, descending",
-                Firmware::ArduCopter => "EKF Failsafe: changed to LAND Mode",
-            };
-            self.text(MavSeverity::MAV_SEVERITY_CRITICAL, text, router);
-        }
-    }
-
-    /// PX4's failure detector ends a flight at a tilt beyond FD_FAIL_R or FD_FAIL_P (0 switches it off).
-    fn watch_attitude(&mut self, sensed: &Sensed, router: &mut Router) {
-        if self.firmware != Firmware::Px4 || !self.armed || self.landed {
-            return;
-        }
-        let (roll, pitch, _) = self.frame.attitude_to_ned(&sensed.nominal).euler_angles();
-        for (name, angle) in [("FD_FAIL_R", roll), ("FD_FAIL_P", pitch)] {
-            let limit_deg = f64::from(self.parameters.real(name));
-            if limit_deg > 0.0 && angle.to_degrees().abs() > limit_deg {
-                return self.terminate("Critical: attitude failure detected, terminating", router);
-            }
-        }
-    }
-
-    fn terminate(&mut self, why: &str, router: &mut Router) {
-        self.text(MavSeverity::MAV_SEVERITY_EMERGENCY, why, router);
-        self.disarm();
-    }
-
     fn disarm(&mut self) {
         self.armed = false;
         self.resumes = false;
@@ -339,6 +380,10 @@ impl Autopilot {
 
     /// Changes the mode, from where the vehicle is.
     fn enter(&mut self, mode: Mode, sensed: &Sensed) {
+        if mode != Mode::Companion {
+            // The bridge script levels the vehicle when GUIDED ends.
+            self.offboard.offsets_on = false;
+        }
         self.mode = mode;
         self.resumes = false;
         self.failsafe = false;
@@ -354,8 +399,32 @@ impl Autopilot {
         }
     }
 
+    /// PX4 allocates without a rotor that has failed, if CA_FAILURE_MODE says so.
+    pub fn drops_lost_rotors(&self) -> bool {
+        self.firmware == Firmware::Px4 && self.parameters.real("CA_FAILURE_MODE") == 1.0
+    }
+
+    /// The motors' curve that the autopilot believes in; `None` where it always knows the right one.
+    pub fn believed_curve(&self) -> Option<f64> {
+        self.tuning.curve
+    }
+
     /// As the firmware's ground stations call the mode.
     pub fn mode_name(&self) -> &'static str {
         self.mode.name(self.firmware)
     }
+}
+
+/// The thrust that carries a vehicle's weight, in the allocator's units.
+fn hover_thrust(config: &VehicleConfig) -> f64 {
+    config.body.mass_kg * GRAVITY_M_S2 / Allocator::new(&config.rotors()).unit_n().z
+}
+
+/// A firmware's local frame about a point of the mission's.
+fn local_frame(mission: Origin, at_enu_m: Vector3<f64>, firmware: Firmware) -> LocalFrame {
+    let projection = match firmware {
+        Firmware::Px4 => Projection::GreatCircle,
+        Firmware::ArduCopter => Projection::MetresPerDegree,
+    };
+    LocalFrame::at(mission, at_enu_m, projection)
 }

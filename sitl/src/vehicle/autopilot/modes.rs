@@ -10,6 +10,8 @@ pub(crate) enum Mode {
     /// The pilot's position mode.
     Position,
     Hold,
+    /// ArduCopter's stop, which ground stations send for "pause"; PX4 has Hold for it.
+    Brake,
     /// PX4's AUTO_TAKEOFF. ArduCopter takes off inside GUIDED.
     Takeoff,
     Land,
@@ -37,6 +39,7 @@ const ARDUCOPTER_MODES: &[(Mode, u32)] = &[
     (Mode::ReturnToLaunch, 6),
     (Mode::Land, 9),
     (Mode::Position, 16),
+    (Mode::Brake, 17),
 ];
 
 impl Mode {
@@ -84,6 +87,7 @@ impl Mode {
             (Self::Position, Firmware::ArduCopter) => "POSHOLD",
             (Self::Hold, Firmware::Px4) => "HOLD",
             (Self::Hold, Firmware::ArduCopter) => "LOITER",
+            (Self::Brake, _) => "BRAKE",
             (Self::Takeoff, _) => "TAKEOFF",
             (Self::Land, _) => "LAND",
             (Self::ReturnToLaunch, _) => "RTL",
@@ -104,6 +108,7 @@ mod tests {
         assert_eq!(Mode::ReturnToLaunch.custom(Firmware::Px4), 0x0504_0000);
         assert_eq!(Mode::Companion.custom(Firmware::ArduCopter), 4);
         assert_eq!(Mode::Land.custom(Firmware::ArduCopter), 9);
+        assert_eq!(Mode::from_custom(Firmware::ArduCopter, 17), Some(Mode::Brake));
     }
 
     #[test]

@@ -8,8 +8,10 @@ use mavlink::dialects::ardupilotmega::{
 };
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
+use super::arducopter::Angle;
 use crate::geodesy::{LocalFrame, Origin};
-use crate::vehicle::config::Firmware;
+use crate::vehicle::config::{Firmware, Traps};
+use crate::vehicle::control::{RateTarget, ThrustTarget};
 
 /// PX4 wants setpoints at more than 2 Hz, for a second, before it trusts the stream.
 const LONGEST_GAP: Duration = Duration::from_millis(500);
@@ -60,6 +62,13 @@ pub(super) struct Offboard {
     pub setpoint: Option<Setpoint>,
     /// Attitude, body FLU to mission ENU, and when it came.
     pub attitude: Option<(UnitQuaternion<f64>, Duration)>,
+    /// PX4: attitude with thrust. Position and thrust exclude each other: the last writer wins.
+    pub thrust: Option<ThrustTarget>,
+    /// ArduCopter: a lean of angle control, likewise.
+    pub angle: Option<Angle>,
+    /// The bridge script's roll and pitch (FRD), and whether they are flown.
+    pub offsets_rad: [f64; 2],
+    pub offsets_on: bool,
     pub counters: SetpointCounters,
     since: Option<Duration>,
     last: Option<Duration>,
@@ -88,6 +97,23 @@ impl Offboard {
     pub fn clear(&mut self) {
         self.setpoint = None;
         self.attitude = None;
+        self.thrust = None;
+        self.angle = None;
+    }
+
+    /// ArduCopter: stop, whatever was asked before.
+    pub fn stop(&mut self, now: Duration) {
+        self.clear();
+        self.setpoint =
+            Some(Setpoint { position: [None; 3], velocity: [Some(0.0); 3], heading_rad: None, at: now });
+    }
+
+    /// ArduCopter: angle control.
+    pub fn lean(&mut self, angle: Angle) {
+        let at = angle.at;
+        self.clear();
+        self.angle = Some(angle);
+        self.note(at);
     }
 
     fn note(&mut self, now: Duration) {
@@ -101,12 +127,15 @@ impl Offboard {
     pub fn local(
         &mut self,
         m: &SET_POSITION_TARGET_LOCAL_NED_DATA,
-        firmware: Firmware,
+        manners: (Firmware, &Traps),
         frame: &LocalFrame,
         now: Duration,
     ) {
         if m.coordinate_frame != MavFrame::MAV_FRAME_LOCAL_NED {
             self.counters.wrong_frame += 1;
+            if manners.0 == Firmware::ArduCopter && manners.1.odd_frame_stops {
+                self.stop(now);
+            }
             return;
         }
         let fields = Fields {
@@ -115,13 +144,13 @@ impl Offboard {
             velocity_ned: [m.vx, m.vy, m.vz].map(f64::from),
             yaw_rad: m.yaw.into(),
         };
-        self.take(&fields, firmware, frame, now);
+        self.take(&fields, manners, frame, now);
     }
 
     pub fn global(
         &mut self,
         m: &SET_POSITION_TARGET_GLOBAL_INT_DATA,
-        firmware: Firmware,
+        manners: (Firmware, &Traps),
         frame: &LocalFrame,
         home_alt_m: f64,
         now: Duration,
@@ -133,6 +162,9 @@ impl Offboard {
             }
             _ => {
                 self.counters.wrong_frame += 1;
+                if manners.0 == Firmware::ArduCopter && manners.1.odd_frame_stops {
+                    self.stop(now);
+                }
                 return;
             }
         };
@@ -145,17 +177,23 @@ impl Offboard {
             velocity_ned: [m.vx, m.vy, m.vz].map(f64::from),
             yaw_rad: m.yaw.into(),
         };
-        self.take(&fields, firmware, frame, now);
+        self.take(&fields, manners, frame, now);
     }
 
-    fn take(&mut self, fields: &Fields, firmware: Firmware, frame: &LocalFrame, now: Duration) {
+    fn take(
+        &mut self,
+        fields: &Fields,
+        (firmware, traps): (Firmware, &Traps),
+        frame: &LocalFrame,
+        now: Duration,
+    ) {
         let group = |first: u16, values: [f64; 3]| -> [Option<f64>; 3] {
             let given: [Option<f64>; 3] = std::array::from_fn(|k| {
                 (fields.mask & (first << k) == 0 && values[k].is_finite()).then_some(values[k])
             });
             // ArduCopter: one ignored axis drops its whole group.
             let whole = given.iter().all(Option::is_some);
-            if firmware == Firmware::ArduCopter && !whole { [None; 3] } else { given }
+            if firmware == Firmware::ArduCopter && traps.whole_groups && !whole { [None; 3] } else { given }
         };
         let (position, velocity) = (group(1, fields.position_ned), group(8, fields.velocity_ned));
         if position.iter().chain(&velocity).all(Option::is_none) {
@@ -167,6 +205,7 @@ impl Offboard {
         let mask = |values: Vector3<f64>, given: [Option<f64>; 3]| -> [Option<f64>; 3] {
             std::array::from_fn(|k| given[[1, 0, 2][k]].map(|_| values[k]))
         };
+        (self.thrust, self.angle) = (None, None);
         let yaw_given = fields.mask & 1024 == 0 && fields.yaw_rad.is_finite();
         self.setpoint = Some(Setpoint {
             position: mask(frame.position_to_enu(filled(position)), position),
@@ -177,18 +216,51 @@ impl Offboard {
         self.note(now);
     }
 
-    /// SET_ATTITUDE_TARGET: roll, pitch and yaw, apart from position. Thrust and rates are ignored.
-    pub fn attitude(&mut self, m: &SET_ATTITUDE_TARGET_DATA, frame: &LocalFrame, now: Duration) {
+    /// SET_ATTITUDE_TARGET. With `thrust_body` or thrust it is PX4's attitude control: the position is nobody's.
+    /// Without both it turns the body apart from its position, which stock PX4 does not know.
+    pub fn attitude(
+        &mut self,
+        m: &SET_ATTITUDE_TARGET_DATA,
+        (firmware, traps): (Firmware, &Traps),
+        frame: &LocalFrame,
+        now: Duration,
+    ) {
+        const TILT_RATES_IGNORE: u8 = 1 | 2;
+        const THRUST_BODY_SET: u8 = 32;
+        const THROTTLE_IGNORE: u8 = 64;
         const ATTITUDE_IGNORE: u8 = 128;
         let q = m.q.map(f64::from);
         let quaternion = Quaternion::new(q[0], q[1], q[2], q[3]);
         let unit = (quaternion.norm() - 1.0).abs() <= NORM_TOLERANCE;
-        if m.type_mask.bits() & ATTITUDE_IGNORE != 0 || !unit {
+        let mask = m.type_mask.bits();
+        if mask & ATTITUDE_IGNORE != 0 || !unit {
             self.counters.invalid += 1;
             return;
         }
-        let ned_frd = UnitQuaternion::from_quaternion(quaternion);
-        self.attitude = Some((frame.attitude_to_enu(&ned_frd), now));
+        let attitude = frame.attitude_to_enu(&UnitQuaternion::from_quaternion(quaternion));
+        let in_body = mask & THRUST_BODY_SET != 0;
+        let thrusts = firmware == Firmware::Px4 && (in_body || mask & THROTTLE_IGNORE == 0);
+        if !thrusts && firmware == Firmware::Px4 && traps.attitude_needs_thrust {
+            // No offboard signal, and no word of it.
+            self.counters.invalid += 1;
+            return;
+        }
+        self.attitude = Some((attitude, now));
+        if thrusts {
+            // A multirotor's scalar thrust goes up; in the body's FRD axes up is negative z.
+            let [x, y, z] = if in_body { m.thrust_body } else { [0.0, 0.0, -m.thrust] }.map(f64::from);
+            let fights = traps.rates_fight_attitude && mask & TILT_RATES_IGNORE != TILT_RATES_IGNORE;
+            let rates = [m.body_roll_rate, m.body_pitch_rate, m.body_yaw_rate].map(f64::from);
+            self.setpoint = None;
+            self.thrust = Some(ThrustTarget {
+                attitude,
+                thrust_flu: Vector3::new(x, -y, -z),
+                rates: fights.then(|| RateTarget {
+                    rates_flu_rad_s: Vector3::new(rates[0], -rates[1], -rates[2]),
+                    thrust: m.thrust.into(),
+                }),
+            });
+        }
         self.note(now);
     }
 }
@@ -200,7 +272,7 @@ mod tests {
 
     fn frame() -> LocalFrame {
         let prague = Origin { lat_deg: 50.0, lon_deg: 14.0, alt_amsl_m: 200.0 };
-        LocalFrame::at(prague, Vector3::new(10.0, 20.0, 0.0))
+        LocalFrame::at(prague, Vector3::new(10.0, 20.0, 0.0), crate::geodesy::Projection::Tangent)
     }
 
     fn target(mask: u16) -> SET_POSITION_TARGET_LOCAL_NED_DATA {
@@ -229,7 +301,7 @@ mod tests {
     #[test]
     fn val_local_ned_lands_in_the_missions_enu() {
         let mut o = Offboard::default();
-        o.local(&target(0), Firmware::Px4, &frame(), Duration::ZERO);
+        o.local(&target(0), (Firmware::Px4, &Traps::default()), &frame(), Duration::ZERO);
         let s = o.setpoint.unwrap();
         assert!(near(s.position, [Some(12.0), Some(21.0), Some(3.0)]), "{s:?}");
         assert!(near(s.velocity, [Some(0.2), Some(0.1), Some(-0.3)]));
@@ -241,15 +313,15 @@ mod tests {
     #[test]
     fn prop_ignore_bits_per_firmware() {
         let mut o = Offboard::default();
-        o.local(&target(1 | 1024), Firmware::Px4, &frame(), Duration::ZERO);
+        o.local(&target(1 | 1024), (Firmware::Px4, &Traps::default()), &frame(), Duration::ZERO);
         let s = o.setpoint.unwrap();
         assert!(near(s.position, [Some(12.0), None, Some(3.0)]) && s.heading_rad.is_none());
-        o.local(&target(1), Firmware::ArduCopter, &frame(), Duration::ZERO);
+        o.local(&target(1), (Firmware::ArduCopter, &Traps::default()), &frame(), Duration::ZERO);
         assert!(!o.setpoint.unwrap().has_position());
-        o.local(&target(63), Firmware::Px4, &frame(), Duration::ZERO);
+        o.local(&target(63), (Firmware::Px4, &Traps::default()), &frame(), Duration::ZERO);
         let mut body = target(0);
         body.coordinate_frame = MavFrame::MAV_FRAME_BODY_NED;
-        o.local(&body, Firmware::Px4, &frame(), Duration::ZERO);
+        o.local(&body, (Firmware::Px4, &Traps::default()), &frame(), Duration::ZERO);
         assert_eq!((o.counters.accepted, o.counters.invalid, o.counters.wrong_frame), (2, 1, 1));
     }
 
@@ -270,7 +342,7 @@ mod tests {
                 type_mask: PositionTargetTypemask::from_bits_truncate(8 | 16 | 32 | 1024),
                 ..SET_POSITION_TARGET_GLOBAL_INT_DATA::DEFAULT
             };
-            o.global(&m, Firmware::Px4, &f, 200.0, Duration::ZERO);
+            o.global(&m, (Firmware::Px4, &Traps::default()), &f, 200.0, Duration::ZERO);
             assert!(near(o.setpoint.unwrap().position, [Some(50.0), Some(-30.0), Some(90.0)]));
         }
     }
@@ -281,10 +353,10 @@ mod tests {
         let mut o = Offboard::default();
         for k in 0..=5 {
             assert!(k == 5 || !o.proven(ms(k * 200)));
-            o.local(&target(0), Firmware::Px4, &frame(), ms(k * 200));
+            o.local(&target(0), (Firmware::Px4, &Traps::default()), &frame(), ms(k * 200));
         }
         assert!(o.proven(ms(1000)) && o.live(ms(2000), ms(1000)) && !o.live(ms(2001), ms(1000)));
-        o.local(&target(0), Firmware::Px4, &frame(), ms(1600));
+        o.local(&target(0), (Firmware::Px4, &Traps::default()), &frame(), ms(1600));
         assert!(!o.proven(ms(1600)), "a gap of 600 ms starts the second again");
     }
 
@@ -294,6 +366,7 @@ mod tests {
         for q in [[0.0; 4], [f32::NAN, 0.0, 0.0, 0.0], [2.0, 0.0, 0.0, 0.0]] {
             o.attitude(
                 &SET_ATTITUDE_TARGET_DATA { q, ..SET_ATTITUDE_TARGET_DATA::DEFAULT },
+                (Firmware::Px4, &Traps::default()),
                 &frame(),
                 Duration::ZERO,
             );

@@ -25,6 +25,21 @@ const DEFAULT_RATES_HZ: &[(u32, f64)] = &[
     (EXTENDED_SYS_STATE_DATA::ID, 1.0),
 ];
 
+/// MAV_DATA_STREAM_ALL.
+const EVERY_GROUP: u8 = 0;
+/// No group is sent faster than this.
+const FASTEST_GROUP_HZ: u32 = 50;
+
+/// What ArduCopter sends in each of MAV_DATA_STREAM's groups, as far as it is here: EXTENDED_STATUS, POSITION, EXTRA1
+/// to EXTRA3.
+const GROUPS: &[(u8, &[u32])] = &[
+    (2, &[SYS_STATUS_DATA::ID, GPS_RAW_INT_DATA::ID]),
+    (6, &[LOCAL_POSITION_NED_DATA::ID, GLOBAL_POSITION_INT_DATA::ID]),
+    (10, &[ATTITUDE_DATA::ID]),
+    (11, &[VFR_HUD_DATA::ID]),
+    (12, &[SYSTEM_TIME_DATA::ID, BATTERY_STATUS_DATA::ID, EKF_STATUS_REPORT_DATA::ID]),
+];
+
 /// A message sent again and again.
 #[derive(Debug, Clone, Copy)]
 struct Stream {
@@ -59,6 +74,19 @@ impl Streams {
     pub fn set(&mut self, id: u32, interval: Duration, now: Duration) {
         self.streams.insert(id, Stream { interval, due: now });
         self.next_due = now;
+    }
+
+    /// REQUEST_DATA_STREAM: one of ArduCopter's groups at a rate, or off. Messages outside all groups stay as they are.
+    pub fn set_group(&mut self, group: u8, on: bool, rate_hz: u16, now: Duration) {
+        let in_group = |g: u8| group == EVERY_GROUP || group == g;
+        for id in GROUPS.iter().filter(|(g, _)| in_group(*g)).flat_map(|(_, ids)| ids.iter()) {
+            if on && rate_hz > 0 {
+                let fastest = u32::from(rate_hz).min(FASTEST_GROUP_HZ);
+                self.set(*id, Duration::from_secs(1) / fastest, now);
+            } else {
+                self.stop(*id);
+            }
+        }
     }
 
     pub fn stop(&mut self, id: u32) {
@@ -125,5 +153,22 @@ mod tests {
         assert!(!streams.due(Duration::from_secs(11)).contains(&id));
         streams.set_default(id, Firmware::Px4, Duration::from_secs(11));
         assert_eq!(streams.interval(id), Some(Duration::from_millis(250)));
+    }
+
+    #[test]
+    fn val_a_group_of_the_old_request() {
+        let mut streams = Streams::new(Firmware::ArduCopter, Duration::ZERO);
+        let interval = |streams: &Streams, id| streams.interval(id).map(|d| d.as_millis());
+        streams.set_group(10, true, 20, Duration::ZERO);
+        assert_eq!(interval(&streams, ATTITUDE_DATA::ID), Some(50));
+        assert_eq!(interval(&streams, VFR_HUD_DATA::ID), Some(500));
+        streams.set_group(0, true, 2, Duration::ZERO);
+        assert_eq!(interval(&streams, ATTITUDE_DATA::ID), Some(500));
+        assert_eq!(interval(&streams, SYS_STATUS_DATA::ID), Some(500));
+        // In no group.
+        assert_eq!(interval(&streams, HOME_POSITION_DATA::ID), Some(2000));
+        streams.set_group(0, false, 2, Duration::ZERO);
+        assert_eq!(interval(&streams, ATTITUDE_DATA::ID), None);
+        assert_eq!(interval(&streams, HOME_POSITION_DATA::ID), Some(2000));
     }
 }

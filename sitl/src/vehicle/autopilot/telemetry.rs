@@ -21,11 +21,18 @@ impl Autopilot {
     /// The message of an id from the present state; `None` where this firmware has none, or the estimator no value.
     pub(super) fn message(&self, id: u32, sensed: &Sensed) -> Option<MavMessage> {
         let px4 = self.firmware == Firmware::Px4;
-        let ms = sensed.now.as_millis() as u32;
+        let ms = self.uptime(sensed.now).as_millis() as u32;
         let position_valid = self.estimator_ok;
         Some(match id {
             HEARTBEAT_DATA::ID => self.heartbeat(),
             AUTOPILOT_VERSION_DATA::ID => self.version(),
+            // ArduCopter has none, and says so.
+            PROTOCOL_VERSION_DATA::ID if px4 => MavMessage::PROTOCOL_VERSION(PROTOCOL_VERSION_DATA {
+                version: 200,
+                min_version: 100,
+                max_version: 200,
+                ..PROTOCOL_VERSION_DATA::DEFAULT
+            }),
             ATTITUDE_DATA::ID => self.attitude_message(sensed, ms),
             ATTITUDE_QUATERNION_DATA::ID => self.quaternion_message(sensed, ms),
             LOCAL_POSITION_NED_DATA::ID if position_valid => self.local_position(sensed, ms),
@@ -185,7 +192,7 @@ impl Autopilot {
             latitude,
             longitude,
             altitude,
-            time_usec: sensed.now.as_micros() as u64,
+            time_usec: self.uptime(sensed.now).as_micros() as u64,
         })
     }
 
@@ -200,7 +207,7 @@ impl Autopilot {
             y,
             z,
             q: [1.0, 0.0, 0.0, 0.0],
-            time_usec: sensed.now.as_micros() as u64,
+            time_usec: self.uptime(sensed.now).as_micros() as u64,
             ..HOME_POSITION_DATA::DEFAULT
         })
     }
@@ -216,7 +223,10 @@ impl Autopilot {
             | Has::MAV_SYS_STATUS_SENSOR_BATTERY
             | Has::MAV_SYS_STATUS_PREARM_CHECK;
         let mut health = present;
-        health.set(Has::MAV_SYS_STATUS_AHRS | Has::MAV_SYS_STATUS_SENSOR_GPS, self.estimator_ok);
+        health.set(Has::MAV_SYS_STATUS_AHRS, self.estimator_ok);
+        health.set(Has::MAV_SYS_STATUS_SENSOR_GPS, self.estimator_ok && self.gps_ok);
+        // No fence is a fence that is not breached: ArduCopter says so, and ground stations take its word.
+        health.set(Has::MAV_SYS_STATUS_GEOFENCE, self.firmware == Firmware::ArduCopter);
         health.set(Has::MAV_SYS_STATUS_PREARM_CHECK, self.unready(sensed.now).is_none());
         MavMessage::SYS_STATUS(SYS_STATUS_DATA {
             onboard_control_sensors_present: present,
@@ -260,7 +270,7 @@ impl Autopilot {
 
     fn estimator_status(&self, sensed: &Sensed) -> MavMessage {
         MavMessage::ESTIMATOR_STATUS(ESTIMATOR_STATUS_DATA {
-            time_usec: sensed.now.as_micros() as u64,
+            time_usec: self.uptime(sensed.now).as_micros() as u64,
             vel_ratio: 0.05,
             pos_horiz_ratio: if self.estimator_ok { 0.05 } else { 2.0 },
             pos_vert_ratio: 0.05,
@@ -274,9 +284,9 @@ impl Autopilot {
 
     fn gps_raw(&self, sensed: &Sensed) -> MavMessage {
         let (lat, lon, alt) = self.frame.geodetic(sensed.position_enu_m).to_wire();
-        let ok = self.estimator_ok;
+        let ok = self.estimator_ok && self.gps_ok;
         MavMessage::GPS_RAW_INT(GPS_RAW_INT_DATA {
-            time_usec: sensed.now.as_micros() as u64,
+            time_usec: self.uptime(sensed.now).as_micros() as u64,
             lat,
             lon,
             alt,

@@ -15,6 +15,9 @@ use crate::schedule::trajectory::Start;
 use crate::schedule::transit::Router;
 use crate::units::{Dbm, Watts};
 
+/// The air where nothing is said of it: its mean velocity, and the wind at 6 m that its turbulence belongs to.
+const BREEZE_ENU_M_S: [f64; 3] = [2.0, -1.0, 0.0];
+const TURBULENCE_M_S: f64 = 2.2;
 /// Homes lie this far apart, or three separations if that is more.
 const HOMES_APART_M: f64 = 20.0;
 
@@ -130,6 +133,9 @@ fn vehicle(mission: &Mission, role: Role, home: Vector2<f64>) -> sim::VehicleCon
             Airframe::Omnidirectional => sim::Airframe::Omnidirectional,
             Airframe::Conventional => sim::Airframe::Conventional,
         },
+        // A light breeze with its gusts, and an estimator that errs: a simulated flight is not flown in a vacuum.
+        wind: sim::WindConfig { mean_enu_m_s: BREEZE_ENU_M_S, turbulence_m_s: TURBULENCE_M_S },
+        sensors: sim::SensorConfig::typical(),
         transmitter_max_dbm: ceiling.max(30.0),
         ..sim::VehicleConfig::new(sim_role)
     }

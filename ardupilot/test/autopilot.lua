@@ -1,0 +1,170 @@
+-- The part of ArduPilot's scripting interface that the bridge uses, on a clock that the test turns.
+local autopilot = {}
+
+-- A 32-bit counter that wraps, as userdata in the firmware: only its difference is a number.
+local uint32 = {}
+uint32.__index = uint32
+uint32.__sub = function(a, b)
+   return setmetatable({ value = (a.value - b.value) & 0xFFFFFFFF }, uint32)
+end
+function uint32:toint()
+   return self.value
+end
+
+-- Starts the script on a fresh autopilot. `change` may alter it before.
+function autopilot.boot(change)
+   local a = {
+      now_ms = 0xFFFFFFFF - 20000, -- the counter wraps in the middle of the test
+      mode = 4,
+      armed = true,
+      offsets = { 0, 0 },
+      relay = false,
+      pwm = 1000,
+      override_until = nil,
+      parameters = { FRAME_CLASS = 16, MAV_SYSID = 2, VW_TX_FN = 94, VW_TX_RELAY = 1 },
+      queue = {},
+      sent = {},
+      texts = {},
+      blocked = {},
+      broken = false,
+   }
+   if change then
+      change(a)
+   end
+
+   function millis()
+      return setmetatable({ value = a.now_ms & 0xFFFFFFFF }, uint32)
+   end
+   param = {}
+   function param:get(name)
+      return a.parameters[name]
+   end
+   function param:add_table(key, prefix, count)
+      a.table = { key = key, prefix = prefix, count = count }
+      return true
+   end
+   function param:add_param(key, index, name, default)
+      assert(key == a.table.key and index <= a.table.count and #(a.table.prefix .. name) <= 16)
+      local full = a.table.prefix .. name
+      a.parameters[full] = a.parameters[full] or default
+      return true
+   end
+   gcs = {}
+   function gcs:send_text(severity, text)
+      assert(#text <= 50, "a STATUSTEXT holds 50 characters: " .. text)
+      table.insert(a.texts, text)
+   end
+   arming = {}
+   function arming:is_armed()
+      return a.armed
+   end
+   vehicle = {}
+   function vehicle:get_mode()
+      return a.mode
+   end
+   attitude_control = {}
+   function attitude_control:set_offset_roll_pitch(roll, pitch)
+      assert(a.parameters.FRAME_CLASS == 16, "there is no 6DoF attitude controller on other frames")
+      assert(not a.broken, "broken")
+      a.offsets = { roll, pitch }
+   end
+   SRV_Channels = {}
+   function SRV_Channels:find_channel(servo_function)
+      return servo_function == 94 and 8 or nil
+   end
+   function SRV_Channels:set_output_pwm_chan_timeout(channel, pwm, timeout_ms)
+      assert(channel == 8 and math.type(pwm) == "integer" and math.type(timeout_ms) == "integer")
+      assert(timeout_ms >= 0 and timeout_ms <= 65535)
+      a.pwm, a.override_until = pwm, timeout_ms > 0 and a.now_ms + timeout_ms or nil
+   end
+   function SRV_Channels:set_output_scaled(servo_function, value)
+      assert(servo_function == 94 and value == 0)
+   end
+   relay = {}
+   function relay:enabled(number)
+      return number == 1
+   end
+   function relay:on(_)
+      a.relay = true
+   end
+   function relay:off(_)
+      a.relay = false
+   end
+   mavlink = {}
+   function mavlink:init(depth, count)
+      a.depth, a.kinds = depth, count
+   end
+   function mavlink:register_rx_msgid(_)
+      return true
+   end
+   function mavlink:block_command(command)
+      a.blocked[command] = true
+      return true
+   end
+   function mavlink:receive_chan()
+      local bytes = table.remove(a.queue, 1)
+      if bytes then
+         return bytes, 3, millis()
+      end
+   end
+   function mavlink:send_chan(channel, msgid, payload)
+      assert(channel == 3)
+      table.insert(a.sent, { msgid = msgid, payload = payload })
+      return true
+   end
+
+   update = nil
+   local chunk = assert(loadfile("ardupilot/veilwing.lua"))
+   local again, period = chunk()
+   a.next_at = a.now_ms + period
+
+   -- Passes time, with the script or without it (killed by the scheduler, out of memory).
+   function a.pass(duration_ms, without_script)
+      local to = a.now_ms + duration_ms
+      while a.now_ms < to do
+         a.now_ms = a.now_ms + 1
+         if a.override_until and a.now_ms >= a.override_until then
+            a.pwm, a.override_until = 1000, nil
+         end
+         if not without_script and a.now_ms >= a.next_at then
+            local next_period
+            again, next_period = again()
+            a.next_at = a.now_ms + next_period
+         end
+      end
+   end
+
+   -- Sends a command and returns the answer; nil if there is none.
+   local msgs = require("MAVLink/mavlink_msgs")
+   function a.command(name, command, fields)
+      local message = { command = command, target_system = 2, target_component = 1 }
+      for key, value in pairs(fields or {}) do
+         message[key] = value
+      end
+      a.sent = {}
+      table.insert(a.queue, msgs.pack(name, 1, 191, message))
+      a.pass(11)
+      assert(#a.sent <= 1, "one answer at most")
+      if #a.sent == 0 then
+         return nil
+      end
+      local result = {}
+      result.command, result.result, result.progress, result.result_param2, result.system, result.component =
+         string.unpack("<I2BBi4BB", a.sent[1].payload)
+      assert(a.sent[1].msgid == 77 and #a.sent[1].payload == 10 and result.command == command)
+      assert(result.system == 1 and result.component == 191)
+      return result.result, result.result_param2
+   end
+   function a.offset(roll, pitch)
+      return a.command("COMMAND_LONG", 31013, { param1 = roll, param2 = pitch })
+   end
+   function a.switch(value)
+      return a.command("COMMAND_LONG", 31014, { param1 = value })
+   end
+   function a.lease(dbm, expiry_ms, slot)
+      return a.command("COMMAND_INT", 31010, { param1 = dbm, x = slot or 7, y = expiry_ms })
+   end
+   return a
+end
+
+return autopilot

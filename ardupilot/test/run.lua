@@ -1,0 +1,270 @@
+-- The bridge against a stand-in for ArduPilot: lua5.3 ardupilot/test/run.lua, from the root of the repository.
+package.path = "ardupilot/test/?.lua;ardupilot/modules/?.lua;" .. package.path
+local autopilot = require("autopilot")
+
+local ACCEPTED, NOT_NOW, DENIED, UNSUPPORTED = 0, 1, 2, 3
+local OFF = -2147483648
+local passed = 0
+
+local function equal(found, wanted, what)
+   if found ~= wanted then
+      error(string.format("%s: %s, should be %s", what, tostring(found), tostring(wanted)), 2)
+   end
+end
+
+local function near(found, wanted, tolerance, what)
+   if math.abs(found - wanted) > tolerance then
+      error(string.format("%s: %s, should be %s within %s", what, found, wanted, tolerance), 2)
+   end
+end
+
+local function test(name, body)
+   local good, fault = xpcall(body, debug.traceback)
+   if not good then
+      print("FAILED " .. name .. "\n" .. fault)
+      os.exit(1)
+   end
+   passed = passed + 1
+   print("ok " .. name)
+end
+
+-- Keeps offsets renewed at 20 Hz.
+local function hold(a, roll, pitch, duration_ms)
+   for _ = 1, duration_ms // 50 do
+      equal(a.offset(roll, pitch), ACCEPTED, "offset")
+      a.pass(39)
+   end
+end
+
+test("every command is taken over from the autopilot", function()
+   local a = autopilot.boot()
+   for _, command in ipairs({ 31010, 31011, 31013, 31014 }) do
+      equal(a.blocked[command], true, command)
+   end
+end)
+
+test("offsets are followed at the tilt rate, both angles together", function()
+   local a = autopilot.boot()
+   equal(a.switch(1), ACCEPTED, "switch")
+   hold(a, 60, -30, 500)
+   near(math.sqrt(a.offsets[1] ^ 2 + a.offsets[2] ^ 2), 0.5 * 45, 1.5, "turned in half a second")
+   near(a.offsets[2] / a.offsets[1], -0.5, 1e-6, "direction")
+   hold(a, 60, -30, 1500)
+   equal(a.offsets[1], 60, "roll")
+   equal(a.offsets[2], -30, "pitch")
+end)
+
+test("no offset before it is switched on, out of range, or not a number", function()
+   local a = autopilot.boot()
+   equal(a.offset(0, 0), ACCEPTED, "a probe")
+   equal(a.offset(10, 0), NOT_NOW, "switched off")
+   equal(a.switch(1), ACCEPTED, "switch")
+   for _, bad in ipairs({ { 181, 0 }, { 0, 91 }, { 0 / 0, 0 }, { 0, math.huge } }) do
+      equal(a.offset(bad[1], bad[2]), DENIED, "range")
+   end
+   equal(a.switch(0.5), DENIED, "neither on nor off")
+   a.pass(500)
+   equal(a.offsets[1], 0, "roll")
+end)
+
+test("leaving GUIDED levels the vehicle, and only the companion's switch brings offsets back", function()
+   for _, leave in ipairs({
+      function(a)
+         a.mode = 5
+      end,
+      function(a)
+         a.armed = false
+      end,
+   }) do
+      local a = autopilot.boot()
+      equal(a.switch(1), ACCEPTED, "switch")
+      hold(a, 30, 0, 1000)
+      equal(a.offsets[1], 30, "roll")
+      leave(a)
+      a.pass(1000)
+      equal(a.offsets[1], 0, "level")
+      a.mode, a.armed = 4, true
+      equal(a.offset(30, 0), NOT_NOW, "back in GUIDED")
+      a.pass(1000)
+      equal(a.offsets[1], 0, "still level")
+      equal(a.switch(1), ACCEPTED, "switch")
+      hold(a, 30, 0, 1000)
+      equal(a.offsets[1], 30, "followed again")
+   end
+end)
+
+test("offsets that are not renewed go back to level, gently", function()
+   local a = autopilot.boot()
+   a.switch(1)
+   hold(a, 45, 0, 2000)
+   a.pass(970)
+   near(a.offsets[1], 45, 1.5, "begins to level after a second")
+   a.pass(500)
+   near(a.offsets[1], 22.5, 2, "at the tilt rate")
+   a.pass(600)
+   equal(a.offsets[1], 0, "level")
+end)
+
+test("switching off levels", function()
+   local a = autopilot.boot()
+   a.switch(1)
+   hold(a, 20, 20, 1500)
+   equal(a.switch(0), ACCEPTED, "switch")
+   a.pass(1000)
+   equal(a.offsets[1], 0, "roll")
+   equal(a.offsets[2], 0, "pitch")
+end)
+
+test("on other frames there are no offsets, and the radio works", function()
+   local a = autopilot.boot(function(a)
+      a.parameters.FRAME_CLASS = 1
+   end)
+   equal(a.offset(0, 0), UNSUPPORTED, "offset")
+   equal(a.switch(1), UNSUPPORTED, "switch")
+   equal((a.lease(20, 500)), ACCEPTED, "lease")
+end)
+
+test("a lease is on at its power, and off at its expiry without another word", function()
+   local a = autopilot.boot()
+   local result, achieved = a.lease(10, 500)
+   equal(result, ACCEPTED, "lease")
+   equal(achieved, 10000, "achieved")
+   equal(a.pwm, 1500, "PWM")
+   equal(a.relay, true, "relay")
+   a.pass(480)
+   equal(a.relay, true, "still on")
+   a.pass(25)
+   equal(a.relay, false, "expired")
+   equal(a.pwm, 1000, "expired")
+end)
+
+test("a renewal lengthens, never adds up, and the millisecond counter may wrap", function()
+   local a = autopilot.boot()
+   for _ = 1, 300 do -- 30 s over the wrap at 20 s
+      equal((a.lease(20, 200)), ACCEPTED, "renewal")
+      equal(a.relay, true, "on")
+      a.pass(89)
+   end
+   a.pass(115)
+   equal(a.relay, false, "off")
+end)
+
+test("the power line falls silent by the firmware's own hand if the script is gone", function()
+   local a = autopilot.boot()
+   a.lease(20, 300)
+   equal(a.pwm, 1900, "PWM")
+   a.pass(301, true)
+   equal(a.pwm, 1000, "PWM")
+end)
+
+test("off is off at once, and says so", function()
+   local a = autopilot.boot()
+   a.lease(20, 500)
+   for _, expiry in ipairs({ 0, -1 }) do
+      local result, achieved = a.lease(20, expiry)
+      equal(result, ACCEPTED, "off")
+      equal(achieved, OFF, "achieved")
+      equal(a.relay, false, "relay")
+      equal(a.pwm, 1000, "PWM")
+   end
+end)
+
+test("never more power than asked for", function()
+   local a = autopilot.boot()
+   for tenth = 0, 250 do
+      local dbm = tenth / 10
+      local result, achieved = a.lease(dbm, 500)
+      equal(result, ACCEPTED, "lease")
+      assert(achieved <= dbm * 1000 + 6 and achieved <= 20000, dbm .. " gave " .. achieved)
+      assert(achieved >= math.min(dbm, 20) * 1000 - 30, dbm .. " gave " .. achieved)
+   end
+   equal((a.lease(-1, 500)), DENIED, "below the least power")
+   equal(a.relay, false, "relay")
+   local keyed = autopilot.boot(function(a)
+      a.parameters.VW_TX_FN = 0
+   end)
+   equal((keyed.lease(19, 500)), DENIED, "a relay alone gives 20 dBm")
+   local result, achieved = keyed.lease(20, 500)
+   equal(result, ACCEPTED, "lease")
+   equal(achieved, 20000, "achieved")
+   equal(keyed.relay, true, "relay")
+end)
+
+test("a line that is driven the other way round", function()
+   local a = autopilot.boot(function(a)
+      a.parameters.VW_TX_LO, a.parameters.VW_TX_HI = 1900, 1100
+   end)
+   local _, achieved = a.lease(7.77, 500)
+   assert(achieved <= 7770 and achieved > 7740, achieved)
+end)
+
+test("what is not finite, too long, on the ground or in another mode does not radiate", function()
+   local a = autopilot.boot()
+   equal((a.lease(0 / 0, 500)), DENIED, "not a number")
+   equal((a.lease(20, 5001)), DENIED, "too long")
+   a.armed = false
+   equal((a.lease(20, 500)), NOT_NOW, "disarmed")
+   a.armed, a.mode = true, 5
+   equal((a.lease(20, 500)), NOT_NOW, "LOITER")
+   equal(a.relay, false, "relay")
+   equal(a.pwm, 1000, "PWM")
+end)
+
+test("the pilot's mode silences the radio at once", function()
+   local a = autopilot.boot()
+   a.lease(20, 500)
+   a.mode = 5
+   a.pass(11)
+   equal(a.relay, false, "relay")
+   equal(a.pwm, 1000, "PWM")
+end)
+
+test("a radio kill lasts until the autopilot restarts", function()
+   for _, form in ipairs({ "COMMAND_LONG", "COMMAND_INT" }) do
+      local a = autopilot.boot()
+      a.lease(20, 500)
+      equal((a.command(form, 31011)), ACCEPTED, "kill")
+      equal(a.relay, false, "relay")
+      equal((a.lease(20, 500)), DENIED, "lease")
+      equal((a.lease(20, 0)), ACCEPTED, "off")
+      a.pass(60000)
+      equal((a.lease(20, 500)), DENIED, "a minute later")
+      equal((autopilot.boot().lease(20, 500)), ACCEPTED, "after a restart")
+   end
+end)
+
+test("without a radio the commands are not supported", function()
+   local a = autopilot.boot(function(a)
+      a.parameters.VW_TX_FN, a.parameters.VW_TX_RELAY = 0, -1
+   end)
+   equal((a.lease(20, 500)), UNSUPPORTED, "lease")
+   equal((a.command("COMMAND_LONG", 31011)), UNSUPPORTED, "kill")
+end)
+
+test("what is for others, or in the wrong form, changes nothing", function()
+   local a = autopilot.boot()
+   equal(a.command("COMMAND_INT", 31010, { param1 = 20, y = 500, target_component = 68 }), nil, "another component")
+   equal(a.command("COMMAND_INT", 31010, { param1 = 20, y = 500, target_system = 9 }), nil, "another system")
+   equal(a.command("COMMAND_LONG", 400, {}), nil, "another command")
+   equal(a.command("COMMAND_LONG", 31010, { param1 = 20 }), UNSUPPORTED, "a lease without an expiry")
+   equal(a.command("COMMAND_INT", 31013, { param1 = 20 }), UNSUPPORTED, "an offset as COMMAND_INT")
+   equal(a.relay, false, "relay")
+   equal(a.offsets[1], 0, "roll")
+end)
+
+test("a fault in the script is silent and level, said, and survived", function()
+   local a = autopilot.boot()
+   a.switch(1)
+   hold(a, 30, 0, 500)
+   a.lease(20, 2000)
+   a.broken = true
+   a.pass(30)
+   equal(a.relay, false, "relay")
+   assert(a.texts[#a.texts]:find("broken"), a.texts[#a.texts])
+   a.broken = false
+   a.pass(1500)
+   equal(a.offsets[1], 0, "level")
+   equal((a.lease(20, 500)), ACCEPTED, "goes on")
+end)
+
+print(passed .. " passed")

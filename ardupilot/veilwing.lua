@@ -1,0 +1,340 @@
+-- veilwing's bridge on ArduPilot: body offsets of a 6DoF frame, and the payload radio's power, by MAVLink commands.
+--
+--   31013  COMMAND_LONG  param1 roll, param2 pitch, degrees, aerospace signs: the attitude to hold while flying level
+--   31014  COMMAND_LONG  param1 1: follow the offsets; 0: level
+--   31010  COMMAND_INT   param1 power dBm, x slot, y milliseconds until off by itself (0 or less: off now)
+--   31011  either        radio kill, until the autopilot restarts
+--
+-- Each is answered with COMMAND_ACK; the answer to 31010 carries the power achieved in thousandths of a dBm
+-- (the least int32: off). Offsets hold in GUIDED alone, and only while they are renewed; the radio is on in GUIDED and
+-- armed alone, and never past its expiry. README.md says how to install it and what each parameter means.
+
+local mavlink_msgs = require("MAVLink/mavlink_msgs")
+
+local PERIOD_MS = 10
+local GUIDED = 4
+local FRAME_CLASS_6DOF = 16
+local AUTOPILOT_COMPONENT = 1
+local CMD = { LEASE = 31010, KILL = 31011, OFFSETS = 31013, SWITCH = 31014 }
+local ACCEPTED, NOT_NOW, DENIED, UNSUPPORTED = 0, 1, 2, 3
+local SEVERITY = { CRITICAL = 2, ERROR = 3, NOTICE = 5, INFO = 6 }
+local OFF_MDBM = -2147483648
+local LONGEST_LEASE_MS = 5000
+local RESTATE_OFF_MS = 1000
+
+-- Parameters ---------------------------------------------------------------------------------------------------------
+
+local TABLE_KEY = 117
+local PREFIX = "VW_"
+local DEFAULTS = {
+   { "TX_FN", 0 }, -- servo function of the power line, 94 (Script1) to 109; 0: none
+   { "TX_RELAY", -1 }, -- relay that keys the radio, from 0; -1: none
+   { "TX_OFF", 1000 }, -- PWM that silences the radio, microseconds
+   { "TX_LO", 1100 }, -- PWM of the least power
+   { "TX_HI", 1900 }, -- PWM of the greatest power
+   { "DBM_LO", 0 }, -- the least power
+   { "DBM_HI", 20 }, -- the greatest power; what the relay alone gives
+   { "TILT_RATE", 45 }, -- fastest turn of the offsets, degrees per second
+   { "OFS_MS", 1000 }, -- offsets not renewed for so long go back to level
+}
+
+assert(param:add_table(TABLE_KEY, PREFIX, #DEFAULTS), "veilwing: parameter table key is taken")
+for index, entry in ipairs(DEFAULTS) do
+   assert(param:add_param(TABLE_KEY, index, entry[1], entry[2]), "veilwing: cannot add " .. PREFIX .. entry[1])
+end
+
+local function setting(index)
+   return param:get(PREFIX .. DEFAULTS[index][1]) or DEFAULTS[index][2]
+end
+
+local function say(severity, text)
+   -- A STATUSTEXT holds 50 characters; of a fault the end says most.
+   gcs:send_text(severity, "veilwing: " .. text:sub(-40))
+end
+
+-- Finite: neither NaN nor infinite.
+local function finite(number)
+   return number == number and number > -math.huge and number < math.huge
+end
+
+local function since_ms(instant)
+   return (millis() - instant):toint()
+end
+
+local function in_guided()
+   return arming:is_armed() and vehicle:get_mode() == GUIDED
+end
+
+-- Body offsets -------------------------------------------------------------------------------------------------------
+
+local offsets = {
+   supported = param:get("FRAME_CLASS") == FRAME_CLASS_6DOF,
+   on = false,
+   wanted = { 0, 0 },
+   applied = { 0, 0 },
+   renewed_at = nil,
+   stepped_at = millis(),
+}
+
+function offsets.apply(roll, pitch)
+   offsets.applied = { roll, pitch }
+   attitude_control:set_offset_roll_pitch(roll, pitch)
+end
+
+function offsets.level()
+   offsets.wanted = { 0, 0 }
+   offsets.renewed_at = nil
+end
+
+-- The way from here to there, no longer than a step: both angles together, so that the turn keeps its direction.
+local function toward(from, to, step)
+   local d1, d2 = to[1] - from[1], to[2] - from[2]
+   local far = math.sqrt(d1 * d1 + d2 * d2)
+   if far <= step then
+      return to[1], to[2]
+   end
+   return from[1] + d1 * step / far, from[2] + d2 * step / far
+end
+
+function offsets.update()
+   if not offsets.supported then
+      return
+   end
+   local passed_ms = since_ms(offsets.stepped_at)
+   offsets.stepped_at = millis()
+   if offsets.on and not in_guided() then
+      -- The pilot, or a failsafe, has the vehicle: it flies as it always does.
+      offsets.on = false
+      offsets.level()
+      say(SEVERITY.NOTICE, "left GUIDED, going level")
+   end
+   if offsets.renewed_at and since_ms(offsets.renewed_at) > setting(9) then
+      offsets.level()
+      say(SEVERITY.NOTICE, "offsets not renewed, going level")
+   end
+   local goal = offsets.on and offsets.wanted or { 0, 0 }
+   if goal[1] ~= offsets.applied[1] or goal[2] ~= offsets.applied[2] then
+      local step = math.max(setting(8), 1) * passed_ms * 0.001
+      offsets.apply(toward(offsets.applied, goal, step))
+   end
+end
+
+function offsets.command(roll, pitch)
+   if not offsets.supported then
+      return UNSUPPORTED
+   end
+   if not (finite(roll) and finite(pitch)) or math.abs(roll) > 180 or math.abs(pitch) > 90 then
+      return DENIED
+   end
+   local level = roll == 0 and pitch == 0
+   if not level and not (offsets.on and in_guided()) then
+      return NOT_NOW
+   end
+   offsets.wanted = { roll, pitch }
+   offsets.renewed_at = (not level) and millis() or nil
+   return ACCEPTED
+end
+
+function offsets.switch(value)
+   if not offsets.supported then
+      return UNSUPPORTED
+   end
+   if value == 1 then
+      if not in_guided() then
+         return NOT_NOW
+      end
+      offsets.on = true
+   elseif value == 0 then
+      offsets.on = false
+      offsets.level()
+   else
+      return DENIED
+   end
+   return ACCEPTED
+end
+
+-- The radio ----------------------------------------------------------------------------------------------------------
+
+local radio = { killed = false, until_off = nil, expires_in = 0, stated_at = nil }
+
+local function power_line()
+   local servo_function = setting(1)
+   return servo_function > 0 and SRV_Channels:find_channel(servo_function) or nil
+end
+
+local function key_relay()
+   local relay_number = setting(2)
+   return relay_number >= 0 and relay:enabled(relay_number) and relay_number or nil
+end
+
+function radio.silence()
+   radio.until_off = nil
+   radio.stated_at = millis()
+   local key, line = key_relay(), power_line()
+   if key then
+      relay:off(key)
+   end
+   if line then
+      SRV_Channels:set_output_pwm_chan_timeout(line, math.floor(setting(3)), 0)
+      SRV_Channels:set_output_scaled(math.floor(setting(1)), 0)
+   end
+end
+
+-- The power that can be had without exceeding what is asked for, in dBm, and its PWM; nil if there is none.
+local function achievable(dbm, line)
+   local low, high = setting(6), setting(7)
+   if not line then
+      return dbm >= high - 0.005 and high or nil, nil
+   end
+   if dbm < low - 0.005 then
+      return nil, nil
+   end
+   local pwm_low, pwm_high = setting(4), setting(5)
+   local share = high > low and (math.min(dbm, high) - low) / (high - low) or 1
+   -- Towards the lower power.
+   local exact = pwm_low + math.max(share, 0) * (pwm_high - pwm_low)
+   local pwm = pwm_high >= pwm_low and math.floor(exact + 1e-6) or math.ceil(exact - 1e-6)
+   local reached = pwm_high ~= pwm_low and (pwm - pwm_low) / (pwm_high - pwm_low) or share
+   return low + reached * (high - low), pwm
+end
+
+function radio.lease(dbm, expiry_ms)
+   local key, line = key_relay(), power_line()
+   if not (key or line) then
+      return UNSUPPORTED, OFF_MDBM
+   end
+   if expiry_ms <= 0 then
+      radio.silence()
+      return ACCEPTED, OFF_MDBM
+   end
+   if radio.killed or not finite(dbm) or expiry_ms > LONGEST_LEASE_MS then
+      radio.silence()
+      return DENIED, OFF_MDBM
+   end
+   local reached, pwm = achievable(dbm, line)
+   if not reached then
+      radio.silence()
+      return DENIED, OFF_MDBM
+   end
+   if not in_guided() then
+      radio.silence()
+      return NOT_NOW, OFF_MDBM
+   end
+   if line then
+      -- The firmware ends this by itself, should the script be gone by then.
+      SRV_Channels:set_output_pwm_chan_timeout(line, pwm, expiry_ms)
+   end
+   if key then
+      relay:on(key)
+   end
+   radio.until_off = millis()
+   radio.expires_in = expiry_ms
+   return ACCEPTED, math.floor(reached * 1000 + 0.5)
+end
+
+function radio.kill()
+   radio.killed = true
+   radio.silence()
+   say(SEVERITY.CRITICAL, "radio killed until reboot")
+   return (key_relay() or power_line()) and ACCEPTED or UNSUPPORTED, OFF_MDBM
+end
+
+function radio.update()
+   if radio.until_off then
+      local over = since_ms(radio.until_off) >= radio.expires_in
+      if over or not in_guided() then
+         radio.silence()
+      end
+   elseif not radio.stated_at or since_ms(radio.stated_at) >= RESTATE_OFF_MS then
+      radio.silence()
+   end
+end
+
+-- MAVLink ------------------------------------------------------------------------------------------------------------
+
+local COMMAND_INT, COMMAND_LONG = mavlink_msgs.get_msgid("COMMAND_INT"), mavlink_msgs.get_msgid("COMMAND_LONG")
+local NAMES = { [COMMAND_INT] = "COMMAND_INT", [COMMAND_LONG] = "COMMAND_LONG" }
+local QUEUE = 20
+
+mavlink:init(QUEUE, 2)
+mavlink:register_rx_msgid(COMMAND_INT)
+mavlink:register_rx_msgid(COMMAND_LONG)
+for _, command in pairs(CMD) do
+   assert(mavlink:block_command(command), "veilwing: cannot take over command " .. command)
+end
+
+-- Result and result_param2 of a command; nil if it is not ours.
+local function obey(message)
+   local is_int = message.msgid == COMMAND_INT
+   if message.command == CMD.OFFSETS and not is_int then
+      return offsets.command(message.param1, message.param2), 0
+   elseif message.command == CMD.SWITCH and not is_int then
+      return offsets.switch(message.param1), 0
+   elseif message.command == CMD.LEASE and is_int then
+      return radio.lease(message.param1, message.y)
+   elseif message.command == CMD.KILL then
+      return radio.kill()
+   end
+   for _, command in pairs(CMD) do
+      if message.command == command then
+         return UNSUPPORTED, 0
+      end
+   end
+   return nil, 0
+end
+
+local own_system = param:get("MAV_SYSID") or param:get("SYSID_THISMAV") or 1
+
+local function receive()
+   for _ = 1, QUEUE do
+      local bytes, channel = mavlink:receive_chan()
+      if not bytes then
+         return
+      end
+      local message = mavlink_msgs.decode(bytes, NAMES)
+      if
+         message
+         and message.target_system == own_system
+         and (message.target_component == AUTOPILOT_COMPONENT or message.target_component == 0)
+      then
+         local result, detail = obey(message)
+         if result then
+            local answer = {
+               command = message.command,
+               result = result,
+               progress = 0,
+               result_param2 = detail,
+               target_system = message.sysid,
+               target_component = message.compid,
+            }
+            mavlink:send_chan(channel, mavlink_msgs.encode("COMMAND_ACK", answer))
+         end
+      end
+   end
+end
+
+local function step()
+   radio.update()
+   receive()
+   offsets.update()
+end
+
+function update()
+   local good, fault = pcall(step)
+   if not good then
+      pcall(radio.silence)
+      offsets.on = false
+      offsets.level()
+      pcall(offsets.update)
+      say(SEVERITY.ERROR, tostring(fault))
+      return update, 500
+   end
+   return update, PERIOD_MS
+end
+
+radio.silence()
+if offsets.supported then
+   offsets.apply(0, 0)
+end
+say(SEVERITY.INFO, offsets.supported and "bridge ready" or "radio only, not a 6DoF frame")
+return update()

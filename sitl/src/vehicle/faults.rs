@@ -1,0 +1,63 @@
+//! What goes wrong with a vehicle.
+
+use std::time::Duration;
+
+use nalgebra::Vector3;
+
+use super::Vehicle;
+use super::autopilot::Autopilot;
+
+impl Vehicle {
+    pub(crate) fn cut_companion_link(&mut self, down: bool) {
+        self.link.down = down;
+    }
+
+    pub(crate) fn degrade_companion_link(&mut self, loss: f64, delay_s: f64) {
+        self.link.degrade(loss, Duration::try_from_secs_f64(delay_s).unwrap_or_default());
+    }
+
+    pub(crate) fn pilot_takes_over(&mut self) {
+        self.autopilot.pilot_takes_over(&mut self.router);
+    }
+
+    pub(crate) fn fail_estimator(&mut self) {
+        self.estimator_failed = true;
+    }
+
+    pub(crate) fn reset_estimator(&mut self, jump_enu_m: Vector3<f64>) {
+        self.estimator.reset(jump_enu_m);
+    }
+
+    pub(crate) fn lose_gps(&mut self, lost: bool, now: Duration) {
+        self.estimator.set_gps(lost, now);
+    }
+
+    pub(crate) fn set_wind(&mut self, mean_enu_m_s: Vector3<f64>) {
+        self.wind.set_mean(mean_enu_m_s);
+    }
+
+    pub(crate) fn lose_rotor(&mut self, rotor: usize) {
+        self.dynamics.rotors.lose(rotor);
+        if self.autopilot.drops_lost_rotors() {
+            self.controller.drop_rotor(rotor);
+        } else {
+            self.crippled = true;
+        }
+    }
+
+    pub(crate) fn set_battery(&mut self, charge: f64) {
+        self.battery = charge.clamp(0.0, 1.0);
+    }
+
+    pub(crate) fn jump_clock(&mut self, by_s: f64) {
+        self.autopilot.jump_clock(by_s);
+    }
+
+    /// The autopilot starts afresh: its motors stop, what it was told since power-on is forgotten, its parameters and
+    /// the vehicle's motion stay.
+    pub(crate) fn restart_autopilot(&mut self, now: Duration) {
+        let mut fresh = Autopilot::new(&self.config, self.mission, self.utc_start_us);
+        fresh.boot(&self.autopilot, self.mission, &self.sensed(now));
+        self.autopilot = fresh;
+    }
+}

@@ -1,0 +1,61 @@
+//! The manners of the real firmwares that catch a companion out, each of which can be switched off.
+
+/// Which traps are set. All of a firmware's own are by default; what is off by default would keep the autopilot from
+/// tracking position and attitude apart, which a stock PX4 cannot either.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Traps {
+    /// PX4: OFFBOARD is acknowledged while disarmed without any stream.
+    pub ack_without_stream: bool,
+    /// PX4: a stream that comes back takes the vehicle back, from any mode, unasked.
+    pub resume_takes_over: bool,
+    /// PX4: the land detector takes little body-z thrust without motion for the ground, and disarms in mid-air.
+    pub land_detector: bool,
+    /// PX4: with the roll and pitch rate bits of an attitude target clear, its rates and scalar thrust are flown too,
+    /// against the attitude.
+    pub rates_fight_attitude: bool,
+    /// ArduCopter: setpoints before GUIDED, and before its take-off, are ignored.
+    pub guided_first: bool,
+    /// ArduCopter: one ignored axis drops its whole group.
+    pub whole_groups: bool,
+    /// ArduCopter: a position target is kept for ever after the stream's end, without a word. Off: the vehicle stops
+    /// where it is after GUID_TIMEOUT.
+    pub position_kept: bool,
+    /// ArduCopter: a position target in a frame that it does not know stops the vehicle. Off: it is ignored.
+    pub odd_frame_stops: bool,
+    /// ArduCopter: SET_MESSAGE_INTERVAL above the loop rate is refused. Off: it is cut down to it.
+    pub fast_interval_refused: bool,
+    /// ArduCopter: an attitude quaternion sent to a 6DoF frame (FRAME_CLASS 16) ends the autopilot's program.
+    pub six_dof_panics: bool,
+    /// Both: an unknown parameter gets silence. Off: a STATUSTEXT says so.
+    pub silent_unknown_parameter: bool,
+    /// Either: the first change to the companion's mode is acknowledged and not carried out.
+    pub mode_ack_alone: bool,
+    /// Stock ArduCopter: an attitude target is a lean with a climb rate (0.5 holds the height, unless GUID_OPTIONS bit
+    /// 3 makes it thrust), `thrust_body` is ignored, the position is nobody's, and a quaternion of another length or an
+    /// ignored throttle stops the vehicle in silence. Off: it turns the body apart from its position.
+    pub angle_control: bool,
+    /// Stock PX4: an attitude target without thrust is no offboard signal and turns nothing. Off: it turns the body
+    /// apart from its position.
+    pub attitude_needs_thrust: bool,
+}
+
+impl Default for Traps {
+    fn default() -> Self {
+        Self {
+            ack_without_stream: true,
+            resume_takes_over: true,
+            land_detector: true,
+            rates_fight_attitude: true,
+            guided_first: true,
+            whole_groups: true,
+            position_kept: true,
+            odd_frame_stops: true,
+            fast_interval_refused: true,
+            six_dof_panics: true,
+            silent_unknown_parameter: true,
+            mode_ack_alone: false,
+            angle_control: false,
+            attitude_needs_thrust: false,
+        }
+    }
+}

@@ -1,0 +1,120 @@
+//! What the executive tells the coordinator, and what it is told.
+
+use std::time::Duration;
+
+use super::super::wire::{VeilwingAnswer, VeilwingOrder, VeilwingSilence};
+use crate::geo::Enu;
+use crate::planner::plan::VehiclePlan;
+use crate::role::{PerVehicle, Role};
+use crate::time::Instant;
+
+/// What does not change while the companion runs.
+#[derive(Debug, Clone)]
+pub struct Settings {
+    /// Our part; I leads.
+    pub role: Role,
+    /// Drawn anew at each start.
+    pub boot_id: u32,
+    /// SHA-256 of the mission's meaning.
+    pub mission_digest: [u8; 32],
+    /// The longest lease J grants, and the longest silence of the peer that J jams through.
+    pub lease: Duration,
+    /// After this long without a message the peer is lost.
+    pub peer_timeout: Duration,
+    /// The largest difference between the two UTC clocks that the guard time covers.
+    pub clock_tolerance: Duration,
+}
+
+/// The plan both sides must share.
+#[derive(Debug, Clone)]
+pub struct PlanTerms {
+    /// SHA-256 of the plan.
+    pub digest: [u8; 32],
+    /// Poses and powers by slot number, over all superframes.
+    pub slots: Vec<PerVehicle<VehiclePlan>>,
+}
+
+/// Local facts that the peer is told.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Local {
+    /// Our home.
+    pub home_enu_m: Option<Enu>,
+    /// Our position.
+    pub position_enu_m: Option<Enu>,
+    /// No preflight check fails.
+    pub preflight_ok: bool,
+    /// In the air and in control.
+    pub airborne: bool,
+    /// Own pose inside tolerance for the committed slot.
+    pub on_station: bool,
+    /// Own transmitter not known to be off.
+    pub radiating: bool,
+    /// Mission over for us.
+    pub ended: bool,
+    /// On the ground.
+    pub landed: bool,
+    /// Flying home under our control, or about to.
+    pub returning: bool,
+    /// Holding by the operator's order.
+    pub paused: bool,
+}
+
+/// What J needs to judge a proposal.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Readiness {
+    /// The slot that comes next.
+    pub next_slot: u16,
+    /// Time needed to be on station for it.
+    pub needs: Duration,
+}
+
+/// A slot both sides have agreed on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Commitment {
+    /// The proposal's number in I's boot.
+    pub proposal: u32,
+    /// Slot number over superframes.
+    pub slot: u16,
+    /// When it opens, on our monotonic clock; frozen here, so that a step of UTC cannot move a running slot.
+    pub opens_at: Instant,
+    /// When the transit to it begins.
+    pub leaves_at: Instant,
+}
+
+/// J's vouching: what a lease may rest on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Vouch {
+    /// End of the acknowledged lease of J's own transmitter.
+    pub transmitter_expires_at: Instant,
+    /// Round trip to the transmitter.
+    pub round_trip: Duration,
+    /// No lease reaches past this.
+    pub closes_at: Instant,
+}
+
+/// What the executive must know.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Event {
+    /// First message of the peer.
+    PeerFound,
+    /// Nothing heard for this long.
+    PeerLost(Duration),
+    /// The peer's companion restarted; whatever was agreed is void.
+    PeerRestarted,
+    /// The peer flies another mission.
+    MissionDiffers,
+    /// The peer made another plan of the same mission.
+    PlanDiffers,
+    /// Both companions are configured for the same role.
+    SameRole,
+    /// Our proposal of this slot was refused, or not agreed on in time.
+    Refused(u16, VeilwingAnswer),
+    /// A slot is agreed.
+    Committed(Commitment),
+    /// The peer is not, or no longer, committed to the slot that we are committed to.
+    PeerLeft,
+    /// The peer fell silent out of turn.
+    PeerSilent(VeilwingSilence),
+    /// An operator's order that came through the peer.
+    Ordered(VeilwingOrder),
+}

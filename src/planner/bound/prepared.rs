@@ -1,0 +1,129 @@
+//! A problem in the bounds' terms, and the search for the lowest threshold that a budget shows.
+
+use nalgebra::Vector3;
+
+use super::cell::Region;
+use super::law::Law;
+use super::link::Links;
+use super::steady::{self, Outcome};
+use super::{Bound, Budget, decoupled};
+use crate::planner::plan::BoundKind;
+use crate::planner::problem::{JitterAxes, JitterModel, Problem, Uncertainty};
+use crate::radio::jitter::is_present;
+use crate::radio::link::NEAREST_M;
+
+/// Each threshold tried leaves this share of the gap of the one before.
+const GAP_RATIO: f64 = 0.6;
+/// Of the budget under jitter: for the gap wanted, and of what is left for each wider one if that fails.
+const FIRST_SHARE: f64 = 0.6;
+const LATER_SHARE: f64 = 0.5;
+/// Relative to the cap, bounds below this are not looked for.
+const LEAST_SHARE: f64 = 1e-3;
+
+/// The problem in the bound's terms.
+pub(super) struct Prepared {
+    pub links: Links,
+    pub region: Region,
+    /// Where the decoupled bound applies.
+    pub law: Option<Law>,
+    /// What branch and bound over the positions bounds.
+    pub steady_kind: BoundKind,
+}
+
+impl Prepared {
+    /// `None` where neither branch and bound holds: over uncertain positions the mean may exceed every rate at the
+    /// estimates.
+    pub fn new(problem: &Problem) -> Option<Self> {
+        if problem.eavesdroppers.iter().any(|e| e.uncertainty != Uncertainty::None) {
+            return None;
+        }
+        let jitter = &problem.jitter;
+        let euler = jitter.model == JitterModel::Euler && jitter.axes == JitterAxes::RollPitch;
+        let jitters = is_present(jitter);
+        let links = Links::new(problem)?;
+        let region = Region::new(&problem.airspace, &problem.user_enu_m)?;
+        // Nearer to a node the links are not those of the formulas.
+        let apart = |node: &Vector3<f64>| region.bounds.least_distance_squared(node) > NEAREST_M * NEAREST_M;
+        let apart = apart(&Vector3::zeros()) && links.eavesdroppers.iter().all(apart);
+        let covered = euler && jitters && apart && !problem.free_yaw;
+        Some(Self {
+            links,
+            region,
+            law: covered.then(|| Law::new(jitter.std_rad)),
+            steady_kind: if jitters { BoundKind::WithoutJitter } else { BoundKind::BranchAndBound },
+        })
+    }
+
+    /// Ever closer to the lower bound, by a fixed ratio of gaps.
+    pub fn lower_steady(&self, bandwidth_hz: f64, lower_bps: f64, budget: &Budget, bound: &mut Bound) {
+        let mut search = steady::Search::new(&self.links, &self.region, budget);
+        let least_bps = lower_bps * (1.0 + budget.relative_gap);
+        let cap_bps = bound.upper_bound_bps;
+        while bound.upper_bound_bps > least_bps * (1.0 + 1e-12) {
+            let threshold_bps = (lower_bps + (bound.upper_bound_bps - lower_bps) * GAP_RATIO).max(least_bps);
+            if threshold_bps < LEAST_SHARE * cap_bps
+                || search.run(threshold_bps / bandwidth_hz) != Outcome::Excluded
+            {
+                break;
+            }
+            bound.upper_bound_bps = threshold_bps;
+            bound.kind = self.steady_kind;
+        }
+        bound.boxes_used += search.boxes;
+    }
+
+    /// The gap wanted first, with most of the budget; then twice as wide each time, until one is shown.
+    pub fn lower_jittered(&self, bandwidth_hz: f64, lower_bps: f64, budget: &Budget, bound: &mut Bound) {
+        let mut searches = self.searches(budget);
+        let mut gap = budget.relative_gap.max(1e-6);
+        let (mut share, mut left) = (FIRST_SHARE, budget.boxes);
+        while lower_bps * (1.0 + gap) < bound.upper_bound_bps && lower_bps > 0.0 {
+            let threshold_bps = lower_bps * (1.0 + gap);
+            let boxes = (left as f64 * share) as usize;
+            let (outcome, used) = run(&mut searches, threshold_bps / bandwidth_hz, boxes);
+            bound.boxes_used += used;
+            left = left.saturating_sub(used);
+            if outcome == Outcome::Excluded {
+                bound.upper_bound_bps = threshold_bps;
+                bound.kind = BoundKind::DecoupledSigned;
+                return;
+            }
+            gap *= 2.0;
+            share = LATER_SHARE;
+        }
+        let part = Budget { boxes: budget.boxes / 10, ..*budget };
+        self.lower_steady(bandwidth_hz, lower_bps, &part, bound);
+    }
+
+    /// The decoupled bound by pairs of eavesdroppers; none where it does not apply.
+    pub fn searches(&self, budget: &Budget) -> Vec<decoupled::Search<'_>> {
+        let Some(law) = &self.law else { return Vec::new() };
+        let mut nearest = self.links.eavesdroppers.clone();
+        nearest.sort_by(|a, b| a.norm_squared().total_cmp(&b.norm_squared()));
+        let pairs: &[[usize; 2]] = match nearest.len() {
+            1 => &[[0, 0]],
+            2 => &[[0, 1]],
+            _ => &[[0, 1], [0, 2], [1, 2]],
+        };
+        let search = |pair: &[usize; 2]| {
+            let pair = pair.map(|k| nearest[k]);
+            decoupled::Search::new(&self.links, &self.region, law, pair, budget.resolution_m)
+        };
+        pairs.iter().map(search).collect()
+    }
+}
+
+/// One threshold by the decoupled bound: any pair of eavesdroppers may show it. The outcome and the boxes used.
+pub(super) fn run(searches: &mut [decoupled::Search], threshold: f64, boxes: usize) -> (Outcome, usize) {
+    let (mut last, mut used) = (Outcome::Stuck, 0);
+    let share = boxes / searches.len().max(1);
+    for search in searches {
+        let before = search.used();
+        last = search.run(threshold, before + share);
+        used += search.used() - before;
+        if last == Outcome::Excluded {
+            break;
+        }
+    }
+    (last, used)
+}

@@ -1,0 +1,396 @@
+//! Two companions and the simulated world, moved from event to event.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use mavlink::MavHeader;
+use mavlink::dialects::ardupilotmega::MavMessage;
+use veilwing_sitl::vehicle::TICK;
+use veilwing_sitl::{Fault, World};
+
+use crate::link::Envelope;
+use crate::companion::{MOST_WAITING, WOKEN_LATE};
+use crate::link::counters::Counters;
+use crate::mission::{Notice, Outcome, Outgoing};
+use crate::role::{PerVehicle, Role};
+
+use super::index;
+use super::path::{Path, Pipe};
+use super::process::{Given, Process};
+
+/// Datagrams that a socket holds for a process that does not read: Linux's default buffer (208 KiB) over what it
+/// counts for a small one.
+const SOCKET_HOLDS: usize = 256;
+/// More calls than this for one instant mean that a companion will never be satisfied.
+const MOST_CALLS: u32 = 100;
+
+/// The links of a companion.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Wire {
+    /// To its autopilot.
+    Autopilot,
+    /// To the other companion.
+    Pair,
+}
+
+/// Is told what happens, in simulation time. The unit type is one that does not care.
+pub trait Observer {
+    /// A companion said something.
+    fn said(&mut self, _at: Duration, _role: Role, _notice: &Notice) {}
+    /// A message left a companion.
+    fn sent(&mut self, _at: Duration, _role: Role, _message: &Outgoing) {}
+    /// A message of the autopilot link reached a companion.
+    fn received(&mut self, _at: Duration, _role: Role, _header: MavHeader, _message: &MavMessage) {}
+    /// A frame left or reached a companion.
+    fn frame(&mut self, _at: Duration, _role: Role, _wire: Wire, _bytes: &[u8]) {}
+    /// The world after an event.
+    fn saw(&mut self, _world: &World) {}
+    /// What is on the air has changed: I and J.
+    fn on_air(&mut self, _at: Duration, _on: [bool; 2]) {}
+}
+
+impl Observer for () {}
+
+/// Why a flight cannot go on.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum FlightError {
+    /// A companion that would hang its processor.
+    #[error("the companion of vehicle {role} asks to be called at once for ever ({why}) at {at:?}")]
+    Spinning {
+        /// Which one.
+        role: Role,
+        /// What it says it has to do.
+        why: &'static str,
+        /// Simulation time.
+        at: Duration,
+    },
+}
+
+/// What a flight starts from, beside the world.
+#[derive(Debug, Clone)]
+pub struct Setup {
+    /// What each companion is given.
+    pub given: PerVehicle<Arc<Given>>,
+    /// The mission begins as soon as both vehicles are ready, without MISSION_START.
+    pub start_unasked: bool,
+    /// Both directions of the autopilot links.
+    pub autopilot: Path,
+    /// Both directions of the pair link.
+    pub pair: Path,
+    /// What the paths draw from.
+    pub seed: u64,
+}
+
+/// A flight in virtual time.
+#[derive(Debug)]
+pub struct Flight {
+    setup: Setup,
+    /// The world: to inject faults, and to look at.
+    pub world: World,
+    /// How each companion ended; `None` while it runs, and after a kill.
+    pub outcomes: PerVehicle<Option<Outcome>>,
+    processes: PerVehicle<Option<Process>>,
+    /// What each companion's decoders turned away, over restarts.
+    counters: PerVehicle<Counters>,
+    to_vehicle: PerVehicle<Pipe>,
+    to_companion: PerVehicle<Pipe>,
+    /// By sender.
+    pair: PerVehicle<Pipe>,
+    on_air: [bool; 2],
+    starts: u32,
+    sent: u64,
+    received: u64,
+    lost: u64,
+    now: Duration,
+}
+
+impl Flight {
+    /// A flight at the beginning of `world`'s time, both companions just started.
+    #[must_use]
+    pub fn new(world: World, setup: Setup) -> Self {
+        let pipe = |path, direction: u64| {
+            move |role| Pipe::new(path, setup.seed, 2 * direction + index(role) as u64)
+        };
+        let mut flight = Self {
+            now: world.now(),
+            world,
+            outcomes: PerVehicle::default(),
+            processes: PerVehicle::default(),
+            counters: PerVehicle::default(),
+            to_vehicle: PerVehicle::from_fn(pipe(setup.autopilot, 0)),
+            to_companion: PerVehicle::from_fn(pipe(setup.autopilot, 1)),
+            pair: PerVehicle::from_fn(pipe(setup.pair, 2)),
+            on_air: [false; 2],
+            starts: 0,
+            sent: 0,
+            received: 0,
+            lost: 0,
+            setup,
+        };
+        Role::BOTH.into_iter().for_each(|role| flight.start(role));
+        flight
+    }
+
+    /// Starts a companion process, in place of the one that runs if one does.
+    pub fn start(&mut self, role: Role) {
+        self.starts += 1;
+        let given = &self.setup.given[role];
+        let process = Process::start(given, role, self.starts, self.setup.start_unasked, self.now);
+        self.processes[role] = Some(process);
+        self.outcomes[role] = None;
+    }
+
+    /// SIGKILL.
+    pub fn kill(&mut self, role: Role) {
+        if self.processes[role].take().is_some() {
+            self.world.inject(Fault::CompanionLost { vehicle: index(role) });
+        }
+    }
+
+    /// SIGTERM; a frozen process hears it when it runs again.
+    pub fn stop(&mut self, role: Role) {
+        let now = self.now;
+        if let Some(process) = &mut self.processes[role] {
+            let at = process.instant(now);
+            process.executive.shutdown(at);
+            process.wakes_at = now;
+        }
+    }
+
+    /// SIGSTOP, SIGCONT.
+    pub fn freeze(&mut self, role: Role, frozen: bool) {
+        let now = self.now;
+        if let Some(process) = &mut self.processes[role] {
+            if process.frozen && !frozen {
+                self.lost += self.to_companion[role].overflow(SOCKET_HOLDS, now);
+                self.lost += self.pair[role.peer()].overflow(SOCKET_HOLDS, now);
+            }
+            process.frozen = frozen;
+        }
+    }
+
+    /// Changes the pair link in the direction from `from`, for what is sent from now on.
+    pub fn set_pair_path(&mut self, from: Role, path: Path) {
+        self.pair[from].path = path;
+    }
+
+    /// Changes both directions of a companion's autopilot link, likewise.
+    pub fn set_autopilot_path(&mut self, role: Role, path: Path) {
+        self.to_vehicle[role].path = path;
+        self.to_companion[role].path = path;
+    }
+
+    /// A frame of another station, which the vehicle's router passes on to the companion.
+    pub fn send_to_companion(&mut self, role: Role, frame: &[u8]) {
+        self.lost += self.to_companion[role].send(frame, self.now);
+    }
+
+    /// The simulation time.
+    #[must_use]
+    pub fn now(&self) -> Duration {
+        self.now
+    }
+
+    /// Whether a companion process exists, frozen or not.
+    #[must_use]
+    pub fn lives(&self, role: Role) -> bool {
+        self.processes[role].is_some()
+    }
+
+    /// What is on the air: I and J.
+    #[must_use]
+    pub fn radiating(&self) -> [bool; 2] {
+        self.on_air
+    }
+
+    /// What a companion's decoders have turned away.
+    #[must_use]
+    pub fn counters(&self, role: Role) -> &Counters {
+        &self.counters[role]
+    }
+
+    /// Datagrams that companions have sent, that vehicles have sent to companions, and those of either that were lost.
+    #[must_use]
+    pub fn datagrams(&self) -> (u64, u64, u64) {
+        (self.sent, self.received, self.lost)
+    }
+
+    /// Moves to the next event, but not beyond `limit`.
+    ///
+    /// # Errors
+    /// A companion that cannot be run.
+    pub fn step(&mut self, limit: Duration, observer: &mut impl Observer) -> Result<(), FlightError> {
+        self.now = self.next_event().min(limit).max(self.now);
+        self.world.advance(self.now);
+        self.collect_frames();
+        for role in Role::BOTH {
+            self.run_companion(role, observer)?;
+        }
+        for role in Role::BOTH {
+            while let Some(bytes) = self.to_vehicle[role].receive(self.now) {
+                self.world.handle(index(role), 0, &bytes);
+            }
+        }
+        self.collect_frames();
+        let on = self.world.snapshot().vehicles.map(|vehicle| vehicle.tx_power_w.is_some());
+        if on != self.on_air {
+            self.on_air = on;
+            observer.on_air(self.now, on);
+        }
+        observer.saw(&self.world);
+        Ok(())
+    }
+
+    /// The world's next tick, the next arrival, or the next deadline of a companion.
+    fn next_event(&self) -> Duration {
+        let tick_us = TICK.as_micros() as u64;
+        let mut next = Duration::from_micros((self.now.as_micros() as u64 / tick_us + 1) * tick_us);
+        for role in Role::BOTH {
+            let events = [self.next_of_companion(role), self.to_vehicle[role].next_arrival()];
+            next = events.into_iter().flatten().fold(next, Duration::min);
+        }
+        next
+    }
+
+    /// When a companion has something to do; `None` while it runs not.
+    fn next_of_companion(&self, role: Role) -> Option<Duration> {
+        let process = self.processes[role].as_ref().filter(|process| !process.frozen)?;
+        let arrivals = [&self.to_companion[role], &self.pair[role.peer()]].map(Pipe::next_arrival);
+        Some(arrivals.into_iter().flatten().fold(process.wakes_at, Duration::min))
+    }
+
+    fn collect_frames(&mut self) {
+        while let Some((vehicle, link, frame)) = self.world.poll_transmit() {
+            if link == 0 {
+                self.received += 1;
+                self.lost += self.to_companion[Role::BOTH[vehicle]].send(&frame, self.now);
+            }
+        }
+    }
+
+    fn run_companion(&mut self, role: Role, observer: &mut impl Observer) -> Result<(), FlightError> {
+        if self.processes[role].is_none() {
+            // Nobody listens.
+            self.lost += self.to_companion[role].overflow(0, self.now);
+            self.lost += self.pair[role.peer()].overflow(0, self.now);
+        }
+        if self.next_of_companion(role).is_none_or(|at| at > self.now) {
+            return Ok(());
+        }
+        let Some(mut process) = self.processes[role].take() else { return Ok(()) };
+        self.run(role, &mut process, observer)?;
+        self.outcomes[role] = process.executive.outcome(process.instant(self.now));
+        if self.outcomes[role].is_none() {
+            self.processes[role] = Some(process);
+        }
+        Ok(())
+    }
+
+    /// One instant of a companion, in the order of its event loop: deadlines before messages (but for a process that
+    /// was not run, which first takes what waits), the autopilot's before the peer's, and everything it says before it
+    /// hears more.
+    fn run(
+        &mut self,
+        role: Role,
+        process: &mut Process,
+        observer: &mut impl Observer,
+    ) -> Result<(), FlightError> {
+        let at = process.instant(self.now);
+        let (mut calls, mut waiting) = (0, 0);
+        loop {
+            self.send(role, process, observer);
+            let (deadline, why) = process.executive.poll_timeout();
+            let woken_late = deadline + WOKEN_LATE < at && waiting < MOST_WAITING;
+            if (deadline > at || woken_late) && self.hear(role, process, observer) {
+                waiting += 1;
+            } else if deadline <= at {
+                calls += 1;
+                if calls > MOST_CALLS {
+                    return Err(FlightError::Spinning { role, why, at: self.now });
+                }
+                process.executive.handle_timeout(at);
+            } else {
+                process.wakes_at = process.simulation_time(deadline);
+                return Ok(());
+            }
+        }
+    }
+
+    /// Lets a companion hear the next datagram that has arrived, if there is one.
+    fn hear(&mut self, role: Role, process: &mut Process, observer: &mut impl Observer) -> bool {
+        if let Some(bytes) = self.to_companion[role].receive(self.now) {
+            self.hear_autopilot(role, process, &bytes, observer);
+        } else if let Some(bytes) = self.pair[role.peer()].receive(self.now) {
+            self.hear_peer(role, process, &bytes, observer);
+        } else {
+            return false;
+        }
+        true
+    }
+
+    fn hear_autopilot(
+        &mut self,
+        role: Role,
+        process: &mut Process,
+        bytes: &[u8],
+        observer: &mut impl Observer,
+    ) {
+        let at = process.instant(self.now);
+        process.from_vehicle.feed(bytes);
+        process.from_vehicle.end();
+        while let Some(raw) = process.from_vehicle.next_frame(&mut self.counters[role]) {
+            match raw.parse() {
+                Ok(frame) => {
+                    observer.frame(self.now, role, Wire::Autopilot, raw.bytes());
+                    observer.received(self.now, role, frame.header, &frame.message);
+                    process.executive.handle_autopilot(frame.header, &frame.message, at);
+                    self.send(role, process, observer);
+                }
+                Err(reason) => {
+                    self.counters[role].rejected.count(reason);
+                }
+            }
+        }
+    }
+
+    fn hear_peer(&mut self, role: Role, process: &mut Process, bytes: &[u8], observer: &mut impl Observer) {
+        let at = process.instant(self.now);
+        process.from_peer.feed(bytes);
+        process.from_peer.end();
+        while let Some(raw) = process.from_peer.next_frame(&mut self.counters[role]) {
+            match raw.parse().and_then(|frame| process.form.open(frame.message)) {
+                Ok(message) => {
+                    observer.frame(self.now, role, Wire::Pair, raw.bytes());
+                    process.executive.handle_pair(&message, at);
+                    self.send(role, process, observer);
+                }
+                Err(reason) => {
+                    self.counters[role].rejected.count(reason);
+                }
+            }
+        }
+    }
+
+    /// Sends and tells all that a companion has to say.
+    fn send(&mut self, role: Role, process: &mut Process, observer: &mut impl Observer) {
+        let own = process.executive.own();
+        while let Some(outgoing) = process.executive.poll_transmit() {
+            observer.sent(self.now, role, &outgoing);
+            let (wire, frame, pipe) = match &outgoing {
+                Outgoing::Autopilot(message) => {
+                    (Wire::Autopilot, process.encoder.encode(own, &**message), &mut self.to_vehicle[role])
+                }
+                Outgoing::Pair(message) => {
+                    let envelope = Envelope::new(process.form, own, 0, (**message).clone());
+                    (Wire::Pair, process.encoder.encode(own, &envelope), &mut self.pair[role])
+                }
+            };
+            observer.frame(self.now, role, wire, frame.raw_bytes());
+            self.sent += 1;
+            self.lost += pipe.send(frame.raw_bytes(), self.now);
+        }
+        while let Some(notice) = process.executive.poll_notice() {
+            observer.said(self.now, role, &notice);
+        }
+    }
+}

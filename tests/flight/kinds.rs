@@ -1,0 +1,81 @@
+//! Vehicles that are commanded in different ways, in one mission.
+
+use std::sync::Arc;
+
+use veilwing::config::{Mission, Vehicle};
+use veilwing::mission::Outcome;
+use veilwing::planner::slots::Plan;
+use veilwing::role::{PerVehicle, Role};
+use veilwing::simulation::{Flight, Given, Path, Setup, VehicleText, world_config};
+use veilwing_sitl::{FlightReport, World};
+
+use crate::harness::{LONGEST, MISSION, planned, yard};
+
+/// Flies a mission with these actuations to its end.
+fn fly(mission: &Mission, plan: &Plan, actuations: PerVehicle<&str>) -> FlightReport {
+    let config = world_config(mission, plan).unwrap();
+    let given = PerVehicle::from_fn(|role| {
+        let text = VehicleText {
+            role,
+            autopilot_link: "udpout:127.0.0.1:1",
+            pair_link: "udpout:127.0.0.1:2",
+            actuation: actuations[role],
+            simulated: true,
+            log_dir: None,
+        };
+        let vehicle = Vehicle::parse("vehicle.toml", &text.text()).unwrap();
+        Arc::new(Given { mission: mission.clone(), plan: plan.clone(), vehicle })
+    });
+    let setup = Setup { given, start_unasked: true, autopilot: Path::GOOD, pair: Path::GOOD, seed: 1 };
+    let mut flight = Flight::new(World::new(config).unwrap(), setup);
+    while Role::BOTH.iter().any(|role| flight.outcomes[*role].is_none()) {
+        assert!(flight.now() < LONGEST, "{:?} {:#?}", flight.outcomes, flight.world.report());
+        flight.step(LONGEST, &mut ()).unwrap();
+    }
+    for role in Role::BOTH {
+        assert_eq!(flight.outcomes[role], Some(Outcome::Completed), "{role} {:#?}", flight.world.report());
+    }
+    flight.world.report()
+}
+
+fn assert_served(report: &FlightReport, position_m: f64) {
+    assert_eq!(report.violations, vec![]);
+    for slot in &report.slots {
+        println!(
+            "{}: achieved {:.3e} of {:.3e} bit/s planned, position {:?} m rms",
+            slot.user, slot.achieved_secrecy_rate_bps, slot.planned_secrecy_rate_bps, slot.position_rms_m
+        );
+        assert!(slot.radiated_s.i > 2.5 && slot.radiated_s.j > 2.5, "{slot:#?}");
+        assert_eq!(slot.unprotected_s, 0.0);
+        let rms = [slot.position_rms_m.i, slot.position_rms_m.j];
+        assert!(rms.iter().all(|rms| rms.is_some_and(|rms| rms <= position_m)), "{slot:#?}");
+    }
+}
+
+#[test]
+fn val_a_conventional_mission_is_flown_by_position_targets() {
+    let conventional = MISSION
+        .replace("[vehicles.i]\n", "[vehicles.i]\nairframe = \"conventional\"\n")
+        .replace("[vehicles.j]\n", "[vehicles.j]\nairframe = \"conventional\"\n")
+        + "[planner]\nmethod = \"conventional\"\n";
+    let planned = planned(&conventional);
+    for slot in &planned.plan.slots {
+        for role in Role::BOTH {
+            let pose = slot.plan.vehicles[role].pose;
+            assert!(pose.roll_rad == 0.0 && pose.pitch_rad == 0.0, "{pose:?}");
+        }
+    }
+    let report = fly(&planned.mission, &planned.plan, PerVehicle { i: "position", j: "position" });
+    assert_served(&report, 0.3);
+}
+
+#[test]
+fn val_one_vehicle_by_thrust_vector_and_the_other_by_pose() {
+    let yard = yard();
+    for actuations in
+        [PerVehicle { i: "thrust_vector", j: "pose" }, PerVehicle { i: "pose", j: "thrust_vector" }]
+    {
+        let report = fly(&yard.mission, &yard.plan, actuations);
+        assert_served(&report, 0.1);
+    }
+}

@@ -1,0 +1,83 @@
+//! A transit in which time alone keeps the vehicles apart: they exchange places at the only altitude that there is.
+
+use std::time::Duration;
+
+use veilwing::geo::{Enu, Pose};
+use veilwing::mission::Outcome;
+use veilwing::planner::slots::Plan;
+use veilwing::role::{PerVehicle, Role};
+
+use crate::harness::*;
+
+/// Slot 0 with I in the west and J in the east, slot 1 the other way round, both level.
+fn exchange() -> Planned {
+    let text = MISSION
+        .replace("altitude_m = [10.0, 30.0]", "altitude_m = [15.0, 16.0]")
+        .replace("home_enu_m = [-8.0, 0.0, 0.0]", "home_enu_m = [-20.0, 0.0, 0.0]")
+        .replace("home_enu_m = [8.0, -20.0, 0.0]", "home_enu_m = [20.0, 0.0, 0.0]");
+    let mission = veilwing::config::Mission::parse("exchange.toml", &text).unwrap();
+    let mut slots = yard().plan.slots.clone();
+    for (slot, west) in slots.iter_mut().zip([-20.0, 20.0]) {
+        let level =
+            |x| Pose { position_enu_m: Enu::new(x, 0.0, 15.0), roll_rad: 0.0, pitch_rad: 0.0, yaw_rad: 0.0 };
+        slot.plan.vehicles.i.pose = level(west);
+        slot.plan.vehicles.j.pose = level(-west);
+    }
+    Planned { mission, plan: Plan::new(slots) }
+}
+
+fn setup() -> Setup {
+    Setup { given: PerVehicle { i: exchange(), j: exchange() }, ..Setup::default() }
+}
+
+fn completes(flight: &mut Flight) {
+    flight.fly_out();
+    flight.assert_safe();
+    for role in Role::BOTH {
+        assert_eq!(flight.outcomes[role], Some(Outcome::Completed), "{}", flight.story());
+    }
+    assert!(flight.report().min_separation_m.unwrap() > 5.0, "{}", flight.story());
+}
+
+fn x(flight: &Flight, role: Role) -> f64 {
+    flight.world.snapshot().vehicles[index(role)].position_enu_m[0]
+}
+
+#[test]
+fn val_vehicles_that_exchange_places_take_turns_and_come_home_one_by_one() {
+    let mut flight = Flight::new(setup());
+    assert!(flight.until(|flight| flight.said(Role::I, "slot 1 for bravo: agreed").is_some()));
+    // At no time do both move along the line between their places.
+    let mut before = PerVehicle::from_fn(|role| x(&flight, role));
+    let mut both = 0;
+    while flight.radiating() != [true, true] {
+        flight.pass(Duration::from_millis(200));
+        let now = PerVehicle::from_fn(|role| x(&flight, role));
+        let moves = |role: Role| (now[role] - before[role]).abs() > 0.1;
+        both += u32::from(moves(Role::I) && moves(Role::J));
+        before = now;
+    }
+    assert_eq!(both, 0, "{}", flight.story());
+    completes(&mut flight);
+}
+
+#[test]
+fn val_a_vehicle_that_hears_nothing_of_the_other_does_not_set_off() {
+    let mut flight = Flight::new(setup());
+    assert!(flight.until(|flight| flight.said(Role::I, "slot 1 for bravo: agreed").is_some()));
+    // Whoever goes second does so when it hears that the first has arrived: not while it is deaf.
+    let start = PerVehicle::from_fn(|role| x(&flight, role));
+    let moved = |flight: &Flight, role: Role| (x(flight, role) - start[role]).abs() > 0.5;
+    assert!(flight.until(|flight| Role::BOTH.into_iter().any(|role| moved(flight, role))));
+    let second = if moved(&flight, Role::I) { Role::J } else { Role::I };
+    let first = second.peer();
+    assert!(flight.until(|flight| (x(flight, first) + start[first]).abs() < 0.5), "{}", flight.story());
+    // Arrived; two seconds of pause follow. Deaf from 1.2 s on, for 1.6 s: 0.5 s of which an old word still counts.
+    flight.pass(Duration::from_millis(1200));
+    flight.set_pair_path(first, Path::CUT);
+    flight.pass(Duration::from_millis(1600));
+    assert!(!moved(&flight, second), "{}", flight.story());
+    flight.set_pair_path(first, Path::GOOD);
+    assert!(flight.until(|flight| moved(flight, second)), "{}", flight.story());
+    completes(&mut flight);
+}

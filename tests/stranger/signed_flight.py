@@ -1,0 +1,127 @@
+#!/usr/bin/env python3
+"""What runs onboard, on one machine: two software vehicles, two `veilwing fly`, a signed pair link between them.
+
+Flies the mission and leaves the logs in --out. A ground station (pymavlink) on both vehicles' second link starts it.
+
+    signed_flight.py --programs target/debug --mission tests/flight/yard.toml --out logs --port 14560 --speed 3
+
+Exits 0 if the mission is completed, 1 otherwise.
+"""
+
+import argparse
+import math
+import os
+import pathlib
+import secrets
+import subprocess
+import sys
+import time
+import tomllib
+
+os.environ["MAVLINK20"] = "1"
+from check import check, run  # noqa: E402
+from pymavlink import mavutil  # noqa: E402
+
+VEHICLE = """
+[vehicle]
+role = "{role}"
+[autopilot]
+link = "udpout:127.0.0.1:{autopilot}"
+[transmitter]
+kind = "leased"
+simulated = true
+[pair]
+link = "{pair}"
+key_file = "pair.key"
+[log]
+dir = "{out}"
+"""
+
+
+def home(mission, role):
+    """Latitude, longitude, height of a vehicle's home; a plane tangent to the earth is good enough in a yard."""
+    origin = mission["mission"]["origin"]
+    east, north, up = mission["vehicles"][role]["home_enu_m"]
+    lat = origin["lat_deg"] + north / 111_229.0
+    lon = origin["lon_deg"] + east / (111_413.0 * math.cos(math.radians(lat)))
+    return f"{lat:.7f},{lon:.7f},{origin['alt_amsl_m'] + up}"
+
+
+def start(arguments, running):
+    """The four programs."""
+    mission = tomllib.loads(pathlib.Path(arguments.mission).read_text())
+    out = pathlib.Path(arguments.out).absolute()
+    out.mkdir(parents=True, exist_ok=True)
+    key = out / "pair.key"
+    key.touch(mode=0o600)
+    key.write_text(secrets.token_hex(32) + "\n")
+    port = arguments.port
+    programs = pathlib.Path(arguments.programs)
+
+    def launch(name, *command):
+        log = (out / f"{name}.log").open("w")
+        running[name] = subprocess.Popen([str(part) for part in command], stdout=log, stderr=log)
+
+    for k, role in enumerate("ij"):
+        launch(
+            f"vehicle-{role}", programs / "veilwing-sitl", "vehicle", "--system-id", k + 1, "--speed", arguments.speed,
+            "--link", f"udpin:127.0.0.1:{port + 2 + k}", "--ground-station", f"udpout:127.0.0.1:{port}",
+            "--home", home(mission, role),
+        )
+    for k, role in enumerate("ij"):
+        pair = f"udpin:127.0.0.1:{port + 1}" if role == "i" else f"udpout:127.0.0.1:{port + 1}"
+        file = out / f"vehicle-{role}.toml"
+        file.write_text(VEHICLE.format(role=role, autopilot=port + 2 + k, pair=pair, out=out))
+        launch(
+            f"companion-{role}", programs / "veilwing", "fly", arguments.mission, "--vehicle", file,
+            "--clock-rate", arguments.speed,
+        )
+    return out
+
+
+def fly(arguments, running):
+    """From MISSION_START to the end of both companions."""
+    station = mavutil.mavlink_connection(f"udpin:127.0.0.1:{arguments.port}", dialect="ardupilotmega")
+    out = start(arguments, running)
+    companions = [running["companion-i"], running["companion-j"]]
+    heard, started, end = set(), False, time.monotonic() + 60.0 + 300.0 / arguments.speed
+    while time.monotonic() < end and any(c.poll() is None for c in companions):
+        message = station.recv_match(type=["HEARTBEAT", "COMMAND_ACK"], blocking=True, timeout=0.2)
+        if message is None:
+            continue
+        if message.get_srcComponent() == 191:
+            heard.add(message.get_srcSystem())
+        if message.get_type() == "COMMAND_ACK" and message.command == 300:
+            check(message.result == 0, "the start is accepted")
+        if heard == {1, 2} and not started:
+            started = True
+            check(True, "both companions are heard over their vehicles' routers")
+            station.mav.command_long_send(1, 191, 300, 0, 0, 0, 0, 0, 0, 0, 0)
+    ends = [c.poll() for c in companions]
+    check(ends == [0, 0], f"both companions complete the mission (exit codes {ends})")
+    for role in "ij":
+        check((out / f"{role}-pair.signing").exists(), f"companion {role} has signed its pair link")
+
+
+def main(arguments):
+    running = {}
+    try:
+        fly(arguments, running)
+    except BaseException:
+        for name in running:
+            sys.stdout.write(f"-- {name}\n" + (pathlib.Path(arguments.out) / f"{name}.log").read_text()[-3000:])
+        raise
+    finally:
+        for process in running.values():
+            process.terminate()
+            process.wait()
+
+
+parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+parser.add_argument("--programs", required=True, help="directory of veilwing and veilwing-sitl")
+parser.add_argument("--mission", required=True, help="mission file")
+parser.add_argument("--out", required=True, help="directory of the logs")
+parser.add_argument("--port", type=int, default=14560, help="four UDP ports of this machine, from this one on")
+parser.add_argument("--speed", type=float, default=3.0, help="simulated seconds per second")
+ARGUMENTS = parser.parse_args()
+run(lambda: main(ARGUMENTS), 90.0 + 300.0 / ARGUMENTS.speed)
