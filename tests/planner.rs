@@ -11,7 +11,10 @@ use veilwing::planner::problem::{
     Airframe, Airspace, Eavesdropper, Jitter, JitterAxes, JitterModel, Method, Objective, Problem, Radio,
     Uncertainty, VehicleModel,
 };
-use veilwing::planner::{EvaluateOptions, Options, PlanError, cap, evaluate, plan_slot};
+use veilwing::planner::slots::{Plan, PlannedSlot, hex};
+use veilwing::planner::{
+    EvaluateOptions, Near, Options, PlanError, cap, evaluate, plan_slot, plan_slot_near,
+};
 use veilwing::radio::pattern;
 use veilwing::role::{PerVehicle, Role};
 
@@ -96,6 +99,96 @@ fn prop_evaluate_agrees_with_the_plans_own_figure() {
         assert!((score.secrecy_rate_bps - plan.secrecy_rate_bps).abs() <= 4.0 * error + 1e-6, "{deg}");
         assert_eq!(score.user_sinr, plan.user_sinr);
         assert!(plan.secrecy_rate_bps <= cap(&problem).unwrap());
+    }
+}
+
+#[test]
+fn prop_plans_near_the_best_are_near_sound_and_apart() {
+    let mut several = 0;
+    for (deg, objective) in [(0.0, Objective::Mean), (2.0, Objective::Mean), (2.0, Objective::Quantile)] {
+        for x in [100.0, 220.0, 340.0] {
+            let mut problem = problem(&[[x, -40.0], [-300.0, 0.5 * x], [50.0, 400.0]], deg);
+            problem.objective = objective;
+            if objective == Objective::Quantile {
+                problem.eavesdroppers[0].uncertainty = Uncertainty::Disc { radius_m: 30.0 };
+            }
+            let near = Near { most: 3, tolerance: 0.05 };
+            let plans = plan_slot_near(&problem, &Options::default(), near).unwrap();
+            assert!((1..=3).contains(&plans.len()));
+            several += usize::from(plans.len() > 1);
+            let best = plan_slot(&problem, &Options::default()).unwrap().secrecy_rate_bps;
+            for (k, plan) in plans.iter().enumerate() {
+                assert_sound(&problem, plan, "near");
+                // The tolerance is on the objective; the mean rate is near it.
+                assert!(plan.secrecy_rate_bps > 0.9 * best, "{} {best}", plan.secrecy_rate_bps);
+                for other in &plans[..k] {
+                    assert!(plan.vehicles != other.vehicles);
+                }
+            }
+            if objective == Objective::Mean {
+                assert!((plans[0].secrecy_rate_bps / best - 1.0).abs() < 1e-4);
+            }
+        }
+    }
+    assert!(several >= 1, "no problem has two optima within 5%");
+}
+
+/// Plans are the same bits on every machine: no function of the system's library, no vector width and no number of
+/// threads is in them. Both vehicles compare this digest.
+#[test]
+fn regress_digests_of_plans() {
+    let digests: Vec<String> = [(0.0, Objective::Mean), (2.0, Objective::Mean), (2.0, Objective::WorstCase)]
+        .into_iter()
+        .map(|(deg, objective)| {
+            let mut problem = problem(&[[120.0, -40.0], [-300.0, 210.0]], deg);
+            problem.objective = objective;
+            if objective == Objective::WorstCase {
+                problem.eavesdroppers[0].uncertainty = Uncertainty::Disc { radius_m: 40.0 };
+            }
+            let plan = plan_slot(&problem, &Options::default()).unwrap();
+            hex(&Plan::new(vec![PlannedSlot { user: "u".into(), plan }]).digest)[..16].to_owned()
+        })
+        .collect();
+    assert_eq!(digests, ["360b472d795d33dd", "508a77ee41e6b45b", "d54be2a1b7e4f43a"]);
+}
+
+/// Nothing that shapes a plan calls the system's mathematical library, whose last digit differs from machine to machine.
+#[test]
+fn prop_the_planner_calls_no_function_of_the_systems_library() {
+    const FUNCTIONS: [&str; 18] = [
+        "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sin_cos", "ln", "ln_1p", "log2", "log10",
+        "exp", "exp2", "exp_m1", "powf", "powi", "hypot",
+    ];
+    let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let mut files: Vec<_> =
+        ["radio/pattern.rs", "radio/jitter.rs", "radio/secrecy.rs"].map(|f| root.join(f)).into();
+    let mut folders = vec![root.join("planner")];
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            // Bounds are not part of a plan's digest.
+            if path.ends_with("planner/bound") || path.ends_with("planner/cap.rs") {
+                continue;
+            }
+            if path.is_dir() {
+                folders.push(path);
+            } else {
+                files.push(path);
+            }
+        }
+    }
+    assert!(files.len() > 20);
+    for path in files {
+        let text = std::fs::read_to_string(&path).unwrap();
+        let code = text.split("#[cfg(test)]").next().unwrap();
+        for (number, line) in
+            code.lines().enumerate().filter(|(_, line)| !line.trim_start().starts_with("//"))
+        {
+            let called = FUNCTIONS
+                .iter()
+                .find(|f| line.contains(&format!(".{f}(")) || line.contains(&format!("f64::{f}")));
+            assert_eq!(called, None, "{}:{}: {line}", path.display(), number + 1);
+        }
     }
 }
 
@@ -201,6 +294,27 @@ fn prop_degenerate_inputs_have_sound_plans() {
         plan_all(&change(&shift), "far coordinates");
         plan_all(&change(&|p| p.eavesdroppers[1].position_enu_m = far), "an eavesdropper far away");
         plan_all(&change(&|p| p.jitter.std_rad = 1.5), "jitter beyond sense");
+        // A level vehicle's best place is right above a node, where its antenna points at it.
+        plan_all(&change(&|p| p.vehicles.i.airframe = Airframe::Conventional), "I over an eavesdropper");
+        plan_all(&change(&|p| p.vehicles.j.airframe = Airframe::Conventional), "J over the user");
+        let over = |x, y| VehiclePlan {
+            pose: Pose {
+                position_enu_m: Vector3::new(x, y, 80.0),
+                roll_rad: 0.0,
+                pitch_rad: 0.0,
+                yaw_rad: 0.0,
+            },
+            tx_power_w: 0.5,
+        };
+        let score = evaluate(
+            &usual,
+            &PerVehicle { i: over(120.0, -40.0), j: over(0.0, 0.0) },
+            &EvaluateOptions { samples: 256, ..EvaluateOptions::default() },
+        )
+        .unwrap();
+        assert!(score.secrecy_rate_bps.is_finite() && score.standard_error_bps.is_finite());
+        assert_eq!(score.eavesdropper_sinr[0], 0.0, "I's null is on it");
+        assert!(score.user_sinr > 0.0, "J's null is on the user");
     }
 }
 

@@ -4,11 +4,12 @@
 //! cargo run --release --no-default-features --example reference -- TABLE [--every K] [--threads N] [--starts N]
 //! ```
 //!
-//! TABLE is `no-jitter`, `methods`, `methods-jitter`, `jitter`, `variants`, `robust`, `times`, `fresh` or `plans` (CSV); `--every K` takes every K-th scenario.
+//! TABLE is `no-jitter`, `methods`, `methods-jitter`, `paper`, `jitter`, `variants`, `robust`, `times`, `fresh` or `plans` (CSV); `--every K` takes every K-th scenario, `paper --first K` the first K only (MODEL's figures for N = 5 are of the first 20).
 //! Rates are in bit/s/Hz (the scenarios' bandwidth is 1 MHz).
 
 mod data;
 mod fresh;
+mod methods;
 mod tables;
 
 use std::process::ExitCode;
@@ -21,14 +22,16 @@ fn main() -> ExitCode {
     };
     let run = tables::Run {
         every: number("--every", 1).max(1),
+        first: number("--first", usize::MAX),
         threads: number("--threads", 1),
         starts: number("--starts", 0),
         seed: number("--seed", 0) as u64,
     };
     let table = match arguments.first().map(String::as_str) {
         Some("no-jitter") => tables::no_jitter,
-        Some("methods") => tables::methods,
-        Some("methods-jitter") => tables::methods_jitter,
+        Some("methods") => methods::steady,
+        Some("methods-jitter") => methods::jitter,
+        Some("paper") => methods::against_paper,
         Some("jitter") => tables::jitter,
         Some("variants") => tables::variants,
         Some("robust") => tables::robust,
@@ -37,7 +40,7 @@ fn main() -> ExitCode {
         Some("plans") => tables::plans,
         _ => {
             eprintln!(
-                "usage: reference no-jitter|methods|methods-jitter|jitter|variants|robust|times|fresh|plans [--every K] [--threads N] [--starts N] [--seed N]"
+                "usage: reference no-jitter|methods|methods-jitter|paper|jitter|variants|robust|times|fresh|plans [--every K] [--first K] [--threads N] [--starts N] [--seed N]"
             );
             return ExitCode::from(2);
         }

@@ -11,22 +11,24 @@ use crate::data::{self, Failure};
 /// What the command line asked for.
 pub struct Run {
     pub every: usize,
+    pub first: usize,
     pub threads: usize,
     pub starts: usize,
     pub seed: u64,
 }
 
 impl Run {
-    fn options(&self, method: Method) -> Options {
+    pub fn options(&self, method: Method) -> Options {
         let starts = (self.starts > 0).then_some(self.starts);
         Options { method, seed: self.seed, threads: self.threads, starts, ..Options::default() }
     }
 }
 
-const MHZ: f64 = 1e6;
+/// The scenarios' bandwidth, in Hz.
+pub const MHZ: f64 = 1e6;
 
 /// Times of planning in ms.
-struct Times {
+pub struct Times {
     wall_ms: Vec<f64>,
     processor_ms: Vec<f64>,
 }
@@ -39,12 +41,12 @@ fn on_processor_ms() -> Option<f64> {
 }
 
 impl Times {
-    fn new() -> Self {
+    pub fn new() -> Self {
         Self { wall_ms: Vec::new(), processor_ms: Vec::new() }
     }
 
     #[allow(clippy::disallowed_methods)] // an example may time; the library may not
-    fn time<R>(&mut self, work: impl FnOnce() -> R) -> R {
+    pub fn time<R>(&mut self, work: impl FnOnce() -> R) -> R {
         let (start, before) = (Instant::now(), on_processor_ms());
         let result = work();
         self.wall_ms.push(start.elapsed().as_secs_f64() * 1e3);
@@ -52,7 +54,7 @@ impl Times {
         result
     }
 
-    fn median_ms(&mut self) -> f64 {
+    pub fn median_ms(&mut self) -> f64 {
         self.wall_ms.sort_by(f64::total_cmp);
         self.wall_ms.get(self.wall_ms.len() / 2).copied().unwrap_or(0.0)
     }
@@ -62,7 +64,7 @@ impl Times {
     }
 }
 
-fn mean(values: &[f64]) -> f64 {
+pub fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len().max(1) as f64
 }
 
@@ -110,68 +112,6 @@ pub fn no_jitter(run: &Run) -> Result<(), Failure> {
         );
     }
     println!("within 0.01%: {close} of {all} ({:.2}%)", 100.0 * close as f64 / all as f64);
-    Ok(())
-}
-
-/// All methods without jitter, N = 2, beside MODEL's means.
-pub fn methods(run: &Run) -> Result<(), Failure> {
-    let model: [(Method, &str, [f64; 6]); 5] = [
-        (Method::Veilwing, "veilwing", [23.80, 25.38, 26.12, 26.60, 26.97, 27.26]),
-        (Method::Paper, "paper", [23.67, 25.25, 25.99, 26.47, 26.84, 27.13]),
-        (Method::JammerOrientation, "jammer-orientation", [f64::NAN; 6]),
-        (Method::InteriorPoint, "interior-point", [20.75, 21.87, 22.45, 22.78, 22.89, 23.28]),
-        (Method::Conventional, "conventional", [10.57, 11.37, 11.03, 12.15, 12.10, 11.93]),
-    ];
-    let powers = [0.1, 0.3, 0.5, 0.7, 0.9, 1.1];
-    let scenarios = data::eavesdroppers(2)?;
-    println!(
-        "mean rate without jitter, N = 2, one start (veilwing: its own), figures of MODEL section 3 below"
-    );
-    println!("{:20} {}", "Pmax W", powers.map(|p| format!("{p:7.1}")).join(" "));
-    for (method, name, known) in model {
-        let mut means = Vec::new();
-        let mut times = Times::new();
-        for power in powers {
-            let rates: Vec<f64> = scenarios
-                .iter()
-                .step_by(run.every)
-                .map(|eavesdroppers| {
-                    let problem = data::paper(eavesdroppers, power, 0.0);
-                    let plan = times.time(|| plan_slot(&problem, &run.options(method)))?;
-                    Ok(plan.secrecy_rate_bps / MHZ)
-                })
-                .collect::<Result<_, Failure>>()?;
-            means.push(mean(&rates));
-        }
-        let line = |values: &[f64]| values.iter().map(|v| format!("{v:7.2}")).collect::<Vec<_>>().join(" ");
-        println!("{name:20} {}   {:.2} ms", line(&means), times.median_ms());
-        println!("{:20} {}", "", line(&known));
-    }
-    Ok(())
-}
-
-/// All methods under jitter, N = 2, Pmax 0.5 W, beside MODEL's means; `--starts 40` for the paper's with multi-start.
-pub fn methods_jitter(run: &Run) -> Result<(), Failure> {
-    let known: [(Method, &str, &str); 4] = [
-        (Method::Veilwing, "veilwing", "best known 21.63 19.54 16.03 12.97"),
-        (Method::Paper, "paper", "multi-start 20.72 18.62 15.14 12.23, one start 20.48 18.33 15.04 11.79"),
-        (Method::InteriorPoint, "interior-point", ""),
-        (Method::Conventional, "conventional", "multi-start 11.99 10.01 7.28 5.26"),
-    ];
-    let scenarios = data::eavesdroppers(2)?;
-    println!("mean rate under jitter of 1, 2, 5, 10 deg, N = 2, Pmax 0.5 W");
-    for (method, name, model) in known {
-        let mut means = Vec::new();
-        for deg in [1.0, 2.0, 5.0, 10.0] {
-            let rates = scenarios.iter().step_by(run.every).map(|eavesdroppers| {
-                let problem = data::paper(eavesdroppers, 0.5, deg);
-                score(&problem, &plan_slot(&problem, &run.options(method))?.vehicles)
-            });
-            means.push(mean(&rates.collect::<Result<Vec<_>, Failure>>()?));
-        }
-        let line = means.iter().map(|v| format!("{v:7.2}")).collect::<Vec<_>>().join(" ");
-        println!("{name:16} {line}   MODEL: {model}");
-    }
     Ok(())
 }
 
