@@ -17,6 +17,8 @@ const GAP_RATIO: f64 = 0.6;
 /// Of the budget under jitter: for the gap wanted, and of what is left for each wider one if that fails.
 const FIRST_SHARE: f64 = 0.6;
 const LATER_SHARE: f64 = 0.5;
+/// How near the bound without jitter comes to the optimum without jitter.
+const STEADY_GAP: f64 = 1e-3;
 /// Relative to the cap, bounds below this are not looked for.
 const LEAST_SHARE: f64 = 1e-3;
 
@@ -54,20 +56,27 @@ impl Prepared {
         })
     }
 
-    /// Ever closer to the lower bound, by a fixed ratio of gaps.
+    /// Ever closer to the lower bound, by a fixed ratio of gaps. A refutation raises the lower bound: under jitter, or
+    /// past a tilt limit, this bound ends at the optimum without them.
     pub fn lower_steady(&self, bandwidth_hz: f64, lower_bps: f64, budget: &Budget, bound: &mut Bound) {
         let mut search = steady::Search::new(&self.links, &self.region, budget);
-        let least_bps = lower_bps * (1.0 + budget.relative_gap);
+        let mut lower_bps = lower_bps;
         let cap_bps = bound.upper_bound_bps;
-        while bound.upper_bound_bps > least_bps * (1.0 + 1e-12) {
+        loop {
+            let least_bps = lower_bps * (1.0 + budget.relative_gap);
             let threshold_bps = (lower_bps + (bound.upper_bound_bps - lower_bps) * GAP_RATIO).max(least_bps);
-            if threshold_bps < LEAST_SHARE * cap_bps
-                || search.run(threshold_bps / bandwidth_hz) != Outcome::Excluded
-            {
+            let close = bound.upper_bound_bps <= least_bps * (1.0 + 1e-12);
+            if close || !(threshold_bps >= LEAST_SHARE * cap_bps) {
                 break;
             }
-            bound.upper_bound_bps = threshold_bps;
-            bound.kind = self.steady_kind;
+            match search.run(threshold_bps / bandwidth_hz) {
+                Outcome::Excluded => {
+                    bound.upper_bound_bps = threshold_bps;
+                    bound.kind = self.steady_kind;
+                }
+                Outcome::Refuted(rate) => lower_bps = lower_bps.max(rate * bandwidth_hz),
+                Outcome::Stuck | Outcome::Exhausted => break,
+            }
         }
         bound.boxes_used += search.boxes;
     }
@@ -91,7 +100,7 @@ impl Prepared {
             gap *= 2.0;
             share = LATER_SHARE;
         }
-        let part = Budget { boxes: budget.boxes / 10, ..*budget };
+        let part = Budget { boxes: budget.boxes / 10, relative_gap: STEADY_GAP, ..*budget };
         self.lower_steady(bandwidth_hz, lower_bps, &part, bound);
     }
 
