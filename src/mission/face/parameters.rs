@@ -125,10 +125,11 @@ impl Executive {
         let to_us = |s: u8, c: u8| s == system && c == component;
         let to_all = |s: u8, c: u8| (s == system || s == 0) && c == 0;
         match message {
-            MavMessage::PARAM_REQUEST_LIST(m) => {
-                if to_us(m.target_system, m.target_component) || to_all(m.target_system, m.target_component) {
-                    self.face.listing = (0..TABLE.len()).collect();
-                }
+            MavMessage::PARAM_REQUEST_LIST(m)
+                if to_us(m.target_system, m.target_component)
+                    || to_all(m.target_system, m.target_component) =>
+            {
+                self.face.listing = (0..TABLE.len()).collect();
             }
             MavMessage::PARAM_REQUEST_READ(m) => {
                 let named = m.param_id.to_str().ok().and_then(index_of);
