@@ -106,8 +106,8 @@ fn val_every_message_is_in_a_diagram_or_a_rule_and_every_diagram_is_closed() {
         let word = line.split_whitespace().next().unwrap_or_default();
         match word {
             "```mermaid" => (open, depth, diagrams) = (true, 0, diagrams + 1),
-            "```" => {
-                assert!(open && depth == 0, "a loop or a choice without its end before {line}");
+            "```" if open => {
+                assert!(depth == 0, "a loop or a choice without its end before {line}");
                 open = false;
             }
             "loop" | "alt" if open => depth += 1,

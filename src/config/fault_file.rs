@@ -135,7 +135,7 @@ fn fault(s: &mut Section<'_, '_>) -> Draft {
         whom,
     );
     s.alternatives(&[&["probability"], &["rate_per_hour"]], false);
-    let draft = Draft {
+    Draft {
         kind,
         whom,
         probability: s.optional(
@@ -164,12 +164,11 @@ fn fault(s: &mut Section<'_, '_>) -> Draft {
             Extent(Number::positive("s", LONGEST_S)),
         ),
         sizes: SIZES.iter().map(|size| s.optional(size.key, size.sentence, Extent(size.range))).collect(),
-    };
-    draft
+    }
 }
 
 /// Adds what is wrong with the settings of a fault together.
-pub(super) fn check(drafts: &Vec<Draft>, file: &mut Document) {
+pub(super) fn check(drafts: &[Draft], file: &mut Document) {
     for (index, draft) in drafts.iter().enumerate() {
         let Some(kind) = draft.kind else { continue };
         let path = format!("fault[{index}]");

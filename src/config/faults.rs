@@ -258,7 +258,9 @@ impl Faults {
     /// Everything that is wrong with the text, each with its place and remedy.
     pub fn parse(file_name: &str, text: &str) -> Result<Self, Diagnostics> {
         let (drafts, document, findings) =
-            Document::read(file_name, text, fault_file::describe, fault_file::check);
+            Document::read(file_name, text, fault_file::describe, |drafts, file| {
+                fault_file::check(drafts, file)
+            });
         findings.into_result()?;
         let laws = drafts.into_iter().filter_map(fault_file::Draft::law).collect();
         let canonical: Vec<String> =

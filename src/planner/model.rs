@@ -31,6 +31,8 @@ pub enum Target<'a> {
 }
 
 /// The local solver of a search.
+// Copied once a start; a box would allocate in the search.
+#[allow(clippy::large_enum_variant)]
 #[derive(Debug, Clone, Copy)]
 pub enum Solver {
     /// [`active_set`].

@@ -366,7 +366,8 @@ impl Fake {
     fn bridge(&mut self, c: &COMMAND_LONG_DATA) -> MavResult {
         let zero = c.param1 == 0.0 && c.param2 == 0.0;
         if c.command == MavCmd::MAV_CMD_USER_5 {
-            if !zero && !(self.armed && self.custom_mode == 4) {
+            let flown_by_us = self.armed && self.custom_mode == 4;
+            if !(zero || flown_by_us) {
                 return MavResult::MAV_RESULT_TEMPORARILY_REJECTED;
             }
             self.offsets_on = !zero;
