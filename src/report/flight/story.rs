@@ -291,7 +291,7 @@ fn whom(run: &SlotRun) -> String {
 fn undisturbed_slot(facts: &Facts, run: &SlotRun) -> String {
     let of = |role| {
         let mut all = facts.emissions.iter().filter(move |e| e.slot == Some(run.number) && e.role == role);
-        all.next().map(|first| (first, all.last().unwrap_or(first)))
+        all.next().map(|first| (first, all.next_back().unwrap_or(first)))
     };
     let mut text = format!("{}: ", sentence(&slot_name(run)));
     match (of(Role::J), of(Role::I)) {

@@ -121,7 +121,7 @@ fn homecoming(facts: &Facts, role: Role) -> Option<String> {
     if !last.landed {
         return Some(format!("Vehicle {role} was still in the air at the end, in {}", last.mode));
     }
-    let down_s = known().filter(|(_, v)| !v.landed).last().map_or(0.0, |(at_s, _)| at_s);
+    let down_s = known().rfind(|(_, v)| !v.landed).map_or(0.0, |(at_s, _)| at_s);
     let [dx, dy] = [0, 1].map(|k| last.position_enu_m[k] - start.position_enu_m[k]);
     Some(format!(
         "Vehicle {role} landed at {}, {:.1} m from where it had taken off",

@@ -220,10 +220,10 @@ fn contour(pose: &Pose, gain: f64, square: &Square, axes: &Axes) -> String {
             letter = 'L';
             let Some(to) = next.remove(&side).and_then(|to| to.first().copied()) else { break };
             // Both ends of a segment know of it.
-            if let Some(back) = next.get_mut(&to) {
-                if let Some(index) = back.iter().position(|other| *other == side) {
-                    back.remove(index);
-                }
+            if let Some(back) = next.get_mut(&to)
+                && let Some(index) = back.iter().position(|other| *other == side)
+            {
+                back.remove(index);
             }
             side = to;
         }

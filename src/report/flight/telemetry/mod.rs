@@ -7,7 +7,6 @@
 mod scene;
 mod vehicle;
 
-use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 
 use mavlink::dialects::ardupilotmega::MavMessage;
@@ -139,11 +138,11 @@ fn track(role: Role, logs: &Logs, zero_us: u64, mission: Option<&Mission>, event
     let mut tracker = Tracker::new(mission.map(|mission| mission.origin));
     let mut track = Track::new();
     let mut next_us = zero_us;
-    let mut pair = logs.pair.iter().map(|(us, frame)| (*us, frame)).collect::<VecDeque<_>>();
+    let mut pair = logs.pair.iter().peekable();
     let mut last_us = zero_us;
     for (us, frame) in &logs.autopilot {
         // Where there is no mission file, the pair's own messages tell positions in its frame.
-        while let Some((_, other)) = pair.pop_front_if(|(at, _)| *at <= *us) {
+        while let Some((_, other)) = pair.next_if(|(at, _)| at <= us) {
             if let Ok(status) = other.parse::<Envelope>()
                 && let wire::MavMessage::VEILWING_STATUS(status_data) = status.message.message()
             {
