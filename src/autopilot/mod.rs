@@ -29,7 +29,7 @@ mod preflight;
 mod setpoint;
 mod settings;
 pub mod state;
-mod statustext;
+pub(crate) mod statustext;
 mod streams;
 mod telemetry;
 

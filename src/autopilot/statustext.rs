@@ -30,7 +30,7 @@ pub(super) fn chunks(severity: MavSeverity, text: &str, id: u16) -> Vec<MavMessa
 
 /// Puts chunks together again.
 #[derive(Debug, Default)]
-pub(super) struct Assembly {
+pub(crate) struct Assembly {
     id: u16,
     next: u8,
     bytes: Vec<u8>,
@@ -38,7 +38,7 @@ pub(super) struct Assembly {
 
 impl Assembly {
     /// Takes a message and gives the text that it completes. A text with a lost chunk gets an ellipsis there.
-    pub(super) fn handle(&mut self, message: &STATUSTEXT_DATA) -> Option<String> {
+    pub(crate) fn handle(&mut self, message: &STATUSTEXT_DATA) -> Option<String> {
         let end = message.text.iter().position(|byte| *byte == 0);
         let part = &message.text[..end.unwrap_or(CHUNK)];
         if message.id == 0 {

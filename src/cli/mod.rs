@@ -8,6 +8,7 @@ mod figures;
 mod fly;
 mod plan;
 mod planning;
+mod report;
 mod schema;
 #[cfg(feature = "sitl")]
 mod sitl;
@@ -72,6 +73,7 @@ enum Command {
     #[cfg(feature = "sitl")]
     Campaign(campaign::Args),
     Fly(fly::Args),
+    Report(report::Args),
     Schema(schema::Args),
 }
 
@@ -90,6 +92,7 @@ pub fn main() -> ExitCode {
         #[cfg(feature = "sitl")]
         Command::Campaign(args) => campaign::run(args),
         Command::Fly(args) => fly::run(args),
+        Command::Report(args) => report::run(args),
         Command::Schema(args) => return schema::run(args),
     };
     exit.into()

@@ -120,7 +120,7 @@ impl Firmware {
     }
 
     /// How this firmware makes its local frame.
-    pub(super) fn projection(self) -> Projection {
+    pub fn projection(self) -> Projection {
         match self {
             Self::Px4 => Projection::Equidistant,
             Self::ArduPilot => Projection::Equirectangular,

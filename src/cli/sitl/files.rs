@@ -6,6 +6,8 @@ use serde::Serialize;
 
 use crate::report::flight::{self, Timeline};
 use crate::role::Role;
+
+use crate::cli::report;
 use crate::simulation::VehicleText;
 
 /// Kept where the operator said, or temporary and removed at the end.
@@ -46,7 +48,10 @@ impl Directory {
         if !same(mission, &kept) {
             std::fs::copy(mission, &kept).map_err(|error| format!("{}: {error}", kept.display()))?;
         }
-        flight::store(&self.path, timeline).map_err(|error| error.to_string())
+        flight::store(&self.path, timeline).map_err(|error| error.to_string())?;
+        // From what has just been written, so that `veilwing report` gives the same.
+        let recorded = flight::load(&self.path).map_err(|error| error.to_string())?;
+        report::write(&self.path.join(report::REPORT), &recorded)
     }
 }
 

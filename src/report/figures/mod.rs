@@ -11,14 +11,11 @@
 //! Scenarios are drawn as in the paper: two eavesdroppers uniform in a square of a kilometre about the user. A figure
 //! depends on the seed and the number of scenarios, never on the number of threads.
 
-mod axes;
-mod labels;
 mod pose_chart;
 pub mod poses;
 mod rate_chart;
 pub mod rates;
 pub mod scenario;
-mod svg;
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 

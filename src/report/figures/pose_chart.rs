@@ -6,11 +6,11 @@
 
 use nalgebra::Vector3;
 
-use super::axes::{Axes, step, ticks};
-use super::labels::Labels;
 use super::poses::{Panel, Poses};
 use super::scenario::ALTITUDE_M;
-use super::svg::{Anchor, At, Marker, Stroke, Svg};
+use crate::report::drawing::axes::{Axes, step, ticks};
+use crate::report::drawing::labels::Labels;
+use crate::report::drawing::svg::{Anchor, At, Marker, Stroke, Svg, TEXT_PT};
 use crate::role::Role;
 
 const WIDTH: f64 = 440.0;
@@ -133,7 +133,7 @@ fn draw_view(svg: &mut Svg, poses: &Poses, panel: &Panel, view: View, axes: &Axe
         let (a, b) = view.flat(p);
         axes.at(a, b)
     };
-    let mut labels = Labels::new(axes.corner, axes.size);
+    let mut labels = Labels::new(axes.corner, axes.size, TEXT_PT);
     svg.clipped(axes.corner, axes.size, |svg| {
         if view == View::ToNorth {
             svg.line(&[axes.at(axes.x[0], 0.0), axes.at(axes.x[1], 0.0)], &Stroke::solid("#999999", 0.6));

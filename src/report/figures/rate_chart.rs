@@ -1,9 +1,9 @@
 //! The drawing of figures 4a to 4c, at the width of a printed column.
 
-use super::axes::{Axes, step, ticks};
 use super::rates::{Curve, JITTER_DEG, MAX_POWERS_W, Rates, Study, UNCERTAINTY_M};
 use super::scenario::Summary;
-use super::svg::{Anchor, At, Marker, Stroke, Svg, text_width};
+use crate::report::drawing::axes::{Axes, step, ticks};
+use crate::report::drawing::svg::{Anchor, At, Marker, Stroke, Svg, TEXT_PT, text_width};
 
 /// Width of a column of the paper in points (3.5 inches).
 const WIDTH: f64 = 252.0;
@@ -146,7 +146,7 @@ fn legend_rows(rates: &Rates) -> Vec<Vec<Style>> {
 
 fn draw_legend(svg: &mut Svg, rows: &[Vec<Style>], top: f64) {
     let first_column = rows.iter().filter_map(|row| row.first());
-    let widest = first_column.map(|style| text_width(style.label)).fold(0.0, f64::max);
+    let widest = first_column.map(|style| text_width(style.label, TEXT_PT)).fold(0.0, f64::max);
     for (r, row) in rows.iter().enumerate() {
         for (column, style) in row.iter().enumerate() {
             let (x, y) = (MARGIN + column as f64 * (24.0 + widest + 8.0), top + LEGEND_ROW * r as f64);

@@ -99,7 +99,9 @@ pub fn store(directory: &Path, timeline: &Timeline) -> Result<(), RecordError> {
     put(SCENE, serde_json::to_string_pretty(&timeline.scene).map_err(no_json)? + "\n")?;
     let mut events = String::new();
     for event in &timeline.events {
-        events.push_str(&serde_json::to_string(event).map_err(no_json)?);
+        // As fine as the table's times, so that what happens at one instant stays at one instant.
+        let event = Event { at_s: (event.at_s * 1e4).round() / 1e4, ..event.clone() };
+        events.push_str(&serde_json::to_string(&event).map_err(no_json)?);
         events.push('\n');
     }
     put(EVENTS, events)?;

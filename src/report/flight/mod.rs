@@ -10,11 +10,20 @@
 //! A [`timeline::Timeline`] is all of them in memory. It comes from a simulated world, from such a directory, or from the
 //! telemetry logs of both companions alone.
 
+mod charts;
 pub mod directory;
+pub mod facts;
+mod page;
 #[cfg(feature = "sitl")]
 pub mod simulated;
+pub mod story;
 pub mod table;
+pub mod telemetry;
 pub mod timeline;
+mod verdict;
+mod words;
+
+pub use page::html;
 
 pub use directory::{RecordError, load, store};
 pub use timeline::{Event, EventKind, Sample, Scene, Severity, Source, Timeline};

@@ -1,11 +1,7 @@
 //! A linear coordinate system in a rectangle of a drawing: scales, ticks, frame.
 
-use super::svg::{Anchor, At, Stroke, Svg};
+use super::svg::{Anchor, At, Stroke, Svg, Theme};
 
-/// Frame and ticks.
-pub const INK: Stroke = Stroke::solid("#000000", 0.8);
-/// Grid lines.
-pub const GRID: Stroke = Stroke::solid("#dddddd", 0.5);
 /// Length of a tick outside the frame, in points.
 const TICK_PT: f64 = 3.0;
 
@@ -39,27 +35,30 @@ impl Axes {
 
     /// Grid lines across the rectangle.
     pub fn grid(&self, svg: &mut Svg, xs: &[f64], ys: &[f64]) {
+        let pen = Stroke::solid(svg.theme().grid, 0.5);
         for x in xs {
-            svg.line(&[self.at(*x, self.y[0]), self.at(*x, self.y[1])], &GRID);
+            svg.line(&[self.at(*x, self.y[0]), self.at(*x, self.y[1])], &pen);
         }
         for y in ys {
-            svg.line(&[self.at(self.x[0], *y), self.at(self.x[1], *y)], &GRID);
+            svg.line(&[self.at(self.x[0], *y), self.at(self.x[1], *y)], &pen);
         }
     }
 
     /// The frame with ticks below and to the left; figures where `lettered` says so (x, y).
     pub fn frame(&self, svg: &mut Svg, xs: &[f64], ys: &[f64], lettered: [bool; 2]) {
-        svg.rectangle(self.corner, self.size, "none", Some(&INK));
+        let Theme { ink, text, .. } = svg.theme();
+        let pen = Stroke::solid(ink, 0.8);
+        svg.rectangle(self.corner, self.size, "none", Some(&pen));
         for x in xs {
             let (px, py) = self.at(*x, self.y[0]);
-            svg.line(&[(px, py), (px, py + TICK_PT)], &INK);
+            svg.line(&[(px, py), (px, py + TICK_PT)], &pen);
             if lettered[0] {
-                svg.text((px, py + TICK_PT + 5.5), Anchor::Middle, &figure(*x));
+                svg.text((px, py + TICK_PT + 0.6875 * text), Anchor::Middle, &figure(*x));
             }
         }
         for y in ys {
             let (px, py) = self.at(self.x[0], *y);
-            svg.line(&[(px, py), (px - TICK_PT, py)], &INK);
+            svg.line(&[(px, py), (px - TICK_PT, py)], &pen);
             if lettered[1] {
                 svg.text((px - TICK_PT - 2.0, py), Anchor::End, &figure(*y));
             }
@@ -83,7 +82,7 @@ pub fn ticks([from, to]: [f64; 2], step: f64) -> Vec<f64> {
 }
 
 /// A tick's figure: as short as it can be, with a true minus sign.
-fn figure(value: f64) -> String {
+pub fn figure(value: f64) -> String {
     let rounded = (value * 1e6).round() / 1e6;
     format!("{}", if rounded == 0.0 { 0.0 } else { rounded }).replace('-', "\u{2212}")
 }

@@ -1,4 +1,4 @@
-//! A small writer of SVG, for figures in print: one user unit is one point (1/72 inch), y down.
+//! A small writer of SVG, for figures in print (one user unit is one point, 1/72 inch) and for pages; y down.
 //!
 //! Own, because the plotting crates' SVG backends round to whole pixels and have neither dashes nor clipping. The
 //! result names generic font families only and refers to nothing outside itself.
@@ -8,13 +8,32 @@ use std::fmt::Write as _;
 /// A point of the drawing: x to the right and y down, in points.
 pub type At = (f64, f64);
 
-/// Size of all lettering, in points: the least that stays legible in a printed column.
+/// Size of lettering in print, in points: the least that stays legible in a printed column.
 pub const TEXT_PT: f64 = 8.0;
+
+/// Colours and lettering that a drawing shares. A colour is anything that SVG takes: in a page also `var(--name)`, so
+/// that the page's style sheet decides between light and dark.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Theme {
+    /// Behind everything, in open markers and around labels.
+    pub paper: &'static str,
+    /// Lettering and frames.
+    pub ink: &'static str,
+    /// Grid lines.
+    pub grid: &'static str,
+    /// Size of lettering.
+    pub text: f64,
+}
+
+impl Theme {
+    /// Black on white.
+    pub const PRINT: Self = Self { paper: "#ffffff", ink: "#000000", grid: "#dddddd", text: TEXT_PT };
+}
 
 /// How a line is drawn.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Stroke {
-    /// `#rrggbb`.
+    /// `#rrggbb`, or what else a theme's colour may be.
     pub colour: &'static str,
     /// In points.
     pub width: f64,
@@ -64,21 +83,47 @@ pub struct Svg {
     height: f64,
     body: String,
     clips: usize,
+    theme: Theme,
+    /// Of a drawing in a page, whose identifiers must differ from those of the others.
+    id: Option<String>,
 }
 
 impl Svg {
     /// An empty, white drawing. `title` and `description` are for readers who cannot see it.
     pub fn new(width: f64, height: f64, title: &str, description: &str) -> Self {
-        let mut svg = Self { width, height, body: String::new(), clips: 0 };
+        let mut svg = Self { width, height, body: String::new(), clips: 0, theme: Theme::PRINT, id: None };
         svg.push(&format!("<title>{}</title>", escape(title)));
         svg.push(&format!("<desc>{}</desc>", escape(description)));
         svg.rectangle((0.0, 0.0), (width, height), "#ffffff", None);
         svg
     }
 
-    /// The document.
+    /// A drawing inside a page: it fills the width that it is given, and has the page's background. `id` is the page's
+    /// name for it.
+    pub fn inline(id: &str, (width, height): At, theme: Theme, title: &str, description: &str) -> Self {
+        let id = escape(id);
+        let mut svg = Self { width, height, body: String::new(), clips: 0, theme, id: None };
+        svg.push(&format!("<title id=\"{id}-title\">{}</title>", escape(title)));
+        svg.push(&format!("<desc id=\"{id}-desc\">{}</desc>", escape(description)));
+        svg.id = Some(id);
+        svg
+    }
+
+    /// Its colours and lettering.
+    pub fn theme(&self) -> Theme {
+        self.theme
+    }
+
+    /// The document, or the element for the page.
     pub fn finish(self) -> String {
         let (w, h) = (number(self.width), number(self.height));
+        if let Some(id) = &self.id {
+            let text = number(self.theme.text);
+            return format!(
+                "<svg id=\"{id}\" role=\"img\" aria-labelledby=\"{id}-title {id}-desc\" viewBox=\"0 0 {w} {h}\" font-size=\"{text}\" fill=\"{}\">\n{}</svg>\n",
+                self.theme.ink, self.body
+            );
+        }
         format!(
             "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<svg xmlns=\"http://www.w3.org/2000/svg\" version=\"1.1\" width=\"{w}pt\" height=\"{h}pt\" viewBox=\"0 0 {w} {h}\" font-family=\"Helvetica, Arial, sans-serif\" font-size=\"{TEXT_PT}\" fill=\"#000000\">\n{}</svg>\n",
             self.body
@@ -116,10 +161,10 @@ impl Svg {
         };
         match marker {
             Marker::Disc => self.push(&disc(colour, 0.85 * r)),
-            Marker::Circle => self.push(&disc("#ffffff", 0.9 * r)),
+            Marker::Circle => self.push(&disc(self.theme.paper, 0.9 * r)),
             Marker::OpenSquare => {
                 let h = 0.85 * r;
-                self.rectangle((x - h, y - h), (2.0 * h, 2.0 * h), "#ffffff", Some(&rim));
+                self.rectangle((x - h, y - h), (2.0 * h, 2.0 * h), self.theme.paper, Some(&rim));
             }
             Marker::Triangle => {
                 let (w, down) = (1.1 * r, 0.75 * r);
@@ -147,14 +192,20 @@ impl Svg {
         self.lettering(at, anchor, " font-weight=\"bold\"", text);
     }
 
-    /// A line of text with a white rim, legible across lines.
+    /// A line of text in a colour.
+    pub fn coloured(&mut self, at: At, anchor: Anchor, colour: &str, text: &str) {
+        self.lettering(at, anchor, &format!(" fill=\"{colour}\""), text);
+    }
+
+    /// A line of text with a rim of paper, legible across lines.
     pub fn label(&mut self, at: At, anchor: Anchor, colour: &str, text: &str) {
-        let (x, y) = (number(at.0), number(at.1 + baseline()));
+        let (x, y) = (number(at.0), number(at.1 + self.baseline()));
+        let (paper, rim) = (self.theme.paper, number(0.3 * self.theme.text));
         let anchor = anchor_name(anchor);
         let text = escape(text);
         // Twice, because `paint-order` is not known to every program that prints SVG.
         self.push(&format!(
-            "<text x=\"{x}\" y=\"{y}\" text-anchor=\"{anchor}\" fill=\"#ffffff\" stroke=\"#ffffff\" stroke-width=\"2.4\" stroke-linejoin=\"round\">{text}</text>"
+            "<text x=\"{x}\" y=\"{y}\" text-anchor=\"{anchor}\" fill=\"{paper}\" stroke=\"{paper}\" stroke-width=\"{rim}\" stroke-linejoin=\"round\">{text}</text>"
         ));
         self.push(&format!(
             "<text x=\"{x}\" y=\"{y}\" text-anchor=\"{anchor}\" fill=\"{colour}\">{text}</text>"
@@ -166,7 +217,7 @@ impl Svg {
         let [x, y] = [x, y].map(number);
         self.push(&format!(
             "<text transform=\"translate({x} {y}) rotate(-90)\" y=\"{}\" text-anchor=\"middle\">{}</text>",
-            number(baseline()),
+            number(self.baseline()),
             escape(text)
         ));
     }
@@ -174,22 +225,51 @@ impl Svg {
     /// Draws inside a rectangle only.
     pub fn clipped(&mut self, (x, y): At, (w, h): At, draw: impl FnOnce(&mut Self)) {
         let [x, y, w, h] = [x, y, w, h].map(number);
-        let id = self.clips;
+        let page = self.id.as_ref().map_or(String::new(), |id| format!("{id}-"));
+        let id = format!("{page}clip-{}", self.clips);
         self.clips += 1;
         self.push(&format!(
-            "<clipPath id=\"clip-{id}\"><rect x=\"{x}\" y=\"{y}\" width=\"{w}\" height=\"{h}\"/></clipPath>"
+            "<clipPath id=\"{id}\"><rect x=\"{x}\" y=\"{y}\" width=\"{w}\" height=\"{h}\"/></clipPath>"
         ));
-        self.push(&format!("<g clip-path=\"url(#clip-{id})\">"));
+        self.push(&format!("<g clip-path=\"url(#{id})\">"));
         draw(self);
         self.push("</g>");
     }
 
     fn lettering(&mut self, (x, y): At, anchor: Anchor, attributes: &str, text: &str) {
-        let (x, y, anchor) = (number(x), number(y + baseline()), anchor_name(anchor));
+        let (x, y, anchor) = (number(x), number(y + self.baseline()), anchor_name(anchor));
         self.push(&format!(
             "<text x=\"{x}\" y=\"{y}\" text-anchor=\"{anchor}\"{attributes}>{}</text>",
             escape(text)
         ));
+    }
+
+    /// A filled path in SVG's own language.
+    pub fn path(&mut self, path: &str, fill: &str) {
+        self.push(&format!("<path d=\"{path}\" fill=\"{fill}\"/>"));
+    }
+
+    /// A drawn path in SVG's own language.
+    pub fn contour(&mut self, path: &str, stroke: &Stroke) {
+        self.push(&format!("<path d=\"{path}\" fill=\"none\"{}/>", pen(stroke)));
+    }
+
+    /// A circle, open.
+    pub fn circle(&mut self, (x, y): At, radius: f64, stroke: &Stroke) {
+        let [x, y, r] = [x, y, radius].map(number);
+        self.push(&format!("<circle cx=\"{x}\" cy=\"{y}\" r=\"{r}\" fill=\"none\"{}/>", pen(stroke)));
+    }
+
+    /// What `draw` draws, as a group with a title of its own: what a pointer that rests on it is told.
+    pub fn titled(&mut self, title: &str, draw: impl FnOnce(&mut Self)) {
+        self.push(&format!("<g><title>{}</title>", escape(title)));
+        draw(self);
+        self.push("</g>");
+    }
+
+    /// From a text's vertical middle (of its lower-case letters and figures, about) down to its baseline.
+    fn baseline(&self) -> f64 {
+        0.35 * self.theme.text
     }
 
     fn push(&mut self, element: &str) {
@@ -198,9 +278,8 @@ impl Svg {
     }
 }
 
-/// Width of a text in points, as a sans-serif face of [`TEXT_PT`] sets it, on the wide side: the drawing carries no font
-/// to measure.
-pub fn text_width(text: &str) -> f64 {
+/// Width of a text as a sans-serif face of this size sets it, on the wide side: the drawing carries no font to measure.
+pub fn text_width(text: &str, size: f64) -> f64 {
     let em = |c: char| match c {
         'i' | 'j' | 'l' | 'I' | '.' | ',' | ':' | '\'' | ' ' | '(' | ')' | '/' | 't' | 'f' | 'r' | '-' => {
             0.33
@@ -209,12 +288,7 @@ pub fn text_width(text: &str) -> f64 {
         c if c.is_uppercase() => 0.7,
         _ => 0.56,
     };
-    TEXT_PT * text.chars().map(em).sum::<f64>()
-}
-
-/// From a text's vertical middle (of its lower-case letters and figures, about) down to its baseline.
-fn baseline() -> f64 {
-    0.35 * TEXT_PT
+    size * text.chars().map(em).sum::<f64>()
 }
 
 fn anchor_name(anchor: Anchor) -> &'static str {
@@ -240,12 +314,15 @@ fn list(points: &[At]) -> String {
 }
 
 /// A hundredth of a point is finer than any printer; no "-0" and no exponent.
-fn number(value: f64) -> String {
+pub fn number(value: f64) -> String {
     let rounded = (value * 100.0).round() / 100.0;
     format!("{}", if rounded == 0.0 { 0.0 } else { rounded })
 }
 
-fn escape(text: &str) -> String {
+/// Text for a document: no markup, no character that XML forbids.
+pub fn escape(text: &str) -> String {
+    let allowed = |c: char| !matches!(c, '\0'..='\u{8}' | '\u{b}' | '\u{c}' | '\u{e}'..='\u{1f}' | '\u{fffe}' | '\u{ffff}');
+    let text: String = text.chars().filter(|&c| allowed(c)).collect();
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 

@@ -1,6 +1,6 @@
 //! Places labels beside their points, clear of what is drawn already.
 
-use super::svg::{At, TEXT_PT, text_width};
+use super::svg::{At, text_width};
 
 /// A box: left, top, right, bottom, in points.
 type Box = [f64; 4];
@@ -9,6 +9,8 @@ type Box = [f64; 4];
 #[derive(Debug, Clone)]
 pub struct Labels {
     frame: Box,
+    /// Size of the lettering.
+    text: f64,
     taken: Vec<Box>,
 }
 
@@ -20,9 +22,9 @@ const DIRECTIONS: usize = 16;
 const NEARNESS: f64 = 0.4;
 
 impl Labels {
-    /// Nothing drawn yet.
-    pub fn new((x, y): At, (w, h): At) -> Self {
-        Self { frame: [x + 1.0, y + 1.0, x + w - 1.0, y + h - 1.0], taken: Vec::new() }
+    /// Nothing drawn yet; lettering of size `text`.
+    pub fn new((x, y): At, (w, h): At, text: f64) -> Self {
+        Self { frame: [x + 1.0, y + 1.0, x + w - 1.0, y + h - 1.0], text, taken: Vec::new() }
     }
 
     /// Keeps clear of a marker.
@@ -47,7 +49,7 @@ impl Labels {
     /// The middle of a label for `point`, which is taken from now on: the candidate that covers least, and of those the
     /// nearest.
     pub fn place(&mut self, (x, y): At, text: &str) -> At {
-        let (half_w, half_h) = (text_width(text) / 2.0, TEXT_PT / 2.0);
+        let (half_w, half_h) = (text_width(text, self.text) / 2.0, self.text / 2.0);
         let around = |(cx, cy): At| [cx - half_w, cy - half_h, cx + half_w, cy + half_h];
         let mut best = ((x, y), f64::INFINITY);
         for distance in DISTANCES {
@@ -80,23 +82,24 @@ fn overlap(a: &Box, b: &Box) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::svg::TEXT_PT;
     use super::*;
 
     #[test]
     fn val_labels_keep_clear_of_each_other_and_of_lines() {
-        let mut labels = Labels::new((0.0, 0.0), (200.0, 200.0));
+        let mut labels = Labels::new((0.0, 0.0), (200.0, 200.0), TEXT_PT);
         labels.avoid_line((0.0, 100.0), (200.0, 100.0));
         let first = labels.place((100.0, 100.0), "I, 80 m");
         let second = labels.place((103.0, 100.0), "J, 80 m");
-        let (half_w, half_h) = (text_width("I, 80 m") / 2.0, TEXT_PT / 2.0);
+        let (half_w, half_h) = (text_width("I, 80 m", TEXT_PT) / 2.0, TEXT_PT / 2.0);
         assert!((first.1 - 100.0).abs() > half_h && (second.1 - 100.0).abs() > half_h);
         assert!((first.0 - second.0).abs() >= half_w || (first.1 - second.1).abs() >= 2.0 * half_h);
     }
 
     #[test]
     fn val_labels_stay_in_the_frame() {
-        let mut labels = Labels::new((0.0, 0.0), (100.0, 100.0));
+        let mut labels = Labels::new((0.0, 0.0), (100.0, 100.0), TEXT_PT);
         let (x, y) = labels.place((99.0, 1.0), "corner");
-        assert!(x + text_width("corner") / 2.0 <= 100.0 && y - TEXT_PT / 2.0 >= 0.0);
+        assert!(x + text_width("corner", TEXT_PT) / 2.0 <= 100.0 && y - TEXT_PT / 2.0 >= 0.0);
     }
 }

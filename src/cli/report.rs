@@ -1,0 +1,73 @@
+//! `veilwing report`: a flight's directory to one HTML file.
+
+use std::path::{Path, PathBuf};
+
+use crate::config::Mission;
+use crate::report::flight::{self, Timeline, telemetry};
+
+use super::{Exit, load_mission};
+
+/// The report's name in a flight's directory.
+pub(super) const REPORT: &str = "report.html";
+
+/// Report a recorded flight as one HTML file: what happened, maps, timelines, tables.
+#[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Example: veilwing sitl config/mission.toml --out flight-1; veilwing report flight-1\nA real flight: put the .tlog files of both companions into one directory, beside the mission file as mission.toml and `plan --out`'s plan.json; true eavesdropper positions and true rates are then not known, and the report says so."
+)]
+pub(super) struct Args {
+    /// The flight's directory.
+    directory: PathBuf,
+    /// The HTML file to write; by default report.html in the directory.
+    #[arg(long)]
+    out: Option<PathBuf>,
+    /// Mission file, for telemetry logs; by default mission.toml in the directory, if it is there.
+    #[arg(long)]
+    mission: Option<PathBuf>,
+    /// Use the telemetry logs even if the simulated world's own record is there.
+    #[arg(long)]
+    telemetry: bool,
+}
+
+pub(super) fn run(args: &Args) -> Exit {
+    let timeline = match load(args) {
+        Ok(timeline) => timeline,
+        Err(exit) => return exit,
+    };
+    let out = args.out.clone().unwrap_or_else(|| args.directory.join(REPORT));
+    match write(&out, &timeline) {
+        Ok(()) => {
+            eprintln!("report: {}", out.display());
+            Exit::Done
+        }
+        Err(message) => unusable(&message),
+    }
+}
+
+fn load(args: &Args) -> Result<Timeline, Exit> {
+    let directory = &args.directory;
+    let recorded = directory.join(flight::directory::SCENE).exists()
+        || directory.join(flight::directory::TIMELINE).exists();
+    if recorded && !args.telemetry {
+        return flight::load(directory).map_err(|error| unusable(&error.to_string()));
+    }
+    let mission = mission(args)?;
+    telemetry::load(directory, mission.as_ref()).map_err(|error| unusable(&error.to_string()))
+}
+
+fn mission(args: &Args) -> Result<Option<Mission>, Exit> {
+    let beside = args.directory.join("mission.toml");
+    let path = args.mission.clone().or_else(|| beside.exists().then_some(beside));
+    path.as_deref().map(load_mission).transpose()
+}
+
+/// Writes the report of a flight.
+pub(super) fn write(out: &Path, timeline: &Timeline) -> Result<(), String> {
+    std::fs::write(out, flight::html(timeline))
+        .map_err(|error| format!("cannot write {}: {error}", out.display()))
+}
+
+fn unusable(message: &str) -> Exit {
+    eprintln!("error: {message}");
+    Exit::Unusable
+}

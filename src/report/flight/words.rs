@@ -1,0 +1,124 @@
+//! Numbers as a reader wants them.
+
+use super::timeline::{Event, EventKind};
+use crate::role::Role;
+
+/// A length of time: milliseconds below one second.
+#[must_use]
+pub fn span(seconds: f64) -> String {
+    if seconds < 0.9995 { format!("{:.0} ms", seconds * 1e3) } else { format!("{seconds:.2} s") }
+}
+
+/// An instant of the flight.
+#[must_use]
+pub fn instant(seconds: f64) -> String {
+    format!("{seconds:.1} s")
+}
+
+/// A power with three significant figures.
+#[must_use]
+pub fn power(watts: f64) -> String {
+    let (value, unit) = match watts {
+        w if w >= 1.0 => (w, "W"),
+        w if w >= 1e-3 => (w * 1e3, "mW"),
+        w => (w * 1e6, "\u{b5}W"),
+    };
+    let decimals = match value {
+        v if v >= 99.95 => 0,
+        v if v >= 9.995 => 1,
+        _ => 2,
+    };
+    format!("{value:.decimals$} {unit}")
+}
+
+/// `1 slot`, `2 slots`.
+#[must_use]
+pub fn count(number: usize, what: &str) -> String {
+    format!("{number} {what}{}", if number == 1 { "" } else { "s" })
+}
+
+/// First letter large.
+#[must_use]
+pub fn sentence(text: &str) -> String {
+    let mut letters = text.chars();
+    letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
+}
+
+/// What happened, as a clause in the past.
+#[must_use]
+pub fn clause(event: &Event) -> String {
+    let whose = event.vehicle.map_or("both vehicles'".to_owned(), |role| format!("vehicle {role}'s"));
+    let lasting = event.text.rsplit_once(" for ").map_or(String::new(), |(_, time)| format!(" for {time}"));
+    let fault = event.kind == EventKind::Fault;
+    match event.code.as_deref().filter(|_| fault) {
+        Some("companion-kill") => format!("{whose} companion was killed"),
+        Some("companion-stop") => format!("{whose} companion was frozen{lasting}"),
+        Some("link-loss") => format!("the link between {whose} autopilot and companion was cut{lasting}"),
+        Some("pair-loss") => format!("the link between the two companions was cut{lasting}"),
+        Some("companion-restart") => format!("{whose} companion was killed, to be started again"),
+        Some("link-degraded") => {
+            format!("the link between {whose} autopilot and companion became poor{lasting}")
+        }
+        Some("pair-degraded") => format!("the link between the two companions became poor{lasting}"),
+        Some("disk-full") => format!("the disk under {whose} logs was full{lasting}"),
+        Some("wind-step") => format!("the wind at {} changed", whom(event.vehicle)),
+        Some("transmitter-stuck") => format!("{whose} transmitter stuck"),
+        Some("pilot-mode") => format!("{whose} pilot took over"),
+        Some("estimator-failure") => format!("{whose} position estimate failed"),
+        _ if fault => format!("a fault struck {}: {}", whom(event.vehicle), event.text),
+        _ => format!("{} said: \u{201c}{}\u{201d}", speaker(event.vehicle), event.text),
+    }
+}
+
+/// UTC as a date and a time of day, from microseconds since 1970.
+#[must_use]
+pub fn utc(unix_us: u64) -> String {
+    let seconds = unix_us / 1_000_000;
+    let (days, second) = (seconds / 86_400, seconds % 86_400);
+    // Days to a date, by the civil calendar's period of 400 years, counted from March of the year 0.
+    let shifted = days + 719_468;
+    let (era, day_of_era) = (shifted / 146_097, shifted % 146_097);
+    let year_of_era = (day_of_era - day_of_era / 1_460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
+    let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
+    let month_from_march = (5 * day_of_year + 2) / 153;
+    let day = day_of_year - (153 * month_from_march + 2) / 5 + 1;
+    let month = if month_from_march < 10 { month_from_march + 3 } else { month_from_march - 9 };
+    let year = 400 * era + year_of_era + u64::from(month <= 2);
+    let (hour, minute) = (second / 3_600, second / 60 % 60);
+    format!("{year:04}-{month:02}-{day:02} {hour:02}:{minute:02}:{:02} UTC", second % 60)
+}
+
+/// Who says a notice.
+#[must_use]
+pub fn speaker(vehicle: Option<Role>) -> String {
+    vehicle.map_or("both companions".to_owned(), |role| format!("vehicle {role}'s companion"))
+}
+
+fn whom(vehicle: Option<Role>) -> String {
+    vehicle.map_or("both vehicles".to_owned(), |role| format!("vehicle {role}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn val_spans_and_counts() {
+        assert_eq!(span(0.355), "355 ms");
+        assert_eq!(span(0.9999), "1.00 s");
+        assert_eq!((count(1, "slot"), count(0, "slot")), ("1 slot".into(), "0 slots".into()));
+        assert_eq!(sentence("i fell"), "I fell");
+        assert_eq!(
+            (power(0.499_919), power(0.003_244_9), power(1.5)),
+            ("500 mW".into(), "3.24 mW".into(), "1.50 W".into())
+        );
+        assert_eq!(sentence(""), "");
+    }
+
+    #[test]
+    fn val_dates_of_known_instants() {
+        assert_eq!(utc(0), "1970-01-01 00:00:00 UTC");
+        assert_eq!(utc(951_827_696_000_000), "2000-02-29 12:34:56 UTC");
+        assert_eq!(utc(1_800_014_400_000_000), "2027-01-15 12:00:00 UTC");
+    }
+}
