@@ -156,7 +156,7 @@ fn silence_reason(silence: Silence) -> Option<VeilwingSilence> {
         Silence::Estimator => Some(VeilwingSilence::VEILWING_SILENCE_ESTIMATOR),
         Silence::Pose => Some(VeilwingSilence::VEILWING_SILENCE_POSE),
         Silence::NoPower => Some(VeilwingSilence::VEILWING_SILENCE_TRANSMITTER),
-        Silence::NoSlot | Silence::NoLease | Silence::NoPeer => None,
+        Silence::NoSlot | Silence::NoLease | Silence::NoPeer | Silence::Resting => None,
     }
 }
 

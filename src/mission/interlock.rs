@@ -95,6 +95,9 @@ pub enum Silence {
     /// Pose out of tolerance.
     #[error("own pose is out of tolerance")]
     Pose,
+    /// J has just fallen silent out of turn.
+    #[error("the off may still be under way to the transmitter")]
+    Resting,
     /// I without a lease.
     #[error("no jam lease in force")]
     NoLease,
@@ -163,6 +166,10 @@ pub struct Interlock {
     /// older, lost command is counted for it, and looks late by as much.
     round_trip: Option<Duration>,
     standing: Option<(Permit, Instant)>,
+    /// J: no permit before this. On a link that delays and reorders, an off may reach the transmitter after the on that
+    /// followed it, and the answer to an older on be taken for the new one's; then J would vouch for a jammer that is
+    /// off. After a lease's length nothing of the old is under way.
+    rests_until: Option<Instant>,
 }
 
 impl Interlock {
@@ -184,6 +191,7 @@ impl Interlock {
             killed: false,
             round_trip: None,
             standing: None,
+            rests_until: None,
         }
     }
 
@@ -201,7 +209,9 @@ impl Interlock {
 
     /// Off, now.
     pub fn silence(&mut self, now: Instant) {
-        self.standing = None;
+        if self.standing.take().is_some() && self.role == Role::J {
+            self.rests_until = Some(now + self.lease);
+        }
         self.transmitter.silence(now);
     }
 
@@ -236,6 +246,9 @@ impl Interlock {
         }
         if !self.authorised {
             return Err(Silence::NotAuthorised);
+        }
+        if self.rests_until.is_some_and(|until| now < until) {
+            return Err(Silence::Resting);
         }
         let limit_w = self.transmitter.limit_w().unwrap_or(f64::INFINITY);
         let limit_w = limit_w.min(self.ceilings.mission_w).min(self.ceilings.vehicle_w);

@@ -75,6 +75,8 @@ pub(crate) struct Monitor {
     /// I without a jammer since, and whether there was one before.
     bare_since: Option<(Duration, bool)>,
     jammer_last_out: Option<Duration>,
+    /// When I was, or would have been, protected last.
+    jammed_last: Option<Duration>,
 }
 
 const NAMES: [&str; 2] = ["I", "J"];
@@ -139,8 +141,10 @@ impl Monitor {
         } else if self.out_since[v].is_none() {
             self.out_since[v] = Some((now, !self.radiating[v]));
         }
-        let too_long = self.out_since[v]
-            .is_some_and(|(since, from_start)| from_start || now.saturating_sub(since) > POSE_REACTION);
+        // Nobody turns on out of pose, but that a fault tears off the pose at that moment (S4).
+        let too_long = self.out_since[v].is_some_and(|(since, from_start)| {
+            from_start && !self.faulted || now.saturating_sub(since) > POSE_REACTION
+        });
         self.set(Condition::OutOfPose(v), too_long, invariant, now, || {
             let (metres, degrees) = seen.error;
             format!("{name} radiates out of its pose: {metres:.2} m and {degrees:.2} deg off")
@@ -159,18 +163,26 @@ impl Monitor {
         let i_on = i.power_w.is_some();
         let protected = planned_silent || j.power_w.is_some() && j.slot == i.slot;
         let bare = i_on && i.slot.is_some() && !protected;
+        let excused = self.faulted
+            || !j.companion
+            || self.jammer_last_out.is_some_and(|at| now.saturating_sub(at) <= EXCUSE);
+        if planned_silent || j.power_w.is_some() {
+            self.jammed_last = Some(now);
+        }
         if !bare {
             self.bare_since = None;
         } else if self.bare_since.is_none() {
-            self.bare_since = Some((now, self.radiating[0]));
+            // A jammer that a fault has silenced: what it granted before lasts, whether I is on already or not yet.
+            let leased = self.jammed_last.filter(|at| excused && now.saturating_sub(*at) <= LEASE);
+            self.bare_since = Some(match leased {
+                Some(at) if !self.radiating[0] => (at, true),
+                _ => (now, self.radiating[0]),
+            });
         }
         let (starts_bare, loses_jam) = match self.bare_since {
             Some((since, had_jam)) => (!had_jam, had_jam && since == now),
             None => (false, false),
         };
-        let excused = self.faulted
-            || !j.companion
-            || self.jammer_last_out.is_some_and(|at| now.saturating_sub(at) <= EXCUSE);
         self.set(Condition::InfoFirst, bare && starts_bare, "S3", now, || "I is on before J is".to_owned());
         let left = self.active.contains(&Condition::JamLeft) || loses_jam && !excused;
         self.set(Condition::JamLeft, bare && left, "S3", now, || "J went off while I was on".to_owned());
