@@ -33,19 +33,7 @@ pub fn shortest(router: &Router, users: &[Vec<PerVehicle<Pose>>], superframes: u
 mod tests {
     use super::*;
     use crate::geo::Enu;
-    use crate::planner::problem::Airspace;
     use crate::schedule::testing;
-    use crate::schedule::trajectory::Limits;
-
-    fn router() -> Router {
-        let airspace = Airspace {
-            altitude_m: [20.0, 120.0],
-            area_enu_m: testing::polygon(&[[-500., -500.], [500., -500.], [500., 500.], [-500., 500.]]),
-            min_separation_m: 5.0,
-        };
-        let limits = Limits::new(10.0, 5.0, 0.5);
-        Router::new(&airspace, &PerVehicle { i: limits, j: limits }).unwrap()
-    }
 
     /// Both vehicles level, J 20 m east of I.
     fn poses(x: f64, y: f64) -> PerVehicle<Pose> {
@@ -62,22 +50,22 @@ mod tests {
             vec![poses(400.0, -300.0), poses(300.0, 300.0), poses(0.0, 50.0)],
             vec![poses(-300.0, -400.0), poses(0.0, 100.0)],
         ];
-        assert_eq!(shortest(&router(), &users, 1), [1, 2, 1]);
-        assert_eq!(shortest(&router(), &users, 3), [1, 2, 1]);
+        assert_eq!(shortest(&testing::router(), &users, 1), [1, 2, 1]);
+        assert_eq!(shortest(&testing::router(), &users, 3), [1, 2, 1]);
     }
 
     #[test]
     fn val_nothing_to_choose() {
-        assert_eq!(shortest(&router(), &[vec![poses(0.0, 0.0)], vec![poses(50.0, 0.0)]], 1), [0, 0]);
-        assert!(shortest(&router(), &[], 1).is_empty());
+        assert_eq!(shortest(&testing::router(), &[vec![poses(0.0, 0.0)], vec![poses(50.0, 0.0)]], 1), [0, 0]);
+        assert!(shortest(&testing::router(), &[], 1).is_empty());
     }
 
     #[test]
     fn val_what_cannot_be_flown_is_not_chosen() {
         // A pose outside the geofence has no way to it.
         let users = [vec![poses(900.0, 0.0), poses(0.0, 0.0)], vec![poses(10.0, 0.0), poses(300.0, 0.0)]];
-        assert_eq!(shortest(&router(), &users, 1), [1, 0]);
+        assert_eq!(shortest(&testing::router(), &users, 1), [1, 0]);
         let nowhere = [vec![poses(900.0, 0.0), poses(900.0, 50.0)], vec![poses(10.0, 0.0)]];
-        assert_eq!(shortest(&router(), &nowhere, 1), [0, 0]);
+        assert_eq!(shortest(&testing::router(), &nowhere, 1), [0, 0]);
     }
 }

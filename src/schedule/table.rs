@@ -200,24 +200,12 @@ mod tests {
 
     use super::*;
     use crate::geo::{Attitude, Enu};
-    use crate::planner::problem::Airspace;
     use crate::role::Role;
     use crate::schedule::testing;
-    use crate::schedule::trajectory::Limits;
     use crate::schedule::transit::End;
 
     const S: fn(f64) -> Duration = Duration::from_secs_f64;
     const TIMING: Timing = Timing::new(Duration::from_secs(20), Duration::from_secs(1), 2);
-
-    fn router() -> Router {
-        let airspace = Airspace {
-            altitude_m: [20.0, 120.0],
-            area_enu_m: testing::polygon(&[[-500., -500.], [500., -500.], [500., 500.], [-500., 500.]]),
-            min_separation_m: 5.0,
-        };
-        let limits = Limits::new(10.0, 5.0, 0.5);
-        Router::new(&airspace, &PerVehicle { i: limits, j: limits }).unwrap()
-    }
 
     fn start() -> PerVehicle<Start> {
         let at = |x| Start { position_enu_m: Enu::new(x, 0.0, 40.0), attitude: Attitude::level() };
@@ -232,7 +220,7 @@ mod tests {
     }
 
     fn built(users: &[Vec<PerVehicle<Pose>>], timing: &Timing, order: Order) -> Result<Table, TableError> {
-        Table::build(&router(), &start(), users, timing, order)
+        Table::build(&testing::router(), &start(), users, timing, order)
     }
 
     #[test]

@@ -1,10 +1,14 @@
-//! Random instances for this module's tests.
+//! Instances for this module's tests.
 
 use nalgebra::Vector2;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::geofence::Geofence;
+use super::trajectory::Limits;
+use super::transit::Router;
+use crate::planner::problem::Airspace;
+use crate::role::PerVehicle;
 
 pub fn rng(seed: u64) -> ChaCha8Rng {
     ChaCha8Rng::seed_from_u64(seed)
@@ -44,4 +48,15 @@ pub fn inside(rng: &mut ChaCha8Rng, fence: &Geofence, radius_m: f64) -> Vector2<
             return point;
         }
     }
+}
+
+/// A router of a square kilometre for two vehicles of ten metres a second.
+pub fn router() -> Router {
+    let airspace = Airspace {
+        altitude_m: [20.0, 120.0],
+        area_enu_m: polygon(&[[-500., -500.], [500., -500.], [500., 500.], [-500., 500.]]),
+        min_separation_m: 5.0,
+    };
+    let limits = Limits::new(10.0, 5.0, 0.5);
+    Router::new(&airspace, &PerVehicle { i: limits, j: limits }).unwrap()
 }

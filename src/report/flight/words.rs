@@ -2,6 +2,7 @@
 
 use super::timeline::{Event, EventKind};
 use crate::role::Role;
+use crate::time::Utc;
 
 /// A length of time: milliseconds below one second.
 #[must_use]
@@ -73,19 +74,9 @@ pub fn clause(event: &Event) -> String {
 /// UTC as a date and a time of day, from microseconds since 1970.
 #[must_use]
 pub fn utc(unix_us: u64) -> String {
-    let seconds = unix_us / 1_000_000;
-    let (days, second) = (seconds / 86_400, seconds % 86_400);
-    // Days to a date, by the civil calendar's period of 400 years, counted from March of the year 0.
-    let shifted = days + 719_468;
-    let (era, day_of_era) = (shifted / 146_097, shifted % 146_097);
-    let year_of_era = (day_of_era - day_of_era / 1_460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
-    let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
-    let month_from_march = (5 * day_of_year + 2) / 153;
-    let day = day_of_year - (153 * month_from_march + 2) / 5 + 1;
-    let month = if month_from_march < 10 { month_from_march + 3 } else { month_from_march - 9 };
-    let year = 400 * era + year_of_era + u64::from(month <= 2);
-    let (hour, minute) = (second / 3_600, second / 60 % 60);
-    format!("{year:04}-{month:02}-{day:02} {hour:02}:{minute:02}:{:02} UTC", second % 60)
+    // Without decimals of the second.
+    let whole = Utc { unix_us: unix_us - unix_us % 1_000_000 };
+    whole.to_string().replace('T', " ").replace('Z', " UTC")
 }
 
 /// Who says a notice.
