@@ -46,7 +46,7 @@ pub struct Autopilot {
     pub(super) stream: Stream,
     pub(super) control: Control,
     pub(super) guard: LandDetectorGuard,
-    /// Whether this flight has left the ground.
+    /// Whether this flight has left the ground. It ends by disarming alone: a land detector may be mistaken.
     pub(super) flown: bool,
     pub(super) previous_mode: Option<Mode>,
     pub(super) bridge: Bridge,
@@ -125,6 +125,8 @@ impl Autopilot {
             }
             _ => {
                 self.telemetry.handle(message, now, &mut self.out);
+                let state = &self.telemetry.state;
+                self.flown |= state.is_armed() && state.is_airborne() == Some(true);
                 self.check_climb();
             }
         }

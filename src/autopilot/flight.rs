@@ -8,7 +8,6 @@ use super::guard::{self, LandDetectorGuard};
 use super::position_control::Measured;
 use super::setpoint::Surroundings;
 use super::settings::Actuation;
-use super::state::Landed;
 use crate::time::Instant;
 
 impl Autopilot {
@@ -43,8 +42,10 @@ impl Autopilot {
             && self.settings.planned_tilt_rad > guard::NEEDED_ABOVE_RAD
     }
 
+    /// A vehicle that has flown is taken to fly until it disarms: idle thrust in mid-air, because a land detector took
+    /// a tilted hover for the ground, would make it fall.
     fn is_flying(&self) -> bool {
-        self.telemetry.state.landed.map_or(self.flown, |landed| landed.value != Landed::OnGround)
+        self.flown || self.telemetry.state.is_airborne() == Some(true)
     }
 
     /// Streams the setpoint if one is due and the phase allows it.
