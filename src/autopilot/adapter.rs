@@ -147,6 +147,7 @@ impl Autopilot {
             self.streams.advance(now, &mut self.commands);
             self.advance_goals(now);
             self.guard_land_detector(now);
+            self.parameters.refresh(!self.telemetry.state.is_armed(), now);
             self.tick(firmware, address, now);
         }
         self.pump(firmware, address, now);

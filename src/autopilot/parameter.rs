@@ -17,6 +17,8 @@ use crate::time::Instant;
 const ANSWER_TIMEOUT: Duration = Duration::from_millis(500);
 const ATTEMPTS: u8 = 4;
 const READS_IN_FLIGHT: usize = 4;
+/// On the ground everything is read again this often: someone may be putting right what the preflight named.
+const AGAIN: Duration = Duration::from_secs(5);
 
 /// A parameter's value.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -58,6 +60,8 @@ struct Exchange {
 #[derive(Debug)]
 struct Entry {
     known: Option<(ParamValue, MavParamType)>,
+    /// Asked for in vain at least once.
+    silent: bool,
     read: Option<Exchange>,
     /// The value to be written and how far that is; kept until the autopilot repeats the value.
     write: Option<(f64, Exchange)>,
@@ -69,6 +73,7 @@ const FRESH: Exchange = Exchange { sent: 0, waits_until: None };
 #[derive(Debug, Default)]
 pub(super) struct Parameters {
     entries: BTreeMap<String, Entry>,
+    again_at: Option<Instant>,
 }
 
 impl Parameters {
@@ -81,7 +86,12 @@ impl Parameters {
     /// Starts to read these parameters as well, unless they have been asked for before.
     pub(super) fn read_also(&mut self, names: impl IntoIterator<Item = String>) {
         for name in names {
-            self.entries.entry(name).or_insert(Entry { known: None, read: Some(FRESH), write: None });
+            self.entries.entry(name).or_insert(Entry {
+                known: None,
+                silent: false,
+                read: Some(FRESH),
+                write: None,
+            });
         }
     }
 
@@ -89,9 +99,25 @@ impl Parameters {
     pub(super) fn get(&self, name: &str) -> Knowledge {
         match self.entries.get(name) {
             Some(Entry { known: Some((value, _)), .. }) => Knowledge::Known(*value),
-            Some(Entry { read: Some(_), .. }) => Knowledge::Pending,
+            Some(Entry { silent: false, .. }) => Knowledge::Pending,
             _ => Knowledge::Unknown,
         }
+    }
+
+    /// Whether one of the parameters with this prefix is still asked for.
+    pub(super) fn is_reading(&self, prefix: &str) -> bool {
+        self.entries.iter().any(|(name, e)| name.starts_with(prefix) && e.known.is_none() && !e.silent)
+    }
+
+    /// Reads everything again, now and then; what is known stays known meanwhile.
+    pub(super) fn refresh(&mut self, on_ground: bool, now: Instant) {
+        if self.again_at.is_some_and(|at| now < at) {
+            return;
+        }
+        if on_ground && self.again_at.is_some() {
+            self.entries.values_mut().for_each(|entry| _ = entry.read.get_or_insert(FRESH));
+        }
+        self.again_at = Some(now + AGAIN);
     }
 
     /// Writes a parameter whose type is known from reading it; `false` if it is not.
@@ -134,6 +160,7 @@ impl Parameters {
                 let expired = read.waits_until.is_some_and(|until| until <= now);
                 if expired && read.sent == ATTEMPTS {
                     entry.read = None;
+                    entry.silent = true;
                 } else if expired || (read.waits_until.is_none() && in_flight < READS_IN_FLIGHT) {
                     in_flight += 1;
                     step(read, now);
@@ -165,6 +192,7 @@ impl Parameters {
             .values()
             .flat_map(|entry| [entry.read, entry.write.map(|(_, write)| write)])
             .filter_map(|exchange| exchange?.waits_until)
+            .chain(self.again_at)
             .min()
     }
 }

@@ -168,7 +168,8 @@ fn parameter(
     judge: impl FnOnce(f64) -> (Verdict, &'static str),
 ) -> Check {
     match autopilot.parameters.get(name) {
-        Knowledge::Pending => check(name, Verdict::Warn, "not read yet"),
+        // It may be the one that should fail. Asking ends: what does not answer is unknown.
+        Knowledge::Pending => check(name, Verdict::Fail, "not read yet"),
         Knowledge::Unknown => check(name, Verdict::Warn, "the autopilot does not answer: not known"),
         Knowledge::Known(value) => {
             let (result, should_be) = judge(value.as_f64());
@@ -226,6 +227,9 @@ fn px4(autopilot: &Autopilot, all: &mut Vec<Check>) {
             (Some(given), _) => check("thrust scales", Pass, format!("{given:?} as configured")),
             (None, Some([x, y, z])) => {
                 check("thrust scales", Pass, format!("{x:.2}, {y:.2}, {z:.2} from CA_ROTOR*"))
+            }
+            (None, None) if autopilot.parameters.is_reading("CA_ROTOR") => {
+                check("thrust scales", Fail, "CA_ROTOR* not read yet")
             }
             (None, None) => check("thrust scales", Warn, "CA_ROTOR* not known: taken as equal on every axis"),
         });

@@ -3,6 +3,7 @@
 mod bridge;
 mod fake;
 mod omnicopter;
+mod parameters;
 
 use std::time::Duration;
 

@@ -28,6 +28,7 @@ use super::course::{self, AgreementTime, Change, Health};
 use super::face::{Face, Scene};
 use super::flight::Phase;
 use super::interlock::{Ceilings, Interlock, Silence};
+use super::preflight::Preflight;
 use super::slot::SlotRun;
 use super::start::Start;
 
@@ -151,7 +152,7 @@ pub struct Executive {
     /// J: asked to end, which waits likewise.
     pub(super) stop_wanted: bool,
     pub(super) outcome: Option<Outcome>,
-    pub(super) waiting_for: String,
+    pub(super) preflight: Preflight,
     pub(super) shutting_down: Option<Instant>,
     pub(super) face: Face,
     /// J: I has been told that our state is late.
@@ -198,7 +199,7 @@ impl Executive {
             pending_abort: None,
             stop_wanted: false,
             outcome: None,
-            waiting_for: String::new(),
+            preflight: Preflight::default(),
             shutting_down: None,
             face: Face::new(now),
             told_late: false,
@@ -214,6 +215,7 @@ impl Executive {
     /// The plan, made elsewhere (planning never blocks the loop).
     pub fn handle_plan(&mut self, plan: Plan) {
         self.notice(MavSeverity::MAV_SEVERITY_INFO, format!("planned {} slots", plan.slots.len()));
+        self.check_plan(&plan);
         self.plan = Some(plan);
     }
 

@@ -7,7 +7,6 @@ use mavlink::dialects::ardupilotmega::MavSeverity;
 use crate::geo::{Attitude, Enu};
 use crate::pair::Readiness;
 use crate::pair::wire::VeilwingFlags;
-use crate::preflight::Verdict;
 use crate::role::Role;
 use crate::schedule::trajectory::{Start, Trajectory};
 use crate::time::{Instant, Utc};
@@ -143,70 +142,6 @@ impl Executive {
             self.motion = None;
             self.autopilot.land(now);
             self.enter(Phase::Landing, now);
-        }
-    }
-
-    /// On the ground: takes off once nothing is missing.
-    fn stand_by(&mut self, now: Instant) {
-        // A companion that comes back in flight knows neither its home nor who flies: it takes nothing over (F2).
-        let armed = self.autopilot.state().is_armed();
-        if self.home_enu_m.is_none() && !armed {
-            self.home_enu_m = self.position();
-        }
-        if let Err(error) = self.make_table() {
-            return self.wait_for(vec![error.to_string()], now);
-        }
-        let mut missing = self.preflight(now);
-        if armed {
-            missing.push("the vehicle is armed already: land and disarm it first".into());
-        }
-        self.preflight_ok = missing.is_empty();
-        let peer = self.pair.peer();
-        if !peer.heard_within(self.settings.pair.peer_timeout, now) {
-            missing.push(format!("vehicle {} is not heard", self.settings.role.peer()));
-        } else if !self.pair.agrees() {
-            missing.push("missions and plans of both vehicles are not yet known to be the same".into());
-        } else if !peer.says(VeilwingFlags::VEILWING_FLAGS_PREFLIGHT_OK)
-            && !peer.says(VeilwingFlags::VEILWING_FLAGS_AIRBORNE)
-        {
-            missing.push(format!("vehicle {} is not ready", self.settings.role.peer()));
-        }
-        if missing.is_empty() {
-            let (utc, climb) = (self.autopilot.utc(now), self.climb_time());
-            missing.extend(self.start.waits_for(utc, climb));
-        }
-        if !missing.is_empty() {
-            return self.wait_for(missing, now);
-        }
-        self.notice(MavSeverity::MAV_SEVERITY_INFO, "preflight passed, taking off".into());
-        self.motion =
-            self.here().map(|start| Motion { trajectory: Trajectory::rest(&start), starts_at: now });
-        self.autopilot.take_control(now);
-        self.enter(Phase::TakingControl, now);
-    }
-
-    /// Our own checks that do not pass.
-    fn preflight(&mut self, now: Instant) -> Vec<String> {
-        let mut missing = Vec::new();
-        if self.plan.is_none() {
-            missing.push("the plan is being made".to_owned());
-        }
-        let checks =
-            self.autopilot.preflight(now).into_iter().chain(self.interlock.transmitter().preflight());
-        let failed = checks.filter(|check| check.result == Verdict::Fail);
-        missing.extend(failed.map(|check| format!("{}: {}", check.name, check.detail)));
-        if self.autopilot.utc(now).is_none() {
-            missing.push("clock: the autopilot has no UTC yet (SYSTEM_TIME)".into());
-        }
-        missing
-    }
-
-    /// Says what is waited for, when it changes.
-    fn wait_for(&mut self, missing: Vec<String>, _now: Instant) {
-        let text = missing.join("; ");
-        if text != self.waiting_for {
-            self.notice(MavSeverity::MAV_SEVERITY_INFO, format!("waiting: {text}"));
-            self.waiting_for = text;
         }
     }
 
@@ -347,7 +282,7 @@ impl Executive {
         Some(trajectory)
     }
 
-    fn climb_time(&self) -> Duration {
+    pub(super) fn climb_time(&self) -> Duration {
         self.home_enu_m.and_then(|home| self.way_up(home)).map_or(Duration::ZERO, |way| way.duration())
     }
 

@@ -8,6 +8,7 @@ mod homing;
 pub mod interlock;
 mod operator;
 pub mod pose_monitor;
+mod preflight;
 mod reaction;
 mod slot;
 mod staleness;

@@ -175,6 +175,12 @@ impl Flight {
         self.send_to_companion(role, frame.raw_bytes());
     }
 
+    /// A ground station's message to the autopilot.
+    pub fn tell_autopilot(&mut self, role: Role, message: &MavMessage) {
+        let frame = self.station.encode((255, 190), message);
+        self.world.handle(index(role), 0, frame.raw_bytes());
+    }
+
     /// Flies until `done`, or to `LONGEST`. Whether it was done.
     pub fn until(&mut self, done: impl FnMut(&Self) -> bool) -> bool {
         self.until_or(LONGEST, done)

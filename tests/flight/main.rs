@@ -10,6 +10,7 @@ mod harness;
 mod kinds;
 mod mutations;
 mod nominal;
+mod preflight;
 mod reaction;
 mod reaction_table;
 mod start;
