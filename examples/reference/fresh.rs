@@ -189,7 +189,7 @@ pub fn table(run: &Run) -> Result<(), Failure> {
         "kind                      N  deg   mean rate  short by > limit  mean short    worst  infeasible by"
     );
     let (mut all, mut losses, mut infeasible) = (0, vec![], 0.0f64);
-    for kind in &KINDS {
+    for kind in KINDS.iter().filter(|kind| run.kind.as_ref().is_none_or(|wanted| kind.0.contains(wanted))) {
         let (mut rates, mut short, mut violation, mut limit) = (vec![], vec![], 0.0f64, 0.05);
         for index in 0..scenarios {
             let problem = scenario(kind, run.seed, index);

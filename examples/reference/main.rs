@@ -4,7 +4,10 @@
 //! cargo run --release --no-default-features --example reference -- TABLE [--every K] [--threads N] [--starts N]
 //! ```
 //!
-//! TABLE is `no-jitter`, `methods`, `methods-jitter`, `paper`, `jitter`, `variants`, `robust`, `times`, `fresh` or `plans` (CSV); `--every K` takes every K-th scenario, `paper --first K` the first K only (MODEL's figures for N = 5 are of the first 20).
+//! TABLE is `no-jitter`, `methods`, `methods-jitter`, `paper`, `jitter`, `variants`, `robust`, `times`, `fresh` or `plans`
+//! (CSV). `--every K` takes
+//! every K-th scenario, `paper --first K` the first K only (MODEL's figures for N = 5 are of the first 20), and
+//! `fresh --kind TEXT` the kinds with TEXT in their name.
 //! Rates are in bit/s/Hz (the scenarios' bandwidth is 1 MHz).
 
 mod data;
@@ -26,6 +29,7 @@ fn main() -> ExitCode {
         threads: number("--threads", 1),
         starts: number("--starts", 0),
         seed: number("--seed", 0) as u64,
+        kind: arguments.iter().position(|a| a == "--kind").and_then(|at| arguments.get(at + 1)).cloned(),
     };
     let table = match arguments.first().map(String::as_str) {
         Some("no-jitter") => tables::no_jitter,
@@ -40,7 +44,7 @@ fn main() -> ExitCode {
         Some("plans") => tables::plans,
         _ => {
             eprintln!(
-                "usage: reference no-jitter|methods|methods-jitter|paper|jitter|variants|robust|times|fresh|plans [--every K] [--first K] [--threads N] [--starts N] [--seed N]"
+                "usage: reference no-jitter|methods|methods-jitter|paper|jitter|variants|robust|times|fresh|plans [--every K] [--first K] [--threads N] [--starts N] [--seed N] [--kind TEXT]"
             );
             return ExitCode::from(2);
         }

@@ -15,6 +15,8 @@ pub struct Run {
     pub threads: usize,
     pub starts: usize,
     pub seed: u64,
+    /// Of the kinds of `fresh`, those with this in their name.
+    pub kind: Option<String>,
 }
 
 impl Run {

@@ -59,7 +59,7 @@ pub struct Local {
 pub struct Memory {
     sampled: Workspace,
     exact: Exact,
-    draws: Draws,
+    pub(super) draws: Draws,
 }
 
 /// Crossings of a cut between cells that one search may make.

@@ -2,7 +2,9 @@
 //! sixteen samples of attitude noise have a draw of the positions of their own.)
 //!
 //! *Quantile.* Let `F_d(x)` be the expected rate at draw d of the positions, the same attitude noise for each draw. The
-//! 5% quantile of the F_d is smoothed into their mean with a triangular weight over the lowest tenth of the ranks.
+//! 5% quantile of the F_d is smoothed into their mean with a triangular weight over the lowest tenth of the ranks. Few draws
+//! matter to it, and many are needed lest a dozen variables fit the few that do: of many draws those that are lowest at
+//! the present x are searched over, and those that have become low join them, until the quantile over all gains no more.
 //!
 //! *Worst case.* `max_x min_e F(x, e)`, e within the discs (for a Gaussian: within the circle that holds 95%). A finite
 //! set E of positions stands for the discs; in turn, x maximises the soft minimum of `F(x, e)` over E, and the worst e for
@@ -31,11 +33,17 @@ pub const QUANTILE: f64 = 0.05;
 /// How finely an objective over draws is resolved.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Resolution {
-    /// To compare candidates.
+    /// To sort out many candidates.
     Coarse,
+    /// To compare few.
+    Medium,
     /// For the plan.
     Fine,
 }
+/// Of so many draws one is among the lowest that a quantile is searched over: these hold its weights twice over.
+const LOWEST_SHARE: usize = 5;
+/// A gain of the quantile, in nats, that is worth another round.
+const WORTH: f64 = 1e-4;
 /// Sharpness of the soft minimum, per nat.
 const SHARPNESS: [f64; 2] = [30.0, 1000.0];
 /// A worst case this near to the set's own, in nats, is settled.
@@ -48,8 +56,11 @@ const ROUNDS: usize = 6;
 /// How the rates of draws are combined.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Combination {
-    /// The smoothed quantile.
-    Quantile,
+    /// The smoothed quantile of so many draws, of which those present are the lowest.
+    Quantile {
+        /// All draws.
+        of: usize,
+    },
     /// The soft minimum of this sharpness.
     SoftMinimum(f64),
 }
@@ -84,12 +95,12 @@ impl Draws {
             }
         };
         match combination {
-            Combination::Quantile => {
+            Combination::Quantile { of } => {
                 self.order.clear();
                 self.order.extend(0..self.values.len());
                 self.order
                     .sort_unstable_by(|a, b| self.values[*a].total_cmp(&self.values[*b]).then(a.cmp(b)));
-                let n = self.values.len() as f64;
+                let n = of as f64;
                 let weight =
                     |rank: usize| (1.0 - ((rank as f64 + 0.5) / n - QUANTILE).abs() / QUANTILE).max(0.0);
                 let total: f64 = (0..self.order.len()).map(weight).sum::<f64>().max(f64::MIN_POSITIVE);
@@ -123,7 +134,7 @@ fn radius_m(node: &Eavesdropper) -> f64 {
     }
 }
 
-/// Maximises the quantile from a start.
+/// Maximises the quantile from a start; the value is the smoothed quantile over all draws.
 pub fn maximise_quantile(
     setup: &Setup,
     chart: &Chart,
@@ -132,15 +143,43 @@ pub fn maximise_quantile(
     resolution: Resolution,
     memory: &mut Memory,
 ) -> Local {
-    let (draws, count) = match resolution {
-        Resolution::Coarse => (64, 32),
-        Resolution::Fine if setup.jitters() => (512, 32),
-        Resolution::Fine => (1024, 1),
+    let (draws, count, rounds) = match resolution {
+        Resolution::Coarse => (256, 32, 1),
+        Resolution::Medium => (512, 32, 2),
+        Resolution::Fine => (2048, 64, 4),
     };
     let positions = Samples::positions(setup.problem, draws, sobol::mix(seed, 2));
-    let samples = Samples::shared(setup.problem, count, positions, sobol::mix(seed, 1));
-    let target = Target::OverDraws { samples: &samples, combination: Combination::Quantile };
-    memory.maximise(setup, chart, target, &start.raw, &settings(60)).unwrap_or(start)
+    let shared = |positions| Samples::shared(setup.problem, count, positions, sobol::mix(seed, 1));
+    let all = shared(positions.clone());
+    let combination = Combination::Quantile { of: draws };
+    let mut is_low = vec![false; draws];
+    let mut best = Local { value: memory.quantile(setup, &all, &start.raw, &mut is_low), ..start };
+    let mut at = best;
+    for _ in 0..rounds {
+        let low = positions.iter().zip(&is_low).filter(|(_, low)| **low).map(|(draw, _)| draw.clone());
+        let samples = shared(low.collect());
+        let target = Target::OverDraws { samples: &samples, combination };
+        at = memory.maximise(setup, chart, target, &at.raw, &settings(60)).unwrap_or(at);
+        let value = memory.quantile(setup, &all, &at.raw, &mut is_low);
+        let gain = value - best.value;
+        if gain > 0.0 {
+            best = Local { value, ..at };
+        }
+        if gain < WORTH && gain > -WORTH {
+            break;
+        }
+    }
+    best
+}
+
+impl Memory {
+    /// The smoothed quantile over all draws of `samples`; the lowest of them join `is_low`.
+    fn quantile(&mut self, setup: &Setup, samples: &Samples, raw: &Raw, is_low: &mut [bool]) -> f64 {
+        let combination = Combination::Quantile { of: is_low.len() };
+        let value = self.value(setup, Target::OverDraws { samples, combination }, raw, &mut [0.0; 14]);
+        self.draws.order.iter().take(is_low.len() / LOWEST_SHARE).for_each(|draw| is_low[*draw] = true);
+        value
+    }
 }
 
 fn settings(iterations: usize) -> Solver {
@@ -157,7 +196,7 @@ pub fn maximise_worst_case(
     memory: &mut Memory,
 ) -> Local {
     let (count, rounds) = match resolution {
-        Resolution::Coarse => (64, 6),
+        Resolution::Coarse | Resolution::Medium => (64, 6),
         Resolution::Fine => (256, 10),
     };
     let estimates: Vec<_> = setup.problem.eavesdroppers.iter().map(|e| e.position_enu_m).collect();
@@ -327,7 +366,7 @@ mod tests {
         }
         let mut gradient = [0.0; 14];
         // Ranks 0 to 3 of 40, weights 1/4, 3/4, 3/4, 1/4: symmetric about the 5% point, 1.5.
-        assert!((draws.combine(Combination::Quantile, &mut gradient) - 1.5).abs() < 1e-12);
+        assert!((draws.combine(Combination::Quantile { of: 40 }, &mut gradient) - 1.5).abs() < 1e-12);
         assert!((gradient[0] - 1.5).abs() < 1e-12);
         assert!(draws.combine(Combination::SoftMinimum(1e3), &mut gradient).abs() < 1e-12);
         assert!(gradient[0].abs() < 1e-12);

@@ -29,11 +29,13 @@ use crate::radio::pattern;
 /// Sharpness of the smoothed maximum per nat: screening, then polishing.
 const SCREEN_SHARPNESS: [f64; 2] = [15.0, 200.0];
 const POLISH_SHARPNESS: [f64; 3] = [2e3, 2e4, 2e5];
-/// Starts without jitter and with it; of either, at any tilt and where tilt is limited.
-const EXACT_STARTS: [usize; 2] = [24, 64];
+/// Starts without jitter and with it; of either, at any tilt, and where tilt is limited or the yaw is free. Two more for
+/// each eavesdropper beyond ten: they are taken in turn.
+const EXACT_STARTS: [usize; 2] = [24, 112];
 const SAMPLED_STARTS: [usize; 2] = [36, 96];
+const USUAL_EAVESDROPPERS: usize = 10;
 /// Candidates that are polished without jitter.
-const EXACT_POLISHED: usize = 4;
+const EXACT_POLISHED: usize = 6;
 /// Iterations from every start of a screening under jitter, and of the better ones after that.
 const SCREEN_ITERATIONS: [usize; 2] = [15, 60];
 /// One in so many starts is followed to its end, at least so many.
@@ -43,8 +45,10 @@ const SCREEN_LEAST: usize = 12;
 const SCREEN_SAMPLES: usize = 64;
 /// Samples, candidates and tolerance of the polishing, stage by stage.
 const POLISH_SAMPLES: [(usize, usize, f64); 3] = [(256, 6, 1e-4), (512, 3, 1e-5), (2048, 1, 1e-7)];
-/// Candidates that are improved for a quantile or a worst case.
-const OVER_DRAWS: [(Resolution, usize); 2] = [(Resolution::Coarse, 4), (Resolution::Fine, 1)];
+/// Candidates that are improved for a quantile, and for a worst case.
+const FOR_QUANTILE: &[(Resolution, usize)] =
+    &[(Resolution::Coarse, 12), (Resolution::Medium, 4), (Resolution::Fine, 1)];
+const FOR_WORST_CASE: &[(Resolution, usize)] = &[(Resolution::Coarse, 4), (Resolution::Fine, 1)];
 /// Samples that share a draw of uncertain positions; without jitter a block, whose samples are then all the same.
 const SAMPLES_PER_DRAW: usize = 16;
 /// Least P_J over its cap, as a logarithm.
@@ -79,14 +83,15 @@ fn ends(setup: &Setup, options: &Options, near: Option<Near>) -> Vec<Local> {
     match (random, setup.problem.objective) {
         (false, _) => exact(setup, options, near),
         (true, Objective::Quantile) if heeds_uncertainty => {
-            over_draws(setup, options, near, robust::maximise_quantile)
+            over_draws(setup, options, near, FOR_QUANTILE, robust::maximise_quantile)
         }
         (true, Objective::WorstCase) if heeds_uncertainty => {
-            over_draws(setup, options, near, robust::maximise_worst_case)
+            over_draws(setup, options, near, FOR_WORST_CASE, robust::maximise_worst_case)
         }
         (true, _) => {
             let samples = samples(setup, options);
-            polish(setup, options, near, &samples, screen(setup, options, &samples))
+            let screened = screen(setup, options, &samples, POLISH_SAMPLES[0].1);
+            polish(setup, options, near, &samples, screened)
         }
     }
 }
@@ -121,7 +126,7 @@ fn candidates(own: usize, options: &Options) -> usize {
 /// Without jitter, at the estimated positions.
 fn exact(setup: &Setup, options: &Options, near: Option<Near>) -> Vec<Local> {
     let charts = [chart(setup, true, can_null(setup)), chart(setup, false, false)];
-    let count = options.starts.unwrap_or(EXACT_STARTS[usize::from(is_restricted(setup))]);
+    let count = options.starts.unwrap_or_else(|| own_starts(setup, EXACT_STARTS));
     let screened = parallel::map(options.threads, count, |memory: &mut Memory, index| {
         let mut raw = starts::start(setup, index, options.seed);
         let mut end = None;
@@ -154,13 +159,19 @@ fn samples(setup: &Setup, options: &Options) -> Samples {
     Samples::new(setup.problem, count, draws, sobol::mix(options.seed, 1), Sequence::Sobol)
 }
 
+/// The method's own number of starts.
+fn own_starts(setup: &Setup, [usual, many]: [usize; 2]) -> usize {
+    let own = if is_restricted(setup) || setup.problem.free_yaw { many } else { usual };
+    own + 2 * setup.problem.eavesdroppers.len().saturating_sub(USUAL_EAVESDROPPERS)
+}
+
 /// The best distinct ends of many starts on few samples.
-fn screen(setup: &Setup, options: &Options, samples: &Samples) -> Vec<Local> {
-    let coarse = samples.first(SCREEN_SAMPLES);
+fn screen(setup: &Setup, options: &Options, samples: &Samples, most: usize) -> Vec<Local> {
+    let coarse = samples.first(if setup.heeds_uncertainty() { 4 * SCREEN_SAMPLES } else { SCREEN_SAMPLES });
     let charts = [chart(setup, true, false), chart(setup, false, false)];
     let chart_of = |index: usize| &charts[usize::from(starts::is_elsewhere(index))];
     let target = Target::Mean { samples: &coarse, clip: false };
-    let count = options.starts.unwrap_or(SAMPLED_STARTS[usize::from(is_restricted(setup))]);
+    let count = options.starts.unwrap_or_else(|| own_starts(setup, SAMPLED_STARTS));
     let begun = parallel::map(options.threads, count, |memory: &mut Memory, index| {
         let start = starts::start(setup, index, options.seed);
         memory.maximise(setup, chart_of(index), target, &start, &settings(SCREEN_ITERATIONS[0], 1e-4))
@@ -177,7 +188,7 @@ fn screen(setup: &Setup, options: &Options, samples: &Samples) -> Vec<Local> {
         let solver = continued(SCREEN_ITERATIONS[1], 1e-4, end.curvature);
         memory.maximise(setup, chart_of(index), target, &end.raw, &solver).or(Some(end))
     });
-    distinct(setup, ends, candidates(POLISH_SAMPLES[0].1, options))
+    distinct(setup, ends, candidates(most, options))
 }
 
 /// All variables free, on more and more samples, fewer and fewer candidates.
@@ -213,11 +224,13 @@ fn over_draws(
     setup: &Setup,
     options: &Options,
     near: Option<Near>,
+    stages: &[(Resolution, usize)],
     maximise: impl Fn(&Setup, &Chart, Local, u64, Resolution, &mut Memory) -> Local + Sync,
 ) -> Vec<Local> {
-    let mut best = screen(setup, options, &samples(setup, options));
+    let most = stages.first().map_or(1, |(_, own)| *own);
+    let mut best = screen(setup, options, &samples(setup, options), most);
     let chart = chart(setup, false, false);
-    for (resolution, own) in OVER_DRAWS {
+    for &(resolution, own) in stages {
         let kept = if own > 1 { candidates(own, options) } else { last(&best, near) };
         best.truncate(kept);
         let ends = parallel::map(options.threads, best.len(), |memory: &mut Memory, index| {
