@@ -118,8 +118,10 @@ fn continued(iterations: usize, tolerance: f64, curvature: Option<Matrix>) -> So
     })
 }
 
-/// Candidates of a stage: its own number, or more where more starts are asked for.
-fn candidates(own: usize, options: &Options) -> usize {
+/// Candidates of a stage: its own number, or more where more starts are asked for, or where the screening, with J's axis
+/// from phase 2, knows nothing of what a free yaw gains.
+fn candidates(own: usize, setup: &Setup, options: &Options) -> usize {
+    let own = if setup.problem.free_yaw { 3 * own } else { own };
     own.max(own * options.starts.unwrap_or(0) / 100)
 }
 
@@ -138,7 +140,7 @@ fn exact(setup: &Setup, options: &Options, near: Option<Near>) -> Vec<Local> {
         }
         end
     });
-    let best = distinct(setup, screened, candidates(EXACT_POLISHED, options));
+    let best = distinct(setup, screened, candidates(EXACT_POLISHED, setup, options));
     let chart = &charts[usize::from(count > starts::ELSEWHERE)];
     let polished = parallel::map(options.threads, best.len(), |memory: &mut Memory, index| {
         let mut end = best[index];
@@ -169,7 +171,9 @@ fn own_starts(setup: &Setup, [usual, many]: [usize; 2]) -> usize {
 fn screen(setup: &Setup, options: &Options, samples: &Samples, most: usize) -> Vec<Local> {
     let coarse = samples.first(if setup.heeds_uncertainty() { 4 * SCREEN_SAMPLES } else { SCREEN_SAMPLES });
     let charts = [chart(setup, true, false), chart(setup, false, false)];
-    let chart_of = |index: usize| &charts[usize::from(starts::is_elsewhere(index))];
+    // With a free yaw J's axis leaves open how the noise acts on it.
+    let free = |index: usize| setup.problem.free_yaw || starts::is_elsewhere(index);
+    let chart_of = |index: usize| &charts[usize::from(free(index))];
     let target = Target::Mean { samples: &coarse, clip: false };
     let count = options.starts.unwrap_or_else(|| own_starts(setup, SAMPLED_STARTS));
     let begun = parallel::map(options.threads, count, |memory: &mut Memory, index| {
@@ -188,7 +192,7 @@ fn screen(setup: &Setup, options: &Options, samples: &Samples, most: usize) -> V
         let solver = continued(SCREEN_ITERATIONS[1], 1e-4, end.curvature);
         memory.maximise(setup, chart_of(index), target, &end.raw, &solver).or(Some(end))
     });
-    distinct(setup, ends, candidates(most, options))
+    distinct(setup, ends, candidates(most, setup, options))
 }
 
 /// All variables free, on more and more samples, fewer and fewer candidates.
@@ -204,7 +208,7 @@ fn polish(
         end.curvature = None;
     }
     for (count, own, tolerance) in POLISH_SAMPLES {
-        let kept = if own > 1 { candidates(own, options) } else { last(&best, near) };
+        let kept = if own > 1 { candidates(own, setup, options) } else { last(&best, near) };
         best.truncate(kept);
         let samples = all.first(count);
         let target = Target::Mean { samples: &samples, clip: true };
@@ -231,7 +235,7 @@ fn over_draws(
     let mut best = screen(setup, options, &samples(setup, options), most);
     let chart = chart(setup, false, false);
     for &(resolution, own) in stages {
-        let kept = if own > 1 { candidates(own, options) } else { last(&best, near) };
+        let kept = if own > 1 { candidates(own, setup, options) } else { last(&best, near) };
         best.truncate(kept);
         let ends = parallel::map(options.threads, best.len(), |memory: &mut Memory, index| {
             Some(maximise(setup, &chart, best[index], options.seed, resolution, memory))

@@ -67,7 +67,22 @@ pub fn start(setup: &Setup, index: usize, seed: u64) -> Raw {
     (raw[VEHICLE + ANGLES], raw[VEHICLE + ANGLES + 1]) = pattern::canonical_angles(&(j - user));
     raw[POWER] = setup.problem.radio.max_power_w.i;
     raw[VEHICLE + POWER] = jammer_power_w(setup, &j, rng.random_range(0.0..1.0));
+    if setup.problem.free_yaw {
+        turn(&mut raw, &mut rng);
+    }
     raw
+}
+
+/// The same axes at yaws drawn at random: noise in roll and pitch acts otherwise on each.
+fn turn(raw: &mut Raw, rng: &mut ChaCha8Rng) {
+    for vehicle in raw.chunks_mut(VEHICLE) {
+        let axis = pattern::antenna_axis(vehicle[ANGLES], vehicle[ANGLES + 1], 0.0);
+        let yaw = rng.random_range(-std::f64::consts::PI..std::f64::consts::PI);
+        let (sin, cos) = libm::sincos(yaw);
+        let back = Vector3::new(cos * axis.x + sin * axis.y, cos * axis.y - sin * axis.x, axis.z);
+        (vehicle[ANGLES], vehicle[ANGLES + 1]) = pattern::canonical_angles(&back);
+        vehicle[ANGLES + 2] = yaw;
+    }
 }
 
 /// I's position and axis.
