@@ -137,19 +137,30 @@ fn prop_plans_near_the_best_are_near_sound_and_apart() {
 /// threads is in them. Both vehicles compare this digest.
 #[test]
 fn regress_digests_of_plans() {
-    let digests: Vec<String> = [(0.0, Objective::Mean), (2.0, Objective::Mean), (2.0, Objective::WorstCase)]
+    let kinds = [
+        (0.0, Objective::Mean),
+        (2.0, Objective::Mean),
+        (2.0, Objective::Nominal),
+        (2.0, Objective::WorstCase),
+        (2.0, Objective::Quantile),
+    ];
+    let digests: Vec<String> = kinds
         .into_iter()
         .map(|(deg, objective)| {
             let mut problem = problem(&[[120.0, -40.0], [-300.0, 210.0]], deg);
             problem.objective = objective;
-            if objective == Objective::WorstCase {
+            problem.free_yaw = objective == Objective::Nominal;
+            if matches!(objective, Objective::WorstCase | Objective::Quantile) {
                 problem.eavesdroppers[0].uncertainty = Uncertainty::Disc { radius_m: 40.0 };
             }
             let plan = plan_slot(&problem, &Options::default()).unwrap();
             hex(&Plan::new(vec![PlannedSlot { user: "u".into(), plan }]).digest)[..16].to_owned()
         })
         .collect();
-    assert_eq!(digests, ["360b472d795d33dd", "508a77ee41e6b45b", "d54be2a1b7e4f43a"]);
+    assert_eq!(
+        digests,
+        ["360b472d795d33dd", "508a77ee41e6b45b", "48db51031504a313", "2cb5668817c1a397", "cd31a149b6c27e9a"]
+    );
 }
 
 /// Nothing that shapes a plan calls the system's mathematical library, whose last digit differs from machine to machine.
