@@ -6,8 +6,9 @@ use super::Outbox;
 use super::settings::Event;
 use crate::time::Instant;
 
-/// Heartbeats come once a second; the mode is unknown when three in a row are missing.
-const HEARTBEAT_TIMEOUT: Duration = Duration::from_millis(3500);
+/// Heartbeats come once a second; the mode is unknown when five in a row are missing. A link that loses one message in ten
+/// does not lose five in a row in a flight, and three in a row it may.
+const HEARTBEAT_TIMEOUT: Duration = Duration::from_millis(5500);
 
 /// When the autopilot was last heard.
 #[derive(Debug)]
@@ -53,11 +54,14 @@ impl LinkWatch {
             return false;
         }
         self.lost = true;
-        let silent_for = self.heard_at.map_or(Duration::ZERO, |at| now.saturating_since(at));
-        let without_heartbeat = self.heartbeat_at.map_or(Duration::ZERO, |at| now.saturating_since(at));
+        let age = |at: Option<Instant>| at.map_or(Duration::ZERO, |at| now.saturating_since(at));
+        let silent_for = age(self.heard_at);
         // Telemetry without heartbeats is a lost link too, and its age is the heartbeat's.
-        let silent_for = if silent_for < self.timeout { without_heartbeat } else { silent_for };
-        out.tell(Event::LinkLost { silent_for });
+        out.tell(if silent_for < self.timeout {
+            Event::LinkLost { missing: "no heartbeat", silent_for: age(self.heartbeat_at) }
+        } else {
+            Event::LinkLost { missing: "nothing", silent_for }
+        });
         true
     }
 

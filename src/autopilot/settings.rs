@@ -217,8 +217,10 @@ pub enum Event {
         /// The mode it is in now.
         mode: String,
     },
-    /// Nothing was heard from the autopilot. Control is lost, and not taken again by itself.
+    /// The autopilot is not heard. Control is lost, and not taken again by itself.
     LinkLost {
+        /// What is not heard, in words: nothing at all, or no heartbeat.
+        missing: &'static str,
         /// For how long.
         silent_for: Duration,
     },

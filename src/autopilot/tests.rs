@@ -263,11 +263,12 @@ fn val_telemetry_without_heartbeats_is_a_lost_link() {
     assert!(world.autopilot.poll_transmit().is_none_or(|m| !heartbeat(&m)));
     world.fake.silent = true;
     let position = MavMessage::LOCAL_POSITION_NED(LOCAL_POSITION_NED_DATA::default());
-    for _ in 0..80 {
+    for _ in 0..120 {
         world.run(0.05);
         world.inject((1, 1), &position);
     }
-    assert_eq!(world.count(|event| matches!(event, Event::LinkLost { .. })), 1);
+    let lost = |event: &Event| matches!(event, Event::LinkLost { missing: "no heartbeat", .. });
+    assert_eq!(world.count(lost), 1);
 }
 
 #[test]

@@ -41,10 +41,10 @@ impl Executive {
                     now,
                 ),
             },
-            AutopilotEvent::LinkLost { silent_for } => match self.phase {
+            AutopilotEvent::LinkLost { missing, silent_for } => match self.phase {
                 Phase::Connecting | Phase::Standby | Phase::Surrendered | Phase::Ended => {}
                 _ => self.surrender(
-                    format!("nothing from the autopilot for {:.1} s", silent_for.as_secs_f64()),
+                    format!("{missing} from the autopilot for {:.1} s", silent_for.as_secs_f64()),
                     VeilwingSilence::VEILWING_SILENCE_LINK,
                     now,
                 ),
