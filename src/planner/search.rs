@@ -30,10 +30,11 @@ use crate::radio::pattern;
 const SCREEN_SHARPNESS: [f64; 2] = [15.0, 200.0];
 const POLISH_SHARPNESS: [f64; 3] = [2e3, 2e4, 2e5];
 /// Starts without jitter and with it; of either, at any tilt, and where tilt is limited or the yaw is free. Two more for
-/// each eavesdropper beyond ten: they are taken in turn.
+/// each eavesdropper beyond ten, up to thirty: they are taken in turn.
 const EXACT_STARTS: [usize; 2] = [24, 112];
 const SAMPLED_STARTS: [usize; 2] = [36, 96];
 const USUAL_EAVESDROPPERS: usize = 10;
+const MORE_STARTS: usize = 40;
 /// Candidates that are polished without jitter.
 const EXACT_POLISHED: usize = 6;
 /// Iterations from every start of a screening under jitter, and of the better ones after that.
@@ -164,7 +165,8 @@ fn samples(setup: &Setup, options: &Options) -> Samples {
 /// The method's own number of starts.
 fn own_starts(setup: &Setup, [usual, many]: [usize; 2]) -> usize {
     let own = if is_restricted(setup) || setup.problem.free_yaw { many } else { usual };
-    own + 2 * setup.problem.eavesdroppers.len().saturating_sub(USUAL_EAVESDROPPERS)
+    let more = 2 * setup.problem.eavesdroppers.len().saturating_sub(USUAL_EAVESDROPPERS);
+    own + more.min(MORE_STARTS)
 }
 
 /// The best distinct ends of many starts on few samples.
