@@ -30,6 +30,7 @@ use super::flight::Phase;
 use super::interlock::{Ceilings, Interlock, Silence};
 use super::slot::SlotRun;
 use super::start::Start;
+use super::waiting::Waiting;
 
 const HEARTBEAT_EVERY: Duration = Duration::from_secs(1);
 
@@ -151,7 +152,7 @@ pub struct Executive {
     /// J: asked to end, which waits likewise.
     pub(super) stop_wanted: bool,
     pub(super) outcome: Option<Outcome>,
-    pub(super) waiting_for: String,
+    pub(super) waiting: Waiting,
     pub(super) shutting_down: Option<Instant>,
     pub(super) face: Face,
     /// J: I has been told that our state is late.
@@ -198,7 +199,7 @@ impl Executive {
             pending_abort: None,
             stop_wanted: false,
             outcome: None,
-            waiting_for: String::new(),
+            waiting: Waiting::default(),
             shutting_down: None,
             face: Face::new(now),
             told_late: false,

@@ -103,7 +103,8 @@ impl Executive {
                 }
             }
             Phase::Standby => self.stand_by(now),
-            Phase::TakingControl | Phase::Arming | Phase::Landing | Phase::Surrendered | Phase::Ended => {}
+            Phase::TakingControl | Phase::Arming | Phase::Landing | Phase::Ended => {}
+            Phase::Surrendered => self.end_on_the_ground(now),
             Phase::Climbing => {
                 if self.arrived(now) {
                     self.enter(Phase::Ready { refused_since: None, propose_at: now }, now);
@@ -154,7 +155,7 @@ impl Executive {
             self.home_enu_m = self.position();
         }
         if let Err(error) = self.make_table() {
-            return self.wait_for(vec![error.to_string()], now);
+            return self.wait_for(&[error.to_string()], now);
         }
         let mut missing = self.preflight(now);
         if armed {
@@ -176,7 +177,7 @@ impl Executive {
             missing.extend(self.start.waits_for(utc, climb));
         }
         if !missing.is_empty() {
-            return self.wait_for(missing, now);
+            return self.wait_for(&missing, now);
         }
         self.notice(MavSeverity::MAV_SEVERITY_INFO, "preflight passed, taking off".into());
         self.motion =
@@ -201,12 +202,21 @@ impl Executive {
         missing
     }
 
-    /// Says what is waited for, when it changes.
-    fn wait_for(&mut self, missing: Vec<String>, _now: Instant) {
-        let text = missing.join("; ");
-        if text != self.waiting_for {
+    /// Says what is waited for, when it has changed.
+    fn wait_for(&mut self, missing: &[String], now: Instant) {
+        if let Some(text) = self.waiting.news(&missing.join("; "), now) {
             self.notice(MavSeverity::MAV_SEVERITY_INFO, format!("waiting: {text}"));
-            self.waiting_for = text;
+        }
+    }
+
+    /// Nothing is left to do for a vehicle that another hand has, and that stands on the ground, disarmed.
+    fn end_on_the_ground(&mut self, now: Instant) {
+        let state = self.autopilot.state();
+        // Said since then: what was known before may have been overtaken by what led to the surrender.
+        let disarmed = state.armed.is_some_and(|armed| !armed.value && armed.received_at > self.phase_since);
+        if disarmed && state.is_airborne() == Some(false) {
+            self.notice(MavSeverity::MAV_SEVERITY_INFO, "on the ground and disarmed".into());
+            self.end(now);
         }
     }
 
