@@ -100,7 +100,8 @@ impl Settings {
             scheduling_allowance: Duration::ZERO,
             link_timeout: Duration::from_secs(1),
             readiness_timeout: Duration::from_secs(60),
-            position_jump_m: 2.0,
+            // Half of what a pose may be off: a jump that could hide inside the tolerance is none that matters.
+            position_jump_m: 0.5,
             min_battery: 0.3,
             position_control: position_control::Settings::default(),
         }

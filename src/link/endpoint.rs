@@ -242,7 +242,8 @@ impl<M: Message> Link<M> {
         self.counters.io_errors += 1;
         let (link, wait_ms) = (&self.name, self.backoff.as_millis());
         if matches!(self.way, Way::Up(_)) || self.counters.io_errors.is_power_of_two() {
-            tracing::warn!(link, %error, wait_ms, "link is down, trying again");
+            let to = self.address.as_ref().map_or_else(String::new, |address| format!(" to {address}"));
+            tracing::warn!(link, %error, wait_ms, "link{to} is down, trying again");
         }
         self.counters.dropped_unconnected += self.outbox.clear() as u64;
         if let Some(decoder) = self.decoders.get_mut(&Origin::Peer) {

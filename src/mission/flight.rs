@@ -102,7 +102,8 @@ impl Executive {
                 }
             }
             Phase::Standby => self.stand_by(now),
-            Phase::TakingControl | Phase::Arming | Phase::Landing | Phase::Surrendered | Phase::Ended => {}
+            Phase::TakingControl | Phase::Arming | Phase::Landing | Phase::Ended => {}
+            Phase::Surrendered => self.end_on_the_ground(now),
             Phase::Climbing => {
                 if self.arrived(now) {
                     self.enter(Phase::Ready { refused_since: None, propose_at: now }, now);
@@ -142,6 +143,17 @@ impl Executive {
             self.motion = None;
             self.autopilot.land(now);
             self.enter(Phase::Landing, now);
+        }
+    }
+
+    /// Nothing is left to do for a vehicle that another hand has, and that stands on the ground, disarmed.
+    fn end_on_the_ground(&mut self, now: Instant) {
+        let state = self.autopilot.state();
+        // Said since then: what was known before may have been overtaken by what led to the surrender.
+        let disarmed = state.armed.is_some_and(|armed| !armed.value && armed.received_at > self.phase_since);
+        if disarmed && state.is_airborne() == Some(false) {
+            self.notice(MavSeverity::MAV_SEVERITY_INFO, "on the ground and disarmed".into());
+            self.end(now);
         }
     }
 

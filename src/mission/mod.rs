@@ -15,6 +15,7 @@ mod staleness;
 mod standing;
 mod start;
 mod turns;
+mod waiting;
 
 pub use executive::{Executive, Notice, Outcome, Outgoing, Settings};
 pub use face::Scene;

@@ -1,7 +1,5 @@
 //! On the ground: what speaks against a take-off, in words for the operator, and the take-off once nothing does.
 
-use std::time::Duration;
-
 use mavlink::dialects::ardupilotmega::MavSeverity;
 
 use crate::geo::Enu;
@@ -16,11 +14,8 @@ use crate::time::Instant;
 
 use super::executive::{Executive, Motion};
 use super::flight::Phase;
+use super::waiting::Waiting;
 
-/// While things come up one after the other, what is waited for is said at most this often.
-const CALM: Duration = Duration::from_secs(2);
-/// What goes on failing is said again this often: a ground station may have come late.
-const AGAIN: Duration = Duration::from_secs(30);
 /// A pose on the fence may lie outside it by rounding, metres.
 const ON_THE_FENCE_M: f64 = 1e-6;
 
@@ -29,9 +24,7 @@ const ON_THE_FENCE_M: f64 = 1e-6;
 pub(super) struct Preflight {
     /// Whether the fence holds the plan; `None` without a plan.
     geofence: Option<Check>,
-    /// What the operator was last told, and when.
-    waiting_for: String,
-    waiting_at: Option<Instant>,
+    waiting: Waiting,
     /// Warnings told, each once: their text without its figures.
     warnings: Vec<String>,
 }
@@ -106,19 +99,17 @@ impl Executive {
         }
     }
 
-    /// Says what is waited for when it changes, and what fails again and again.
+    /// Says what is waited for when it has changed, and what fails again and again.
     fn wait_for(&mut self, missing: &[String], failed: bool, now: Instant) {
-        let text = missing.join("; ");
-        let changed = text != self.preflight.waiting_for;
-        let said = self.preflight.waiting_at.map(|at| now.saturating_since(at));
-        if said.is_some_and(|ago| ago < if changed { CALM } else { AGAIN }) || !(changed || failed) {
-            return;
+        let waiting = &mut self.preflight.waiting;
+        let (severity, text) = match waiting.news(&missing.join("; "), now) {
+            Some(text) => (MavSeverity::MAV_SEVERITY_INFO, Some(text)),
+            None if failed => (MavSeverity::MAV_SEVERITY_WARNING, waiting.again(now)),
+            None => return,
+        };
+        if let Some(text) = text {
+            self.notice(severity, format!("waiting: {text}"));
         }
-        let severity =
-            if changed { MavSeverity::MAV_SEVERITY_INFO } else { MavSeverity::MAV_SEVERITY_WARNING };
-        self.notice(severity, format!("waiting: {text}"));
-        self.preflight.waiting_for = text;
-        self.preflight.waiting_at = Some(now);
     }
 
     fn warn(&mut self, warnings: Vec<String>) {

@@ -102,6 +102,30 @@ fn val_loss_of_an_autopilot_link_silences_both() {
     }
 }
 
+/// Neither has armed yet, so that no pilot and no landing will ever end it.
+#[test]
+fn val_a_surrender_on_the_ground_ends_the_companion() {
+    let mut flight = Flight::new(Setup::default());
+    let both_take_control = |flight: &Flight| {
+        Role::BOTH.into_iter().all(|role| flight.said(role, "preflight passed, taking off").is_some())
+    };
+    assert!(flight.until(both_take_control), "{}", flight.story());
+    for on in [true, false] {
+        for role in Role::BOTH {
+            flight.world.inject(Fault::LinkLoss { vehicle: index(role), on });
+        }
+        flight.pass(Duration::from_millis(1500));
+    }
+    let since = flight.now;
+    flight.fly_out();
+    flight.assert_safe();
+    assert!(flight.now < since + Duration::from_secs(5), "{:?}\n{}", flight.now - since, flight.story());
+    for role in Role::BOTH {
+        assert!(cause(&flight, role).contains("nothing from the autopilot"), "{}", flight.story());
+        assert!(flight.landed(role), "{}", flight.story());
+    }
+}
+
 #[test]
 fn val_loss_of_the_pair_link_silences_both() {
     for cut in [vec![Role::I], vec![Role::J], vec![Role::I, Role::J]] {
