@@ -17,7 +17,7 @@ use crate::config::Mission;
 use crate::link::Rejection;
 use crate::link::tlog::append_record;
 use crate::mission::Notice;
-use crate::report::flight::{self, Event, EventKind, Severity};
+use crate::report::flight::{self, Event, EventKind, Severity, Timeline};
 use crate::report::plan_document::PlanDocument;
 use crate::role::{PerVehicle, Role};
 use crate::simulation::{Change, Fault, Flown, Observer, Scenario, ScenarioError, Wire, Witness};
@@ -55,8 +55,16 @@ impl Out {
         Ok(Self { path: path.to_owned(), failing: AtomicBool::new(false) })
     }
 
-    /// Keeps the document of a flight as `runs/SEED.json`; of one flight alone as `summary.json` too.
-    pub fn keep(&self, line: &FlightLine, plan_digest: &str, flown: Flown, wall_s: f64, alone: bool) {
+    /// Keeps the document of a flight as `runs/SEED.json`; of one flight alone, whose record is given with the mission's
+    /// file, as `summary.json` too, and then what `veilwing report` makes of all that.
+    pub fn keep(
+        &self,
+        line: &FlightLine,
+        plan_digest: &str,
+        flown: Flown,
+        wall_s: f64,
+        alone: Option<(&Path, &Timeline)>,
+    ) {
         let kept = Kept {
             flight: flight_document(flown, plan_digest, wall_s),
             seed: line.seed,
@@ -64,8 +72,13 @@ impl Out {
             excused: line.excused.clone(),
         };
         let mut written = write_json(&self.path.join(format!("runs/{}.json", line.seed)), &kept);
-        if alone {
-            written = written.and(write_json(&self.path.join("summary.json"), &kept));
+        if let Some((mission, timeline)) = alone {
+            // The page tells of the verdict that is in the summary.
+            let directory = Directory::new(Some(&self.path));
+            written = written.and(directory.and_then(|directory| {
+                directory.write_summary(&kept)?;
+                directory.write_flight(mission, timeline)
+            }));
         }
         self.report(written);
     }
@@ -76,23 +89,21 @@ impl Out {
         write_json(&self.path.join(name), document)
     }
 
-    /// Flies once and keeps all that was said, sent and seen: `flight.log`, a `.tlog` of every link, and what
-    /// `veilwing report` reads. `mission`: the mission and its file.
+    /// Flies once and keeps all that was said and sent: `flight.log` and a `.tlog` of every link. Returns the record of
+    /// the flight too.
     pub fn fly_with_logs(
         &self,
-        mission: (&Mission, &Path),
+        mission: &Mission,
         scenario: &Scenario,
         seed: u64,
         faults: Vec<Fault>,
-    ) -> Result<Flown, ScenarioError> {
+    ) -> Result<(Flown, Timeline), ScenarioError> {
         let mut logs = Logs::new(scenario.utc_start_us());
         let flown = scenario.fly(seed, faults, &mut logs)?;
         self.report(logs.write(&self.path));
-        let timeline =
-            flight::simulated::timeline(mission.0, &flown.world, &logs.recorder.finish(), logs.events);
-        let directory = Directory::new(Some(&self.path));
-        self.report(directory.and_then(|directory| directory.write_flight(mission.1, &timeline)));
-        Ok(flown)
+        let records = logs.recorder.finish();
+        let timeline = flight::simulated::timeline(mission, &flown.world, &records, logs.events);
+        Ok((flown, timeline))
     }
 
     /// A full disk costs the files, not the campaign.
