@@ -12,6 +12,7 @@ mod mutations;
 mod nominal;
 mod reaction;
 mod reaction_table;
+mod signed;
 mod start;
 mod tunnel;
 mod turns;

@@ -23,7 +23,7 @@ use crate::role::{PerVehicle, Role};
 use crate::simulation::{Change, Fault, Flown, Observer, Scenario, ScenarioError, Wire, Witness};
 use crate::time::Utc;
 
-use super::document::{CampaignDocument, FaultLine, FlightLine, ViolationLine};
+use super::document::{CampaignDocument, FaultLine, FlightLine};
 use super::shard::Shard;
 
 /// The timeline of a flight has a record this often, and at each change.
@@ -43,7 +43,8 @@ struct Kept {
     flight: FlightDocument,
     seed: u64,
     faults: Vec<FaultLine>,
-    excused: Vec<ViolationLine>,
+    /// Records of the telemetry logs that full disks did not take, by vehicle.
+    unlogged: PerVehicle<u64>,
 }
 
 impl Out {
@@ -66,10 +67,10 @@ impl Out {
         alone: Option<(&Path, &Timeline)>,
     ) {
         let kept = Kept {
+            unlogged: flown.unlogged,
             flight: flight_document(flown, plan_digest, wall_s),
             seed: line.seed,
             faults: line.faults.clone(),
-            excused: line.excused.clone(),
         };
         let mut written = write_json(&self.path.join(format!("runs/{}.json", line.seed)), &kept);
         if let Some((mission, timeline)) = alone {
@@ -102,7 +103,8 @@ impl Out {
         let flown = scenario.fly(seed, faults, &mut logs)?;
         self.report(logs.write(&self.path));
         let records = logs.recorder.finish();
-        let timeline = flight::simulated::timeline(mission, &flown.world, &records, logs.events);
+        let judged = (flown.report.violations.as_slice(), flown.excused.as_slice());
+        let timeline = flight::simulated::timeline(mission, &flown.world, &records, logs.events, judged);
         Ok((flown, timeline))
     }
 
@@ -131,7 +133,7 @@ fn flight_document(flown: Flown, plan_digest: &str, wall_s: f64) -> FlightDocume
         }
     }
     let messages = Messages { sent: flown.sent, received: flown.received, rejected };
-    FlightDocument::new(result, flown.report, plan_digest.to_owned(), wall_s, messages)
+    FlightDocument::new(result, flown.report, flown.excused, plan_digest.to_owned(), wall_s, messages)
 }
 
 /// Everything said and sent in a flight.

@@ -212,6 +212,14 @@ impl Teller<'_> {
                     let code = event.code.as_deref().unwrap_or("an invariant");
                     self.say(event.at_s, Tone::Bad, format!("{code} was broken: {}.", event.text));
                 }
+                EventKind::Excused => {
+                    let code = event.code.as_deref().unwrap_or("an invariant");
+                    self.say(
+                        event.at_s,
+                        Tone::Fault,
+                        format!("{code} did not hold, which does not count: {}.", event.text),
+                    );
+                }
                 EventKind::FaultOver => {
                     self.say(event.at_s, Tone::Plain, format!("Over: {}.", event.text));
                 }
