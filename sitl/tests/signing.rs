@@ -58,10 +58,10 @@ fn prop_with_a_key_only_signed_frames_are_heard() {
     let mut flight = Flight::new(config());
     flight.pass(100);
     let header = flight.clients[0].header;
-    let mut unsigned = |world: &mut World, message: &MavMessage| Client::companion(0).send(world, message);
-    assert!(is_heard(&mut flight, &mut unsigned));
+    let unsigned = |world: &mut World, message: &MavMessage| Client::companion(0).send(world, message);
+    assert!(is_heard(&mut flight, unsigned));
     setup(&mut flight.world, &mut Client::companion(0));
-    assert!(!is_heard(&mut flight, &mut unsigned));
+    assert!(!is_heard(&mut flight, unsigned));
     let signed = |stamp: u64, key: [u8; 32]| {
         move |world: &mut World, message: &MavMessage| send_signed(world, header, message, stamp, &key)
     };
@@ -75,7 +75,7 @@ fn prop_with_a_key_only_signed_frames_are_heard() {
     // The key is not forgotten with the autopilot's program.
     flight.world.inject(Fault::AutopilotRestart { vehicle: 0 });
     flight.pass(5000);
-    assert!(!is_heard(&mut flight, &mut unsigned));
+    assert!(!is_heard(&mut flight, unsigned));
     assert!(is_heard(&mut flight, signed(START + 600_000, KEY)));
 }
 

@@ -36,8 +36,8 @@ pub enum Wire {
 
 /// Is told what happens, in simulation time. The unit type is one that does not care.
 pub trait Observer {
-    /// A companion said something.
-    fn said(&mut self, _at: Duration, _role: Role, _notice: &Notice) {}
+    /// A companion said something, in this phase; without a phase, the writer of its log did.
+    fn said(&mut self, _at: Duration, _role: Role, _phase: Option<&'static str>, _notice: &Notice) {}
     /// A message left a companion.
     fn sent(&mut self, _at: Duration, _role: Role, _message: &Outgoing) {}
     /// A message of the autopilot link reached a companion.
@@ -428,7 +428,7 @@ impl Flight {
             self.lost += pipe.send(frame.raw_bytes(), self.now);
         }
         while let Some(notice) = process.executive.poll_notice() {
-            observer.said(self.now, role, &notice);
+            observer.said(self.now, role, Some(process.executive.phase_name()), &notice);
         }
     }
 
@@ -436,7 +436,7 @@ impl Flight {
     fn log(&mut self, role: Role, wire: Wire, bytes: &[u8], observer: &mut impl Observer) {
         let (written, notice) = self.disks[role].write();
         if let Some(notice) = notice {
-            observer.said(self.now, role, &notice);
+            observer.said(self.now, role, None, &notice);
         }
         if written {
             observer.frame(self.now, role, wire, bytes);

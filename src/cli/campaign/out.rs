@@ -174,7 +174,7 @@ impl Logs {
 }
 
 impl Observer for Logs {
-    fn said(&mut self, at: Duration, role: Role, notice: &Notice) {
+    fn said(&mut self, at: Duration, role: Role, phase: Option<&'static str>, notice: &Notice) {
         self.line(at, &format!("{role}  {}", notice.text));
         let severity = match notice.severity {
             MavSeverity::MAV_SEVERITY_WARNING => Severity::Warning,
@@ -189,7 +189,7 @@ impl Observer for Logs {
             kind: EventKind::Notice,
             vehicle: Some(role),
             severity,
-            phase: None,
+            phase: phase.map(str::to_owned),
             code: None,
             text,
         });
