@@ -103,15 +103,62 @@ fn val_a_flight_of_a_campaign_is_replayed_by_its_seed_with_full_logs() {
         assert!(bytes == std::fs::read(again.join(name)).unwrap(), "{name} differs between two replays");
         assert!(!campaign.join(name).exists());
     }
-    let tlog = veilwing_log(&alone.join("i-pair.tlog"));
+    let tlog = log_times_s(&alone.join("i-pair.tlog")).len();
     assert!(tlog > 100, "{tlog} records");
     assert!(alone.join("plan.json").exists());
+    // The page knows how the flight ended, and is what `veilwing report` makes of the directory.
+    let page = std::fs::read_to_string(alone.join("report.html")).unwrap();
+    let ended = if of_campaign["result"] == "completed" { "<h1>Completed:" } else { "<h1>Not completed:" };
+    assert!(page.contains(ended.trim_start_matches("<h1>")), "no {ended}");
+    assert!(!page.contains("without a flight document"));
+    let made = alone.join("again.html");
+    let directory = alone.to_str().unwrap();
+    let report = Command::new(env!("CARGO_BIN_EXE_veilwing"))
+        .args(["report", directory, "--out", made.to_str().unwrap()])
+        .status();
+    assert!(report.unwrap().success());
+    assert!(
+        std::fs::read_to_string(made).unwrap() == page,
+        "the page differs from the report of its directory"
+    );
 }
 
-/// The records of a `.tlog`, all of which can be read.
-fn veilwing_log(path: &Path) -> usize {
+/// When the records of a `.tlog`, all of which can be read, were written: seconds after the first.
+fn log_times_s(path: &Path) -> Vec<f64> {
     let records: Result<Vec<_>, _> = veilwing::link::TlogReader::open(path).unwrap().collect();
-    records.unwrap().len()
+    let times: Vec<u64> = records.unwrap().iter().map(|(utc, _)| utc.unix_us).collect();
+    times.iter().map(|at| (at - times[0]) as f64 * 1e-6).collect()
+}
+
+#[test]
+fn val_a_full_disk_costs_records_and_a_warning_and_nothing_else() {
+    let out = directory("full");
+    let write = |name: &str, text: &str| {
+        let path = out.join(name);
+        std::fs::write(&path, text).unwrap();
+        path.display().to_string()
+    };
+    let law = "[[fault]]\nkind = \"disk-full\"\nvehicle = \"i\"\nafter_s = 10\nduration_s = 8\n";
+    let faults = write("full.toml", law);
+    let fly = |name: &str, more: &[&str]| {
+        let out = directory(name);
+        document(&[&[MISSION, "--runs", "1", "--json", "--out", out.to_str().unwrap()], more].concat());
+        (flight(&out.join("summary.json")), out)
+    };
+    let ((plain, _), (full, kept)) = (fly("full-not", &[]), fly("full-yes", &["--faults", &faults]));
+    for key in ["result", "slots", "violations", "flight_s"] {
+        assert_eq!(full[key], plain[key], "{key}");
+    }
+    assert_eq!((plain["unlogged"]["i"].as_u64(), full["unlogged"]["j"].as_u64()), (Some(0), Some(0)));
+    assert!(full["unlogged"]["i"].as_u64().unwrap() > 1000, "{}", full["unlogged"]);
+    let longest_gap = |name: &str| {
+        let times = log_times_s(&kept.join(name));
+        times.windows(2).map(|pair| pair[1] - pair[0]).fold(0.0, f64::max)
+    };
+    assert!((longest_gap("i-autopilot.tlog") - 8.0).abs() < 0.1, "{}", longest_gap("i-autopilot.tlog"));
+    assert!(longest_gap("j-autopilot.tlog") < 1.0);
+    let said = std::fs::read_to_string(kept.join("flight.log")).unwrap();
+    assert!(said.contains("records are being lost") && said.contains("takes records again"), "{said}");
 }
 
 #[test]

@@ -182,6 +182,40 @@ fn val_a_full_disk_costs_logs_and_a_restarted_companion_does_not_fly_on() {
 }
 
 #[test]
+fn val_a_world_that_is_held_up_owns_what_comes_of_it() {
+    let _alone = alone();
+    let directory = directory("sitl-late");
+    let mission = write(&directory, "mission.toml", MISSION);
+    let mut sitl = veilwing(&["sitl", &mission, "--json", "--speed", SPEED])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut lines = BufReader::new(sitl.stderr.take().unwrap()).lines().map(Result::unwrap);
+    let on_air = lines.by_ref().find(|line| line.contains("I  ") && line.contains("slot 0: on"));
+    assert!(on_air.is_some(), "the flight ended before its slot");
+    // The world stands still for 0.15 s, which is 0.6 s of flight; the companions do not.
+    let pid = i32::try_from(sitl.id()).ok().and_then(rustix::process::Pid::from_raw).unwrap();
+    rustix::process::kill_process(pid, rustix::process::Signal::STOP).unwrap();
+    let clock = veilwing::link::Clock::real();
+    while clock.now().since_start() < std::time::Duration::from_millis(150) {
+        std::thread::yield_now();
+    }
+    rustix::process::kill_process(pid, rustix::process::Signal::CONT).unwrap();
+    let said: Vec<String> = lines.collect();
+    let mut document = String::new();
+    sitl.stdout.take().unwrap().read_to_string(&mut document).unwrap();
+    sitl.wait().unwrap();
+    let document: Value = serde_json::from_str(&document).unwrap();
+    assert_eq!(document["violations"], Value::from(Vec::<Value>::new()), "{said:#?}");
+    assert!(number(&document, "/world_late/steps") >= 1.0, "{document:#}");
+    assert!(number(&document, "/world_late/worst_ms") > 400.0, "{document:#}");
+    for excused in document["excused"].as_array().unwrap() {
+        assert!(excused["why"].as_str().unwrap().starts_with("the world ran late by"), "{excused}");
+    }
+}
+
+#[test]
 fn val_an_interrupt_in_mid_slot_ends_everything_cleanly() {
     let _alone = alone();
     let directory = directory("sitl-interrupt");

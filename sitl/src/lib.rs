@@ -26,6 +26,7 @@ pub use vehicle::geometry::{AirframeModel, Geometry, MAX_ROTORS, Rotor};
 pub use vehicle::jitter::{JitterAxes, JitterConfig, JitterModel};
 pub use vehicle::{Vehicle, VehicleCounters, VehicleSnapshot};
 pub use wire::WireCounters;
+pub use world::circumstances::{Circumstances, Passage};
 pub use world::config::{
     AirspaceConfig, Eavesdropper, Error, Node, PlannedPose, PlannedSlot, RadioConfig, Tolerance, Uncertainty,
     WorldConfig,

@@ -5,8 +5,10 @@ use mavlink::{MavlinkVersion, Message};
 
 const STX_V1: u8 = 0xFE;
 const STX_V2: u8 = 0xFD;
-const SIGNED: u8 = 0x01;
-const SIGNATURE_LEN: usize = 13;
+/// The incompatibility flag of a signed frame.
+pub(crate) const SIGNED: u8 = 0x01;
+/// Link id, timestamp, signature.
+pub(crate) const SIGNATURE_LEN: usize = 13;
 
 /// A frame whose checksum is right.
 #[derive(Debug, Clone, PartialEq)]
@@ -15,6 +17,8 @@ pub(crate) struct Frame {
     pub system_id: u8,
     pub component_id: u8,
     pub message_id: u32,
+    /// Its last [`SIGNATURE_LEN`] bytes are a signature.
+    pub signed: bool,
     pub payload: Vec<u8>,
     /// The frame as it came, for forwarding.
     pub bytes: Vec<u8>,
@@ -31,6 +35,8 @@ pub struct WireCounters {
     pub bad_checksums: u64,
     /// Frames with a right checksum and contents that cannot be decoded (an unknown enum value).
     pub undecodable: u64,
+    /// Frames without the signature that they had to have, or with one that is wrong or old.
+    pub unproven: u64,
 }
 
 /// Finds frames in a stream of bytes, whatever else is in it.
@@ -111,6 +117,7 @@ fn parse(rest: &[u8]) -> Parsed {
         system_id: ids[0],
         component_id: ids[1],
         message_id,
+        signed: signature_len > 0,
         payload: rest[header_len..body].to_vec(),
         bytes: rest[..total].to_vec(),
     })

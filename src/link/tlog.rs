@@ -19,6 +19,9 @@ const QUEUE_RECORDS: usize = 4096;
 /// What is written at once, about.
 const BATCH_BYTES: usize = 64 * 1024;
 const STAMP_BYTES: usize = 8;
+/// What is said when the disk takes no more, and when it does again.
+pub(crate) const LOSING: &str = "telemetry log: records are being lost; flying goes on";
+pub(crate) const TAKING_AGAIN: &str = "telemetry log: the disk takes records again";
 
 /// Why a telemetry log cannot be written or read.
 #[derive(Debug, thiserror::Error)]
@@ -153,14 +156,14 @@ impl Disk {
     fn report_failure(&mut self, error: &io::Error) {
         if !self.failing {
             self.failing = true;
-            tracing::warn!(path = %self.path.display(), %error, "telemetry log: records are being lost; flying goes on");
+            tracing::warn!(path = %self.path.display(), %error, "{LOSING}");
         }
     }
 
     fn report_recovery(&mut self) {
         if self.failing {
             self.failing = false;
-            tracing::info!(path = %self.path.display(), "telemetry log: the disk takes records again");
+            tracing::info!(path = %self.path.display(), "{TAKING_AGAIN}");
         }
     }
 }

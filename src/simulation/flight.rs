@@ -6,7 +6,7 @@ use std::time::Duration;
 use mavlink::MavHeader;
 use mavlink::dialects::ardupilotmega::MavMessage;
 use veilwing_sitl::vehicle::TICK;
-use veilwing_sitl::{Fault, World};
+use veilwing_sitl::{Circumstances, Fault, World};
 
 use crate::companion::{MOST_WAITING, WOKEN_LATE};
 use crate::link::Envelope;
@@ -14,6 +14,7 @@ use crate::link::counters::Counters;
 use crate::mission::{Notice, Outcome, Outgoing};
 use crate::role::{PerVehicle, Role};
 
+use super::disk::Disk;
 use super::index;
 use super::path::{Path, Pipe};
 use super::process::{Given, Process};
@@ -35,13 +36,13 @@ pub enum Wire {
 
 /// Is told what happens, in simulation time. The unit type is one that does not care.
 pub trait Observer {
-    /// A companion said something.
-    fn said(&mut self, _at: Duration, _role: Role, _notice: &Notice) {}
+    /// A companion said something, in this phase; without a phase, the writer of its log did.
+    fn said(&mut self, _at: Duration, _role: Role, _phase: Option<&'static str>, _notice: &Notice) {}
     /// A message left a companion.
     fn sent(&mut self, _at: Duration, _role: Role, _message: &Outgoing) {}
     /// A message of the autopilot link reached a companion.
     fn received(&mut self, _at: Duration, _role: Role, _header: MavHeader, _message: &MavMessage) {}
-    /// A frame left or reached a companion.
+    /// A frame left or reached a companion, and its log took it.
     fn frame(&mut self, _at: Duration, _role: Role, _wire: Wire, _bytes: &[u8]) {}
     /// The world after an event.
     fn saw(&mut self, _world: &World) {}
@@ -96,7 +97,9 @@ pub struct Flight {
     to_companion: PerVehicle<Pipe>,
     /// By sender.
     pair: PerVehicle<Pipe>,
+    disks: PerVehicle<Disk>,
     on_air: [bool; 2],
+    lives: PerVehicle<u32>,
     starts: u32,
     sent: u64,
     received: u64,
@@ -120,7 +123,9 @@ impl Flight {
             to_vehicle: PerVehicle::from_fn(pipe(setup.autopilot, 0)),
             to_companion: PerVehicle::from_fn(pipe(setup.autopilot, 1)),
             pair: PerVehicle::from_fn(pipe(setup.pair, 2)),
+            disks: PerVehicle::default(),
             on_air: [false; 2],
+            lives: PerVehicle::default(),
             starts: 0,
             sent: 0,
             received: 0,
@@ -128,22 +133,26 @@ impl Flight {
             setup,
         };
         Role::BOTH.into_iter().for_each(|role| flight.start(role));
+        Role::BOTH.into_iter().for_each(|role| flight.tell(role));
         flight
     }
 
     /// Starts a companion process, in place of the one that runs if one does.
     pub fn start(&mut self, role: Role) {
         self.starts += 1;
+        self.lives[role] += 1;
         let given = &self.setup.given[role];
         let process = Process::start(given, role, self.starts, self.setup.start_unasked, self.now);
         self.processes[role] = Some(process);
         self.outcomes[role] = None;
+        self.tell(role);
     }
 
     /// SIGKILL.
     pub fn kill(&mut self, role: Role) {
         if self.processes[role].take().is_some() {
             self.world.inject(Fault::CompanionLost { vehicle: index(role) });
+            self.tell(role);
         }
     }
 
@@ -167,17 +176,43 @@ impl Flight {
             }
             process.frozen = frozen;
         }
+        self.tell(role);
+    }
+
+    /// The disk under a companion's logs is full, or takes records again.
+    pub fn fill_disk(&mut self, role: Role, full: bool) {
+        self.disks[role].full = full;
+    }
+
+    /// Records that the disk under a companion's logs did not take.
+    #[must_use]
+    pub fn unlogged(&self, role: Role) -> u64 {
+        self.disks[role].lost
+    }
+
+    /// Tells the world's monitor how a companion fares.
+    fn tell(&mut self, role: Role) {
+        let process = self.processes[role].as_ref();
+        let circumstances = Circumstances {
+            runs: process.is_some_and(|process| !process.frozen),
+            life: self.lives[role],
+            vehicle_link: self.to_vehicle[role].path.passage().max(self.to_companion[role].path.passage()),
+            from_peer: self.pair[role.peer()].path.passage(),
+        };
+        self.world.set_circumstances(index(role), circumstances);
     }
 
     /// Changes the pair link in the direction from `from`, for what is sent from now on.
     pub fn set_pair_path(&mut self, from: Role, path: Path) {
         self.pair[from].path = path;
+        self.tell(from.peer());
     }
 
     /// Changes both directions of a companion's autopilot link, likewise.
     pub fn set_autopilot_path(&mut self, role: Role, path: Path) {
         self.to_vehicle[role].path = path;
         self.to_companion[role].path = path;
+        self.tell(role);
     }
 
     /// A frame of another station, which the vehicle's router passes on to the companion.
@@ -280,8 +315,9 @@ impl Flight {
         let Some(mut process) = self.processes[role].take() else { return Ok(()) };
         self.run(role, &mut process, observer)?;
         self.outcomes[role] = process.executive.outcome(process.instant(self.now));
-        if self.outcomes[role].is_none() {
-            self.processes[role] = Some(process);
+        match self.outcomes[role] {
+            None => self.processes[role] = Some(process),
+            Some(_) => self.tell(role),
         }
         Ok(())
     }
@@ -341,7 +377,7 @@ impl Flight {
         while let Some(raw) = process.from_vehicle.next_frame(&mut self.counters[role]) {
             match raw.parse() {
                 Ok(frame) => {
-                    observer.frame(self.now, role, Wire::Autopilot, raw.bytes());
+                    self.log(role, Wire::Autopilot, raw.bytes(), observer);
                     observer.received(self.now, role, frame.header, &frame.message);
                     process.executive.handle_autopilot(frame.header, &frame.message, at);
                     self.send(role, process, observer);
@@ -360,7 +396,7 @@ impl Flight {
         while let Some(raw) = process.from_peer.next_frame(&mut self.counters[role]) {
             match raw.parse().and_then(|frame| process.form.open(frame.message)) {
                 Ok(message) => {
-                    observer.frame(self.now, role, Wire::Pair, raw.bytes());
+                    self.log(role, Wire::Pair, raw.bytes(), observer);
                     process.executive.handle_pair(&message, at);
                     self.send(role, process, observer);
                 }
@@ -376,21 +412,34 @@ impl Flight {
         let own = process.executive.own();
         while let Some(outgoing) = process.executive.poll_transmit() {
             observer.sent(self.now, role, &outgoing);
-            let (wire, frame, pipe) = match &outgoing {
-                Outgoing::Autopilot(message) => {
-                    (Wire::Autopilot, process.encoder.encode(own, &**message), &mut self.to_vehicle[role])
-                }
+            let (wire, frame) = match &outgoing {
+                Outgoing::Autopilot(message) => (Wire::Autopilot, process.encoder.encode(own, &**message)),
                 Outgoing::Pair(message) => {
                     let envelope = Envelope::new(process.form, own, 0, (**message).clone());
-                    (Wire::Pair, process.encoder.encode(own, &envelope), &mut self.pair[role])
+                    (Wire::Pair, process.encoder.encode(own, &envelope))
                 }
             };
-            observer.frame(self.now, role, wire, frame.raw_bytes());
+            self.log(role, wire, frame.raw_bytes(), observer);
             self.sent += 1;
+            let pipe = match wire {
+                Wire::Autopilot => &mut self.to_vehicle[role],
+                Wire::Pair => &mut self.pair[role],
+            };
             self.lost += pipe.send(frame.raw_bytes(), self.now);
         }
         while let Some(notice) = process.executive.poll_notice() {
-            observer.said(self.now, role, &notice);
+            observer.said(self.now, role, Some(process.executive.phase_name()), &notice);
+        }
+    }
+
+    /// A frame for a companion's log.
+    fn log(&mut self, role: Role, wire: Wire, bytes: &[u8], observer: &mut impl Observer) {
+        let (written, notice) = self.disks[role].write();
+        if let Some(notice) = notice {
+            observer.said(self.now, role, None, &notice);
+        }
+        if written {
+            observer.frame(self.now, role, wire, bytes);
         }
     }
 }

@@ -3,8 +3,11 @@
 //!
 //! `world` tells the world of a mission and its plan; `path` is a link that may lose, delay, repeat and reorder;
 //! `process` is one companion as its operating system would run it; `flight` moves all of them from event to event;
-//! `faults` draws what goes wrong; `scenario` flies a mission again and again, each time with a seed and its faults.
+//! `faults` draws what goes wrong; `excuse` tells what
+//! is nobody's aboard; `scenario` flies a mission again and again, each time with a seed and its faults.
 
+mod disk;
+mod excuse;
 mod faults;
 mod flight;
 mod path;
@@ -13,6 +16,7 @@ mod scenario;
 mod vehicle;
 mod world;
 
+pub use excuse::{Excused, Late, judge};
 pub use faults::{Change, Fault, Lengths, Schedule, draw};
 pub use flight::{Flight, FlightError, Observer, Setup, Wire};
 pub use path::Path;

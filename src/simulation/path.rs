@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use veilwing_sitl::Passage;
 
 /// How a path treats its datagrams.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -26,6 +27,17 @@ impl Path {
         Self { loss: 0.0, duplication: 0.0, delay: Duration::from_millis(1), spread: Duration::ZERO };
     /// Nothing arrives.
     pub const CUT: Self = Self { loss: 1.0, ..Self::GOOD };
+
+    /// As the world's monitor is to take it.
+    #[must_use]
+    pub fn passage(&self) -> Passage {
+        let whole = self.loss <= 0.0 && self.duplication <= 0.0;
+        match self.loss >= 1.0 {
+            true => Passage::Cut,
+            false if whole && self.delay + self.spread <= Self::GOOD.delay => Passage::Good,
+            false => Passage::Impaired,
+        }
+    }
 }
 
 /// A path and what is under way on it.

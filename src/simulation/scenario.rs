@@ -11,6 +11,7 @@ use crate::mission::Outcome;
 use crate::planner::slots::Plan;
 use crate::role::{PerVehicle, Role};
 
+use super::excuse::{Excused, judge};
 use super::faults::{Change, Fault, Lengths, Schedule};
 use super::flight::{Flight, FlightError, Observer, Setup};
 use super::path::Path;
@@ -57,8 +58,8 @@ pub enum ScenarioError {
 pub struct Flown {
     /// The world's account; its violations are those that nothing excuses.
     pub report: sim::FlightReport,
-    /// Violations that a transmitter out of order commits by itself.
-    pub excused: Vec<sim::Violation>,
+    /// Violations that are nobody's aboard.
+    pub excused: Vec<Excused>,
     /// How each companion ended; `None`: killed.
     pub outcomes: PerVehicle<Option<Outcome>>,
     /// Faults that came about, with their times.
@@ -69,6 +70,8 @@ pub struct Flown {
     pub received: u64,
     /// Datagrams that paths or dead and frozen processes have lost.
     pub lost: u64,
+    /// Records that the disks under the companions' logs did not take.
+    pub unlogged: PerVehicle<u64>,
     /// What the companions' decoders have turned away.
     pub counters: PerVehicle<Counters>,
     /// As it was left.
@@ -242,8 +245,10 @@ impl Run {
                     self.flight.set_autopilot_path(role, path.unwrap_or(Path::GOOD));
                 }
                 FaultKind::LinkLoss | FaultKind::GpsLoss if !on && self.schedule.runs(fault.kind, role) => {}
-                // Logs are not written in virtual time, and the executive knows nothing of them.
-                FaultKind::DiskFull => {}
+                FaultKind::DiskFull => {
+                    let full = self.schedule.runs(FaultKind::DiskFull, role);
+                    self.flight.fill_disk(role, full);
+                }
                 _ => {
                     if let Some(fault) = fault.in_the_world(role, on) {
                         self.flight.world.inject(fault);
@@ -283,8 +288,7 @@ impl Run {
 
     fn finish(self) -> Flown {
         let mut report = self.flight.world.report();
-        let (excused, violations) =
-            std::mem::take(&mut report.violations).into_iter().partition(|v| is_excused(v, &self.happened));
+        let (violations, excused) = judge(std::mem::take(&mut report.violations), &self.happened, &[]);
         report.violations = violations;
         let (sent, received, lost) = self.flight.datagrams();
         Flown {
@@ -295,57 +299,9 @@ impl Run {
             sent,
             received,
             lost,
+            unlogged: PerVehicle::from_fn(|role| self.flight.unlogged(role)),
             counters: PerVehicle::from_fn(|role| self.flight.counters(role).clone()),
             world: self.flight.world,
-        }
-    }
-}
-
-/// Whether a violation is the doing of a transmitter that no longer obeys, and of nobody else. No companion can silence
-/// such a radio: what it emits by itself breaks S1 to S6 by construction. The rest is held to the invariants as ever: a
-/// transmitter of I excuses nothing that J does, nor a vehicle's path (F), nor anything before it broke.
-fn is_excused(violation: &sim::Violation, faults: &[(Duration, Fault)]) -> bool {
-    let broken = |role: Role| {
-        faults.iter().any(|(at, fault)| {
-            fault.kind.is_of_the_transmitter()
-                && fault.roles.contains(&role)
-                && at.as_secs_f64() <= violation.at_s
-        })
-    };
-    let of_j = violation.detail.starts_with("J radiates");
-    violation.invariant.starts_with('S') && broken(if of_j { Role::J } else { Role::I })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn val_a_broken_transmitter_excuses_its_own_emission_and_nothing_else() {
-        let broken = |role| {
-            let fault = Fault {
-                kind: FaultKind::TransmitterStuck,
-                roles: vec![role],
-                slot: None,
-                after: Duration::from_secs(30),
-                duration: None,
-                sizes: Vec::new(),
-                direction_rad: 0.0,
-            };
-            vec![(Duration::from_secs(30), fault)]
-        };
-        let violation =
-            |invariant, at_s, detail: &str| sim::Violation { invariant, at_s, detail: detail.into() };
-        let unprotected = violation("S1", 31.0, "I radiates while J does not jam its slot");
-        let jam = violation("S2", 31.0, "J radiates in no slot of the plan");
-        let near = violation("F1", 31.0, "the vehicles are 3.00 m apart; 5.00 m is the least");
-        let before = violation("S1", 29.0, "I radiates while J does not jam its slot");
-        for (violation, of_i, of_j) in
-            [(unprotected, true, false), (jam, false, true), (near, false, false), (before, false, false)]
-        {
-            assert_eq!(is_excused(&violation, &broken(Role::I)), of_i, "{violation:?}");
-            assert_eq!(is_excused(&violation, &broken(Role::J)), of_j, "{violation:?}");
-            assert!(!is_excused(&violation, &[]));
         }
     }
 }

@@ -87,7 +87,7 @@ pub fn world_config(mission: &Mission, plan: &Plan) -> Result<sim::WorldConfig, 
                 poses: [pose(&slot.plan.vehicles.i), pose(&slot.plan.vehicles.j)],
             })
             .collect(),
-        tolerance: sim::Tolerance::default(),
+        tolerance: sim::Tolerance::under_jitter(mission.jitter.std_rad.to_degrees()),
     })
 }
 

@@ -288,7 +288,7 @@ impl Flight {
 }
 
 impl Observer for Log {
-    fn said(&mut self, at: Duration, role: Role, notice: &Notice) {
+    fn said(&mut self, at: Duration, role: Role, _phase: Option<&'static str>, notice: &Notice) {
         self.notices.push((at, role, notice.text.clone()));
     }
 

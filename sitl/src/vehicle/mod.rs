@@ -14,6 +14,7 @@ mod parameters;
 mod radio;
 mod rotors;
 mod router;
+mod signing;
 pub mod transmitter;
 pub mod traps;
 mod wind;
@@ -27,7 +28,7 @@ use serde::Serialize;
 use crate::frames::Euler;
 use crate::geodesy::Origin;
 use crate::wire::WireCounters;
-use autopilot::{Autopilot, Guidance, Mode, Sensed, SetpointCounters};
+use autopilot::{Autopilot, Guidance, Mode, Sensed, SetpointCounters, Traces};
 use companion_link::CompanionLink;
 use config::{Firmware, VehicleConfig};
 use control::{Controller, Estimate};
@@ -172,7 +173,11 @@ impl Vehicle {
     }
 
     fn take(&mut self, link: usize, bytes: &[u8], now: Duration) {
-        for (from, component, message) in self.router.receive(link, bytes) {
+        let messages = self.router.receive(link, bytes);
+        if self.router.take_order_to_fly() && link != COMPANION_LINK {
+            self.autopilot.operator_ordered();
+        }
+        for (from, component, message) in messages {
             if component == autopilot::COMPONENT {
                 self.autopilot.handle(from, message, now, &mut self.router);
             } else {
@@ -291,6 +296,11 @@ impl Vehicle {
     /// An operator's radio kill has passed on its way to the companion.
     pub(crate) fn radio_kill_seen(&self) -> bool {
         self.router.radio_kill_seen()
+    }
+
+    /// What has passed between autopilot and companion.
+    pub(crate) fn traces(&self) -> &Traces {
+        self.autopilot.traces()
     }
 
     pub(crate) fn transmitter(&self) -> &Transmitter {

@@ -8,6 +8,7 @@ use std::collections::{BTreeMap, VecDeque};
 use mavlink::Message;
 use mavlink::dialects::ardupilotmega::{MavCmd, MavMessage, STATUSTEXT_DATA};
 
+use super::signing::Signing;
 use crate::wire::{self, Decoder, Frame, WireCounters};
 
 /// More links than any vehicle has; a higher number is a caller's mistake and is ignored.
@@ -46,18 +47,21 @@ pub(crate) struct Router {
     links: Vec<Link>,
     heard: BTreeMap<(u8, u8), usize>,
     out: VecDeque<(usize, Vec<u8>)>,
+    signing: Signing,
     text_id: u16,
     /// A radio kill for a component that is not aboard has come by.
     radio_kill: bool,
+    /// So has an order to begin, or to go on.
+    order_to_fly: bool,
 }
 
-fn is_radio_kill(message: &MavMessage) -> bool {
-    let command = match message {
-        MavMessage::COMMAND_LONG(c) => c.command,
-        MavMessage::COMMAND_INT(c) => c.command,
-        _ => return false,
-    };
-    command == MavCmd::MAV_CMD_USER_2
+/// The command that a message carries to somebody who is not aboard.
+fn command_of(message: &MavMessage) -> Option<MavCmd> {
+    match message {
+        MavMessage::COMMAND_LONG(c) => Some(c.command),
+        MavMessage::COMMAND_INT(c) => Some(c.command),
+        _ => None,
+    }
 }
 
 impl Router {
@@ -69,8 +73,10 @@ impl Router {
             links,
             heard: BTreeMap::new(),
             out: VecDeque::new(),
+            signing: Signing::default(),
             text_id: 0,
             radio_kill: false,
+            order_to_fly: false,
         }
     }
 
@@ -85,6 +91,7 @@ impl Router {
             sum.stray_bytes += c.stray_bytes;
             sum.bad_checksums += c.bad_checksums;
             sum.undecodable += c.undecodable;
+            sum.unproven += c.unproven;
             sum
         })
     }
@@ -110,6 +117,10 @@ impl Router {
         self.links[link].decoder.push(bytes);
         let mut local = Vec::new();
         while let Some(frame) = self.links[link].decoder.next() {
+            if !self.signing.admits(link, &frame) {
+                self.links[link].decoder.counters.unproven += 1;
+                continue;
+            }
             self.links[link].active = true;
             self.dispatch(link, frame, &mut local);
         }
@@ -131,8 +142,17 @@ impl Router {
             return;
         };
         let target = (message.target_system_id().unwrap_or(0), message.target_component_id().unwrap_or(0));
-        self.radio_kill |= is_radio_kill(&message) && !self.components.contains(&target.1);
-        self.forward(link, target, frame.bytes);
+        match command_of(&message).filter(|_| !self.components.contains(&target.1)) {
+            Some(MavCmd::MAV_CMD_USER_2) => self.radio_kill = true,
+            Some(MavCmd::MAV_CMD_MISSION_START | MavCmd::MAV_CMD_DO_PAUSE_CONTINUE) => {
+                self.order_to_fly = true
+            }
+            _ => {}
+        }
+        // A key goes to nobody for whom it is not meant.
+        if !matches!(message, MavMessage::SETUP_SIGNING(_)) {
+            self.forward(link, target, frame.bytes);
+        }
         if target.0 != 0 && target.0 != self.system_id {
             return;
         }
@@ -152,7 +172,7 @@ impl Router {
         let sequence = self.next_sequence(to.link, component);
         let from = [self.system_id, component];
         let frame = wire::encode_unsupported(sequence, from, command, [to.system_id, to.component_id]);
-        self.out.push_back((to.link, frame));
+        self.out.push_back((to.link, self.signing.seal(to.link, frame)));
     }
 
     fn forward(&mut self, from: usize, target: (u8, u8), bytes: Vec<u8>) {
@@ -174,9 +194,19 @@ impl Router {
         }
     }
 
+    /// The signing of every link.
+    pub fn signing(&mut self) -> &mut Signing {
+        &mut self.signing
+    }
+
     /// Whether an operator's radio kill (MAV_CMD_USER_2) has passed on its way to a companion.
     pub fn radio_kill_seen(&self) -> bool {
         self.radio_kill
+    }
+
+    /// Whether an operator's order to begin or to go on has passed on its way to a companion since this was last asked.
+    pub fn take_order_to_fly(&mut self) -> bool {
+        std::mem::take(&mut self.order_to_fly)
     }
 
     fn next_sequence(&mut self, link: usize, component: u8) -> u8 {
@@ -193,7 +223,8 @@ impl Router {
         };
         for link in links.into_iter().filter(|&l| l < self.links.len()).collect::<Vec<_>>() {
             let sequence = self.next_sequence(link, component);
-            self.out.push_back((link, wire::encode(sequence, self.system_id, component, message)));
+            let frame = wire::encode(sequence, self.system_id, component, message);
+            self.out.push_back((link, self.signing.seal(link, frame)));
         }
     }
 

@@ -26,6 +26,9 @@ pub struct Traps {
     pub fast_interval_refused: bool,
     /// ArduCopter: an attitude quaternion sent to a 6DoF frame (FRAME_CLASS 16) ends the autopilot's program.
     pub six_dof_panics: bool,
+    /// ArduCopter: SETUP_SIGNING is refused while armed. Off: it is carried out, and whoever has not the key is heard no
+    /// more in mid-air.
+    pub signing_refused_while_armed: bool,
     /// Both: an unknown parameter gets silence. Off: a STATUSTEXT says so.
     pub silent_unknown_parameter: bool,
     /// Either: the first change to the companion's mode is acknowledged and not carried out.
@@ -52,6 +55,7 @@ impl Default for Traps {
             odd_frame_stops: true,
             fast_interval_refused: true,
             six_dof_panics: true,
+            signing_refused_while_armed: true,
             silent_unknown_parameter: true,
             mode_ack_alone: false,
             angle_control: false,

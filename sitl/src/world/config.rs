@@ -117,24 +117,52 @@ pub struct Tolerance {
     pub position_m: f64,
     /// Angle of the rotation between the two attitudes, degrees.
     pub attitude_deg: f64,
+    /// The same, but that nobody can overlook it within S4's 100 ms, degrees.
+    pub conspicuous_deg: f64,
 }
 
 impl Default for Tolerance {
     fn default() -> Self {
-        Self { position_m: 1.0, attitude_deg: 5.0 }
+        Self::under_jitter(0.0)
     }
 }
 
+/// In pose, off by little, or off by what must be seen at once.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum Off {
+    Nothing,
+    Little,
+    Much,
+}
+
 impl Tolerance {
-    /// Is this position and (jitter-free) attitude within tolerance of the plan's?
-    pub(crate) fn holds(
+    /// 1 m; and 5 deg, or 3 deg and one standard deviation of the jitter if that is more. Aboard, an error of the attitude
+    /// shows only in what a mean over several samples leaves of the jitter. S4's 100 ms hold five samples at 50 Hz, whose
+    /// mean has a deviation of 0.45 of one sample's, and a fault is claimed at some 4.7 of those, 2.1 in all: an error
+    /// below that cannot be told from the jitter at once.
+    #[must_use]
+    pub fn under_jitter(std_deg: f64) -> Self {
+        let attitude_deg = f64::max(5.0, 3.0 + std_deg);
+        Self { position_m: 1.0, attitude_deg, conspicuous_deg: attitude_deg.max(2.1 * std_deg) }
+    }
+
+    /// How this position and (jitter-free) attitude compare with the plan's.
+    pub(crate) fn judge(
         &self,
         plan: &Reference,
         position: &Vector3<f64>,
         attitude: &UnitQuaternion<f64>,
-    ) -> bool {
-        (position - plan.position).norm() <= self.position_m
-            && attitude.angle_to(&plan.attitude).to_degrees() <= self.attitude_deg
+    ) -> Off {
+        let off_deg = attitude.angle_to(&plan.attitude).to_degrees();
+        // What is no number is off.
+        let placed = (position - plan.position).norm() <= self.position_m;
+        if !placed || off_deg.is_nan() || off_deg > self.conspicuous_deg {
+            Off::Much
+        } else if off_deg > self.attitude_deg {
+            Off::Little
+        } else {
+            Off::Nothing
+        }
     }
 }
 
@@ -255,6 +283,7 @@ impl WorldConfig {
             named("jitter.correlation_s", self.jitter.correlation_s, false),
             named("tolerance.position_m", self.tolerance.position_m, true),
             named("tolerance.attitude_deg", self.tolerance.attitude_deg, true),
+            named("tolerance.conspicuous_deg", self.tolerance.conspicuous_deg, true),
             named("airspace.min_separation_m", self.airspace.min_separation_m, false),
             named("airspace.altitude_m[0]", self.airspace.altitude_m[0], false),
             named("airspace.altitude_m[1]", self.airspace.altitude_m[1], false),

@@ -86,7 +86,7 @@ pub enum Fault {
         /// 0 for I, 1 for J.
         vehicle: usize,
     },
-    /// The companion has been killed. Nothing changes in the world; the monitor must know it.
+    /// The companion has been killed, and does not run until the host says so. Nothing else changes in the world.
     CompanionLost {
         /// 0 for I, 1 for J.
         vehicle: usize,

@@ -1,5 +1,6 @@
 //! Two vehicles in one air: they fly, radiate and are judged.
 
+pub mod circumstances;
 pub mod config;
 pub mod fault;
 mod monitor;
@@ -15,7 +16,8 @@ use serde::Serialize;
 
 use crate::vehicle::autopilot::Mode;
 use crate::vehicle::{TICKS_PER_SAMPLE, Vehicle, VehicleCounters, VehicleSnapshot, tick_time};
-use config::{Error, Reference, WorldConfig};
+use circumstances::{Circumstances, Passage};
+use config::{Error, Off, Reference, WorldConfig};
 use fault::Fault;
 use monitor::{Monitor, Seen};
 use radio::Emitter;
@@ -168,8 +170,15 @@ impl World {
         let Some(vehicle) = self.vehicles.get_mut(fault.vehicle()) else { return };
         self.monitor.fault();
         match fault {
-            Fault::LinkLoss { on, .. } => vehicle.cut_companion_link(on),
-            Fault::LinkDegraded { loss, delay_s, .. } => vehicle.degrade_companion_link(loss, delay_s),
+            Fault::LinkLoss { vehicle: k, on } => {
+                vehicle.cut_companion_link(on);
+                self.monitor.world_link(k, if on { Passage::Cut } else { Passage::Good }, self.now);
+            }
+            Fault::LinkDegraded { vehicle: k, loss, delay_s } => {
+                vehicle.degrade_companion_link(loss, delay_s);
+                let whole = loss == 0.0 && delay_s == 0.0;
+                self.monitor.world_link(k, if whole { Passage::Good } else { Passage::Impaired }, self.now);
+            }
             Fault::GpsLoss { on, .. } => vehicle.lose_gps(on, self.now),
             Fault::EstimatorReset { jump_enu_m, .. } => vehicle.reset_estimator(Vector3::from(jump_enu_m)),
             Fault::ClockJump { by_s, .. } => vehicle.jump_clock(by_s),
@@ -181,7 +190,14 @@ impl World {
             Fault::BatteryLow { charge, .. } => vehicle.set_battery(charge),
             Fault::TransmitterIgnoresExpiry { .. } => vehicle.transmitter_mut().endless = true,
             Fault::TransmitterStuck { .. } => vehicle.transmitter_mut().stuck = true,
-            Fault::CompanionLost { .. } => {}
+            Fault::CompanionLost { vehicle } => self.monitor.companion_gone(vehicle, self.now),
+        }
+    }
+
+    /// What the host knows of a vehicle's companion from now on; until it says something, all is well with it.
+    pub fn set_circumstances(&mut self, vehicle: usize, circumstances: Circumstances) {
+        if vehicle < self.vehicles.len() {
+            self.monitor.tell(vehicle, circumstances, self.now);
         }
     }
 
@@ -200,9 +216,10 @@ impl World {
         let mode = vehicle.mode();
         Seen {
             power_w: vehicle.transmitter().power_w(),
+            lasts: vehicle.transmitter().emission().map(|e| e.expires_at.saturating_sub(self.now)),
             slot,
             plan,
-            in_pose: plan.is_some_and(|p| self.config.tolerance.holds(&p, &supposed, attitude)),
+            off: plan.map_or(Off::Much, |p| self.config.tolerance.judge(&p, &supposed, attitude)),
             error: plan.map_or((0.0, 0.0), |p| {
                 ((position - p.position).norm(), attitude.angle_to(&p.attitude).to_degrees())
             }),
@@ -222,6 +239,7 @@ impl World {
         self.monitor.observe(
             self.now,
             &seen,
+            [self.vehicles[0].traces(), self.vehicles[1].traces()],
             planned_silent,
             self.config.radio.max_power_w,
             &self.config.airspace,
@@ -235,7 +253,7 @@ impl World {
             // While it radiates in pose, the angles that the body is meant to have are the plan's.
             let meant = self.slot_of(k).map(|s| self.plans[s].0[k]).filter(|plan| {
                 let v = &self.vehicles[k];
-                self.config.tolerance.holds(plan, &v.position_enu_m(), v.nominal_attitude())
+                self.config.tolerance.judge(plan, &v.position_enu_m(), v.nominal_attitude()) == Off::Nothing
             });
             self.vehicles[k].sample(meant.map(|plan| plan.euler));
         }
@@ -257,7 +275,8 @@ impl World {
         let difference = (seen[1].power_w.unwrap_or(0.0) - planned).abs();
         let powered = difference <= PLANNED_POWER_MARGIN * planned;
         let silent_by_plan = planned == 0.0;
-        let protected = powered && (silent_by_plan || seen[1].slot == Some(slot) && seen[1].in_pose);
+        let protected =
+            powered && (silent_by_plan || seen[1].slot == Some(slot) && seen[1].off == Off::Nothing);
         let score = &mut self.scores[slot];
         score.rate.add(rate);
         score.unprotected += u32::from(!protected);
@@ -272,7 +291,7 @@ impl World {
         let attitude_deg = self.vehicles[k].attitude().angle_to(&plan.attitude).to_degrees();
         let score = &mut self.scores[slot];
         score.radiated(k, PoseError { position_m, attitude_deg, control_deg });
-        if k == 1 && !seen.in_pose {
+        if k == 1 && seen.off != Off::Nothing {
             score.jam_out_of_tolerance += 1;
         }
     }

@@ -1,16 +1,22 @@
 //! The invariants, watched from outside: from true states and true powers, never from anybody's word.
 
+mod conduct;
+
 use std::collections::BTreeSet;
 use std::time::Duration;
 
 use nalgebra::Vector3;
 
-use super::config::{AirspaceConfig, Reference};
+use super::config::{AirspaceConfig, Off, Reference};
 use super::report::Violation;
+use crate::vehicle::autopilot::Traces;
+use conduct::{Emitting, Misconduct, Side};
 
 /// A vehicle that leaves its pose while it radiates has S4's 100 ms from the first evidence on the wire; the evidence
 /// itself may be one telemetry period and a few steps old.
 const POSE_REACTION: Duration = Duration::from_millis(150);
+/// What is off by so little that the jitter hides it at first has time for a longer mean to show it.
+const FAINT_REACTION: Duration = Duration::from_millis(1500);
 /// I may outlast a jammer that a fault has silenced by its lease (500 ms by default), plus the wire.
 const LEASE: Duration = Duration::from_millis(550);
 /// A jammer that was out of its pose this recently was right to fall silent out of turn (S4).
@@ -28,11 +34,13 @@ const HOME_COLUMN_M: f64 = 10.0;
 #[derive(Debug, Clone)]
 pub(crate) struct Seen {
     pub power_w: Option<f64>,
+    /// How long the power command in force lasts.
+    pub lasts: Option<Duration>,
     /// The slot named with the power, and its plan for this vehicle; `None` outside the plan's slots.
     pub slot: Option<usize>,
     pub plan: Option<Reference>,
-    /// Within tolerance of that plan.
-    pub in_pose: bool,
+    /// How it compares with that plan; without one there is no pose to be in.
+    pub off: Off,
     /// How far off it is, metres and degrees.
     pub error: (f64, f64),
     pub position: Vector3<f64>,
@@ -60,6 +68,7 @@ enum Condition {
     Near,
     Fence(usize),
     Band(usize),
+    Conduct(usize, Misconduct),
 }
 
 /// Keeps what must be remembered between two looks.
@@ -72,11 +81,14 @@ pub(crate) struct Monitor {
     radiating: [bool; 2],
     /// Out of pose while radiating since, and whether it began so.
     out_since: [Option<(Duration, bool)>; 2],
+    /// Out of it by what must be seen at once, since.
+    far_out_since: [Option<Duration>; 2],
     /// I without a jammer since, and whether there was one before.
     bare_since: Option<(Duration, bool)>,
     jammer_last_out: Option<Duration>,
     /// When I was, or would have been, protected last.
     jammed_last: Option<Duration>,
+    sides: [Side; 2],
 }
 
 const NAMES: [&str; 2] = ["I", "J"];
@@ -108,6 +120,7 @@ impl Monitor {
         &mut self,
         now: Duration,
         seen: &[Seen; 2],
+        traces: [&Traces; 2],
         planned_silent: bool,
         max_power_w: [f64; 2],
         airspace: &AirspaceConfig,
@@ -116,6 +129,8 @@ impl Monitor {
             self.emission(v, now, &seen[v], max_power_w[v]);
         }
         self.order(now, seen, planned_silent);
+        let emitting = |v: usize| Emitting { radiates: seen[v].power_w.is_some(), lasts: seen[v].lasts };
+        self.conduct(now, [emitting(0), emitting(1)], traces);
         self.radiating = [seen[0].power_w.is_some(), seen[1].power_w.is_some()];
         self.separation(now, seen, airspace.min_separation_m);
         for (v, vehicle) in seen.iter().enumerate() {
@@ -132,19 +147,20 @@ impl Monitor {
             format!("{name} radiates in no slot of the plan")
         });
 
-        let out = radiates && seen.slot.is_some() && !seen.in_pose;
-        if v == 1 && seen.slot.is_some() && !seen.in_pose {
+        let posed = radiates && seen.slot.is_some();
+        let out = posed && seen.off != Off::Nothing;
+        if v == 1 && seen.slot.is_some() && seen.off != Off::Nothing {
             self.jammer_last_out = Some(now);
         }
-        if !out {
-            self.out_since[v] = None;
-        } else if self.out_since[v].is_none() {
-            self.out_since[v] = Some((now, !self.radiating[v]));
-        }
+        let begins = !self.radiating[v];
+        self.out_since[v] = out.then(|| self.out_since[v].unwrap_or((now, begins)));
+        let far_out = posed && seen.off == Off::Much;
+        self.far_out_since[v] = far_out.then(|| self.far_out_since[v].unwrap_or(now));
         // Nobody turns on out of pose, but that a fault tears off the pose at that moment (S4).
         let too_long = self.out_since[v].is_some_and(|(since, from_start)| {
-            from_start && !self.faulted || now.saturating_sub(since) > POSE_REACTION
-        });
+            from_start && !self.faulted || now.saturating_sub(since) > FAINT_REACTION
+        }) || self.far_out_since[v]
+            .is_some_and(|since| now.saturating_sub(since) > POSE_REACTION);
         self.set(Condition::OutOfPose(v), too_long, invariant, now, || {
             let (metres, degrees) = seen.error;
             format!("{name} radiates out of its pose: {metres:.2} m and {degrees:.2} deg off")

@@ -70,14 +70,11 @@ pub(super) struct FlightLine {
 
 impl FlightLine {
     pub fn new(run: u64, seed: u64, flown: &Flown) -> Self {
-        let lines = |violations: &[veilwing_sitl::Violation]| {
-            let line = |v: &veilwing_sitl::Violation| ViolationLine {
-                invariant: v.invariant.to_owned(),
-                seed,
-                at_s: v.at_s,
-                detail: v.detail.clone(),
-            };
-            violations.iter().map(line).collect()
+        let line = |v: &veilwing_sitl::Violation| ViolationLine {
+            invariant: v.invariant.to_owned(),
+            seed,
+            at_s: v.at_s,
+            detail: v.detail.clone(),
         };
         let faults = flown.faults.iter().map(|(at, fault)| FaultLine {
             at_s: at.as_secs_f64(),
@@ -91,8 +88,8 @@ impl FlightLine {
             simulated_s: flown.report.flight_s,
             achieved_over_planned: flown.achieved_over_planned(),
             faults: faults.collect(),
-            violations: lines(&flown.report.violations),
-            excused: lines(&flown.excused),
+            violations: flown.report.violations.iter().map(line).collect(),
+            excused: flown.excused.iter().map(|excused| line(&excused.violation)).collect(),
         }
     }
 }

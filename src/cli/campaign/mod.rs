@@ -108,14 +108,18 @@ fn fly(args: &Args, (mission, file): (&Mission, &Path), faults: &Faults) -> Resu
         let began = wall.now();
         let seed = seed.wrapping_add(run);
         let faults = draw(faults, seed, scenario.lengths());
-        let flown = match &out {
-            Some(out) if alone => out.fly_with_logs((mission, file), &scenario, seed, faults)?,
-            _ => scenario.fly(seed, faults, &mut ())?,
+        let (flown, record) = match &out {
+            Some(out) if alone => {
+                let (flown, record) = out.fly_with_logs(mission, &scenario, seed, faults)?;
+                (flown, Some(record))
+            }
+            _ => (scenario.fly(seed, faults, &mut ())?, None),
         };
         let line = FlightLine::new(run, seed, &flown);
         if let Some(out) = &out {
             let wall_s = wall.now().saturating_since(began).as_secs_f64();
-            out.keep(&line, &identity.plan_digest, flown, wall_s, alone);
+            let record = record.as_ref().map(|record| (file, record));
+            out.keep(&line, &identity.plan_digest, flown, wall_s, record);
         }
         Ok(line)
     };

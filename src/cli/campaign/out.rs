@@ -17,13 +17,13 @@ use crate::config::Mission;
 use crate::link::Rejection;
 use crate::link::tlog::append_record;
 use crate::mission::Notice;
-use crate::report::flight::{self, Event, EventKind, Severity};
+use crate::report::flight::{self, Event, EventKind, Severity, Timeline};
 use crate::report::plan_document::PlanDocument;
 use crate::role::{PerVehicle, Role};
 use crate::simulation::{Change, Fault, Flown, Observer, Scenario, ScenarioError, Wire, Witness};
 use crate::time::Utc;
 
-use super::document::{CampaignDocument, FaultLine, FlightLine, ViolationLine};
+use super::document::{CampaignDocument, FaultLine, FlightLine};
 use super::shard::Shard;
 
 /// The timeline of a flight has a record this often, and at each change.
@@ -43,7 +43,8 @@ struct Kept {
     flight: FlightDocument,
     seed: u64,
     faults: Vec<FaultLine>,
-    excused: Vec<ViolationLine>,
+    /// Records of the telemetry logs that full disks did not take, by vehicle.
+    unlogged: PerVehicle<u64>,
 }
 
 impl Out {
@@ -55,17 +56,30 @@ impl Out {
         Ok(Self { path: path.to_owned(), failing: AtomicBool::new(false) })
     }
 
-    /// Keeps the document of a flight as `runs/SEED.json`; of one flight alone as `summary.json` too.
-    pub fn keep(&self, line: &FlightLine, plan_digest: &str, flown: Flown, wall_s: f64, alone: bool) {
+    /// Keeps the document of a flight as `runs/SEED.json`; of one flight alone, whose record is given with the mission's
+    /// file, as `summary.json` too, and then what `veilwing report` makes of all that.
+    pub fn keep(
+        &self,
+        line: &FlightLine,
+        plan_digest: &str,
+        flown: Flown,
+        wall_s: f64,
+        alone: Option<(&Path, &Timeline)>,
+    ) {
         let kept = Kept {
+            unlogged: flown.unlogged,
             flight: flight_document(flown, plan_digest, wall_s),
             seed: line.seed,
             faults: line.faults.clone(),
-            excused: line.excused.clone(),
         };
         let mut written = write_json(&self.path.join(format!("runs/{}.json", line.seed)), &kept);
-        if alone {
-            written = written.and(write_json(&self.path.join("summary.json"), &kept));
+        if let Some((mission, timeline)) = alone {
+            // The page tells of the verdict that is in the summary.
+            let directory = Directory::new(Some(&self.path));
+            written = written.and(directory.and_then(|directory| {
+                directory.write_summary(&kept)?;
+                directory.write_flight(mission, timeline)
+            }));
         }
         self.report(written);
     }
@@ -76,23 +90,22 @@ impl Out {
         write_json(&self.path.join(name), document)
     }
 
-    /// Flies once and keeps all that was said, sent and seen: `flight.log`, a `.tlog` of every link, and what
-    /// `veilwing report` reads. `mission`: the mission and its file.
+    /// Flies once and keeps all that was said and sent: `flight.log` and a `.tlog` of every link. Returns the record of
+    /// the flight too.
     pub fn fly_with_logs(
         &self,
-        mission: (&Mission, &Path),
+        mission: &Mission,
         scenario: &Scenario,
         seed: u64,
         faults: Vec<Fault>,
-    ) -> Result<Flown, ScenarioError> {
+    ) -> Result<(Flown, Timeline), ScenarioError> {
         let mut logs = Logs::new(scenario.utc_start_us());
         let flown = scenario.fly(seed, faults, &mut logs)?;
         self.report(logs.write(&self.path));
-        let timeline =
-            flight::simulated::timeline(mission.0, &flown.world, &logs.recorder.finish(), logs.events);
-        let directory = Directory::new(Some(&self.path));
-        self.report(directory.and_then(|directory| directory.write_flight(mission.1, &timeline)));
-        Ok(flown)
+        let records = logs.recorder.finish();
+        let judged = (flown.report.violations.as_slice(), flown.excused.as_slice());
+        let timeline = flight::simulated::timeline(mission, &flown.world, &records, logs.events, judged);
+        Ok((flown, timeline))
     }
 
     /// A full disk costs the files, not the campaign.
@@ -120,7 +133,7 @@ fn flight_document(flown: Flown, plan_digest: &str, wall_s: f64) -> FlightDocume
         }
     }
     let messages = Messages { sent: flown.sent, received: flown.received, rejected };
-    FlightDocument::new(result, flown.report, plan_digest.to_owned(), wall_s, messages)
+    FlightDocument::new(result, flown.report, flown.excused, plan_digest.to_owned(), wall_s, messages)
 }
 
 /// Everything said and sent in a flight.
@@ -161,7 +174,7 @@ impl Logs {
 }
 
 impl Observer for Logs {
-    fn said(&mut self, at: Duration, role: Role, notice: &Notice) {
+    fn said(&mut self, at: Duration, role: Role, phase: Option<&'static str>, notice: &Notice) {
         self.line(at, &format!("{role}  {}", notice.text));
         let severity = match notice.severity {
             MavSeverity::MAV_SEVERITY_WARNING => Severity::Warning,
@@ -176,7 +189,7 @@ impl Observer for Logs {
             kind: EventKind::Notice,
             vehicle: Some(role),
             severity,
-            phase: None,
+            phase: phase.map(str::to_owned),
             code: None,
             text,
         });

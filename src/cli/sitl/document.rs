@@ -10,6 +10,7 @@ use veilwing_sitl::FlightReport;
 use crate::config::Mission;
 use crate::planner::problem::Uncertainty;
 use crate::role::{PerVehicle, Role};
+use crate::simulation::Excused;
 
 use super::host::Flight;
 use super::process::{End, describe_end};
@@ -35,7 +36,21 @@ pub(in crate::cli) struct FlightDocument {
     wall_s: f64,
     #[serde(flatten)]
     report: FlightReport,
+    /// Violations that do not count, each with the reason.
+    excused: Vec<Excused>,
+    /// Steps in which the simulated world fell behind its own clock; absent in virtual time, where it cannot.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    world_late: Option<WorldLate>,
     messages: Messages,
+}
+
+/// How far the simulated world fell behind its own clock.
+#[derive(Debug, Serialize)]
+struct WorldLate {
+    /// Steps that were late.
+    steps: usize,
+    /// The latest of them, flight milliseconds.
+    worst_ms: u128,
 }
 
 /// What was sent, and what was lost of it.
@@ -54,11 +69,13 @@ impl FlightDocument {
     pub fn new(
         result: FlightResult,
         report: FlightReport,
+        excused: Vec<Excused>,
         plan_digest: String,
         wall_s: f64,
         messages: Messages,
     ) -> Self {
-        Self { format: "veilwing-flight/1", result, plan_digest, wall_s, report, messages }
+        let format = "veilwing-flight/1";
+        Self { format, result, plan_digest, wall_s, report, excused, world_late: None, messages }
     }
 
     /// The document of a flight of companion processes.
@@ -74,7 +91,11 @@ impl FlightDocument {
             received: flight.received,
             rejected: BTreeMap::from([("swallowed-by-fault", flight.swallowed)]),
         };
-        Self::new(result, flight.report.clone(), plan_digest, wall_s, messages)
+        let excused = flight.excused.clone();
+        let document = Self::new(result, flight.report.clone(), excused, plan_digest, wall_s, messages);
+        let worst = flight.late.iter().map(|late| late.by).max().unwrap_or_default();
+        let world_late = Some(WorldLate { steps: flight.late.len(), worst_ms: worst.as_millis() });
+        Self { world_late, ..document }
     }
 
     /// Completed without a violated invariant.
@@ -138,6 +159,19 @@ impl FlightDocument {
                 text,
                 "VIOLATION {} at {:.3} s: {}",
                 violation.invariant, violation.at_s, violation.detail
+            )?;
+        }
+        for Excused { violation, why } in &self.excused {
+            writeln!(
+                text,
+                "not counted: {} at {:.3} s: {} ({why})",
+                violation.invariant, violation.at_s, violation.detail
+            )?;
+        }
+        if let Some(WorldLate { steps, worst_ms }) = self.world_late.as_ref().filter(|late| late.steps > 0) {
+            writeln!(
+                text,
+                "the world ran late {steps} times, by {worst_ms} ms of flight at worst: this machine was busy; a lower --speed asks less of it"
             )?;
         }
         let verdict = match self.result {

@@ -34,12 +34,36 @@ impl Host<'_> {
                     self.say(&fault.describe());
                     self.note_fault(EventKind::Fault, &fault);
                     self.apply(&fault, true);
+                    self.happened.push((now, fault));
                 }
                 Change::Ends(fault) => {
                     self.say(&format!("{} is over", fault.describe()));
                     self.note_fault(EventKind::FaultOver, &fault);
                     self.apply(&fault, false);
                 }
+            }
+        }
+    }
+
+    /// Tells the world's monitor how the companions fare, as far as this process knows.
+    pub(super) fn tell_world(&mut self) {
+        for role in Role::BOTH {
+            let companion = &self.companions[role];
+            let stopped = self.schedule.runs(FaultKind::CompanionStop, role);
+            let passage =
+                |kinds: &[FaultKind], from| self.schedule.path(kinds, from).unwrap_or(DIRECT).passage();
+            let told = sim::Circumstances {
+                runs: companion.end.is_none() && !companion.gone && !stopped,
+                life: self.lives[role],
+                vehicle_link: passage(&LINK, role),
+                from_peer: match self.setup.pair_relay {
+                    // What somebody else's relay does to it is not known here.
+                    Some(_) => sim::Passage::Impaired,
+                    None => passage(&PAIR, role.peer()),
+                },
+            };
+            if std::mem::replace(&mut self.told[role], told) != told {
+                self.setup.world.set_circumstances(index(role), told);
             }
         }
     }
@@ -99,7 +123,10 @@ impl Host<'_> {
         if restart == Restart::Due {
             self.restarts[role] = None;
             match self.spawn_again(role) {
-                Ok(companion) => self.companions[role] = companion,
+                Ok(companion) => {
+                    self.companions[role] = companion;
+                    self.lives[role] += 1;
+                }
                 Err(error) => {
                     self.say(&format!("{role}  {error}"));
                     return false;

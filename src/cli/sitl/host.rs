@@ -13,7 +13,7 @@ use crate::config::HostPort;
 use crate::link::clock::Clock;
 use crate::report::flight::{Event, EventKind, Severity};
 use crate::role::{PerVehicle, Role};
-use crate::simulation::{Fault, Schedule, index};
+use crate::simulation::{Excused, Fault, Late, Schedule, index, judge};
 
 use super::faults::Restart;
 use super::files::write_vehicle;
@@ -23,6 +23,8 @@ use super::process::{Companion, End, Line, Spawning, describe_end, spawn_compani
 
 /// The world advances in steps of this much wall time.
 const STEP: Duration = Duration::from_millis(2);
+/// A step that is later than this, in flight time, makes vehicles late to each other: less than what silences I.
+const LATE: Duration = Duration::from_millis(20);
 /// Progress lines without news come this often, in flight time.
 const PROGRESS_EVERY: Duration = Duration::from_secs(10);
 /// A companion whose peer has ended may take this much longer (flight time) before it is asked to stop ...
@@ -62,7 +64,12 @@ impl Setup<'_> {
 
 /// A flight that is over.
 pub(super) struct Flight {
+    /// Its violations are those that count.
     pub report: sim::FlightReport,
+    /// Violations that are nobody's aboard.
+    pub excused: Vec<Excused>,
+    /// Steps in which the world fell behind its clock.
+    pub late: Vec<Late>,
     /// As it was left.
     pub world: World,
     pub records: Vec<sim::Record>,
@@ -89,6 +96,13 @@ pub(super) struct Host<'a> {
     vehicle_files: PerVehicle<PathBuf>,
     lines: mpsc::UnboundedSender<(Role, Line)>,
     pub schedule: Schedule,
+    /// Faults that have begun.
+    pub happened: Vec<(Duration, Fault)>,
+    /// What the world was last told of the companions.
+    pub told: PerVehicle<sim::Circumstances>,
+    /// How often each companion has been started again.
+    pub lives: PerVehicle<u32>,
+    late: Vec<Late>,
     pub restarts: PerVehicle<Option<Restart>>,
     first_end: Option<Duration>,
     interrupted: bool,
@@ -134,6 +148,10 @@ pub(super) async fn fly(mut setup: Setup<'_>) -> Result<Flight, String> {
         vehicle_files,
         lines,
         schedule,
+        happened: Vec::new(),
+        told: PerVehicle::default(),
+        lives: PerVehicle::default(),
+        late: Vec::new(),
         restarts: PerVehicle::default(),
         first_end: None,
         interrupted: false,
@@ -166,6 +184,7 @@ impl Host<'_> {
     /// One step: faults that are due, datagrams in, the world forward, datagrams out.
     fn advance(&mut self) {
         self.change_faults();
+        self.tell_world();
         let now = self.setup.world.now();
         for role in Role::BOTH {
             self.autopilot[role].listen(now);
@@ -183,7 +202,9 @@ impl Host<'_> {
         }
         // What a fault or a command has just changed keeps its own instant.
         self.recorder.observe(&self.setup.world);
-        self.setup.world.advance(self.clock.now().since_start());
+        let to = self.clock.now().since_start();
+        self.note_lateness(now, to);
+        self.setup.world.advance(to);
         self.recorder.observe(&self.setup.world);
         while let Some((vehicle, link, frame)) = self.setup.world.poll_transmit() {
             if let (GROUND_LINK, Some(ground)) = (link, &self.ground) {
@@ -201,6 +222,14 @@ impl Host<'_> {
         self.note_progress();
     }
 
+    /// A step that makes up for more than its own length was late: nobody was told anything meanwhile.
+    fn note_lateness(&mut self, from: Duration, to: Duration) {
+        let by = to.saturating_sub(from).saturating_sub(STEP.mul_f64(self.setup.speed));
+        if by > LATE {
+            self.late.push(Late { from, by });
+        }
+    }
+
     /// Lets leases run out and the last measurements come in after both companions have ended.
     fn settle(&mut self) {
         let end = self.setup.world.now() + Duration::from_secs(1);
@@ -214,8 +243,13 @@ impl Host<'_> {
         let (sent, swallowed) =
             (ports().map(|port| port.sent).sum(), ports().map(|port| port.swallowed).sum());
         let received = Role::BOTH.map(|role| self.autopilot[role].received).iter().sum();
+        let mut report = self.setup.world.report();
+        let (violations, excused) = judge(std::mem::take(&mut report.violations), &self.happened, &self.late);
+        report.violations = violations;
         Flight {
-            report: self.setup.world.report(),
+            report,
+            excused,
+            late: self.late,
             records: self.recorder.finish(),
             events: self.events,
             ends: self.companions.map(|companion| companion.end),

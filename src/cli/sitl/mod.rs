@@ -127,8 +127,9 @@ fn fly(args: &Args, mission: &Mission, faults: &Faults) -> Result<Exit, String> 
     let document = FlightDocument::of_processes(&flown, plan.plan_digest.clone(), wall_s);
     directory.write_summary(&document)?;
     if args.out.is_some() {
+        let judged = (flown.report.violations.as_slice(), flown.excused.as_slice());
         let timeline =
-            flight::simulated::timeline(mission, &flown.world, &flown.records, flown.events.clone());
+            flight::simulated::timeline(mission, &flown.world, &flown.records, flown.events.clone(), judged);
         directory.write_flight(&args.mission, &timeline)?;
     }
     let shown =

@@ -290,7 +290,10 @@ fn marks(events: &[Event]) -> Vec<Mark> {
     };
     let mut found = of(|event| event.kind == EventKind::Fault);
     if found.is_empty() {
-        found = of(|event| event.kind != EventKind::Violation && event.severity >= Severity::Warning);
+        found = of(|event| {
+            ![EventKind::Violation, EventKind::Excused].contains(&event.kind)
+                && event.severity >= Severity::Warning
+        });
         found.truncate(1);
     }
     let numbered = found.into_iter().enumerate();

@@ -12,15 +12,17 @@ use crate::geo::{Attitude, Pose};
 use crate::planner::plan::VehiclePlan;
 use crate::report::plan_document::VehicleDocument;
 use crate::role::{PerVehicle, Role};
+use crate::simulation::Excused;
 
 /// The timeline of a flight that is over: what a [`sim::Recorder`] kept of `world`, and what the host knows of faults,
-/// notices and processes. Violations are added from the world's own report.
+/// notices and processes. `judged`: the violations that count, and those that do not.
 #[must_use]
 pub fn timeline(
     mission: &Mission,
     world: &sim::World,
     records: &[sim::Record],
     events: Vec<Event>,
+    judged: (&[sim::Violation], &[Excused]),
 ) -> Timeline {
     let mut timeline = Timeline {
         scene: scene(mission, world),
@@ -28,15 +30,22 @@ pub fn timeline(
         events,
         summary: None,
     };
-    let violations = world.report().violations;
-    timeline.events.extend(violations.into_iter().map(|violation| Event {
+    let event = |kind, severity, violation: &sim::Violation, text| Event {
         at_s: violation.at_s,
-        kind: EventKind::Violation,
+        kind,
         vehicle: None,
-        severity: Severity::Error,
+        severity,
         phase: None,
         code: Some(violation.invariant.to_owned()),
-        text: violation.detail,
+        text,
+    };
+    let (violations, excused) = judged;
+    timeline
+        .events
+        .extend(violations.iter().map(|v| event(EventKind::Violation, Severity::Error, v, v.detail.clone())));
+    timeline.events.extend(excused.iter().map(|Excused { violation, why }| {
+        let text = format!("{}; {why}", violation.detail);
+        event(EventKind::Excused, Severity::Warning, violation, text)
     }));
     timeline.events.sort_by(|a, b| a.at_s.total_cmp(&b.at_s));
     timeline

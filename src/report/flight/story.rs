@@ -5,7 +5,7 @@
 use super::facts::{AFTERWARDS_S, Emission, Facts, SlotRun};
 use super::timeline::{Event, EventKind, Severity, Source};
 use super::verdict::{headline, lead};
-use super::words::{clause, instant, power, sentence, span, speaker};
+use super::words::{clause, gloss, instant, power, sentence, span, speaker};
 use crate::role::Role;
 
 /// A beat this long after a mark tells how long after.
@@ -144,6 +144,7 @@ impl Teller<'_> {
         if let Some((index, event)) = reason {
             self.told.push(index);
             let why = event.text.split_once(": ").map_or(event.text.as_str(), |(_, why)| why);
+            let why = gloss(why);
             return (Tone::Good, format!("Vehicle {role} fell silent after {after} on the air: {why}."));
         }
         let events = &self.facts.timeline.events;
@@ -211,6 +212,14 @@ impl Teller<'_> {
                 EventKind::Violation => {
                     let code = event.code.as_deref().unwrap_or("an invariant");
                     self.say(event.at_s, Tone::Bad, format!("{code} was broken: {}.", event.text));
+                }
+                EventKind::Excused => {
+                    let code = event.code.as_deref().unwrap_or("an invariant");
+                    self.say(
+                        event.at_s,
+                        Tone::Fault,
+                        format!("{code} did not hold, which does not count: {}.", event.text),
+                    );
                 }
                 EventKind::FaultOver => {
                     self.say(event.at_s, Tone::Plain, format!("Over: {}.", event.text));

@@ -205,6 +205,8 @@ pub enum EventKind {
     Process,
     /// The monitor saw an invariant broken.
     Violation,
+    /// It saw one broken by nobody aboard: by a transmitter out of order, or by a simulation that ran late.
+    Excused,
 }
 
 /// How bad an event is.

@@ -119,7 +119,11 @@ fn homecoming(facts: &Facts, role: Role) -> Option<String> {
         return Some(format!("Vehicle {role} was last known at {at}, in the air, in {mode}"));
     }
     if !last.landed {
-        return Some(format!("Vehicle {role} was still in the air at the end, in {}", last.mode));
+        let mut marks = facts.marks.iter().map(|mark| facts.event(mark));
+        let alone =
+            marks.any(|event| event.vehicle == Some(role) && event.code.as_deref() == Some("companion-kill"));
+        let why = if alone { ": it had no companion left to bring it down" } else { "" };
+        return Some(format!("Vehicle {role} was still in the air at the end, in {}{why}", last.mode));
     }
     let down_s = known().rfind(|(_, v)| !v.landed).map_or(0.0, |(at_s, _)| at_s);
     let [dx, dy] = [0, 1].map(|k| last.position_enu_m[k] - start.position_enu_m[k]);

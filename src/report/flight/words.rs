@@ -45,6 +45,16 @@ pub fn sentence(text: &str) -> String {
     letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
 }
 
+/// A companion's reason for silence, for readers who do not know its words.
+#[must_use]
+pub fn gloss(why: &str) -> String {
+    match why {
+        "no jam lease in force" => format!("{why}, for vehicle J had not renewed its promise to jam"),
+        "vehicle I is not on station" => format!("{why}, or is not heard"),
+        _ => why.to_owned(),
+    }
+}
+
 /// What happened, as a clause in the past.
 #[must_use]
 pub fn clause(event: &Event) -> String {

@@ -15,6 +15,7 @@
 // Ground stations still speak the superseded SET_MODE, PING and frame names, so an autopilot must understand them.
 #![allow(deprecated)]
 
+mod answers;
 mod arducopter;
 mod commands;
 mod failsafe;
@@ -23,10 +24,12 @@ mod flight;
 mod land;
 mod modes;
 mod offboard;
+mod parameter_protocol;
 mod reposition;
 pub mod slip;
 mod streams;
 mod telemetry;
+mod traces;
 mod tuning;
 
 use std::collections::{BTreeMap, VecDeque};
@@ -35,9 +38,10 @@ use std::time::Duration;
 use mavlink::dialects::ardupilotmega::*;
 use nalgebra::{UnitQuaternion, Vector3};
 
+use super::COMPANION_LINK;
 use super::config::{Airframe, Firmware, Traps, VehicleConfig};
 use super::dynamics::GRAVITY_M_S2;
-use super::parameters::{Parameters, SetOutcome};
+use super::parameters::Parameters;
 use super::rotors::Allocator;
 use super::router::{Router, Sender, To};
 use crate::frames::heading_rad;
@@ -46,6 +50,7 @@ use crate::geodesy::{LocalFrame, Origin, Projection};
 pub(crate) use flight::Guidance;
 pub(crate) use modes::Mode;
 pub use offboard::SetpointCounters;
+pub(crate) use traces::{Shown, Taken, Traces};
 
 /// The autopilot's component id (MAV_COMP_ID_AUTOPILOT1).
 pub const COMPONENT: u8 = 1;
@@ -112,6 +117,7 @@ pub(crate) struct Autopilot {
     hover_thrust: f64,
     /// A mode was acknowledged and not taken.
     mode_forgotten: bool,
+    traces: Traces,
 
     streams: BTreeMap<usize, streams::Streams>,
     parameter_queue: VecDeque<(usize, usize)>,
@@ -162,6 +168,7 @@ impl Autopilot {
             ground_station_at: None,
             hover_thrust: hover_thrust(config),
             mode_forgotten: false,
+            traces: Traces::default(),
             streams: BTreeMap::new(),
             parameter_queue: VecDeque::new(),
             next_heartbeat: Duration::ZERO,
@@ -188,6 +195,8 @@ impl Autopilot {
         // A new estimator begins where it is.
         self.frame = local_frame(mission, sensed.position_enu_m, self.firmware);
         self.home_enu_m = before.home_enu_m;
+        self.traces = before.traces;
+        self.traces.changes(before.mode, self.mode, sensed.now);
         (self.grounded, self.landed) = (sensed.contact, sensed.contact);
     }
 
@@ -213,6 +222,13 @@ impl Autopilot {
         if now < self.silent_until {
             return;
         }
+        self.traces.listen_to(from.link == COMPANION_LINK);
+        self.traces.heard(&message, now);
+        self.take(from, message, now, router);
+        self.traces.listen_to(false);
+    }
+
+    fn take(&mut self, from: Sender, message: MavMessage, now: Duration, router: &mut Router) {
         match message {
             MavMessage::COMMAND_LONG(_) | MavMessage::COMMAND_INT(_) | MavMessage::SET_MODE(_) => {
                 self.handle_command(from, &message, now, router);
@@ -236,30 +252,8 @@ impl Autopilot {
             MavMessage::PARAM_REQUEST_READ(m) => self.read_parameter(from, &m, router),
             MavMessage::PARAM_SET(m) => self.set_parameter(&m, router),
             MavMessage::FILE_TRANSFER_PROTOCOL(m) => self.file_request(from, &m, router),
-            MavMessage::TIMESYNC(m) if m.tc1 == 0 => {
-                let reply = TIMESYNC_DATA {
-                    tc1: self.uptime(now).as_nanos() as i64,
-                    ts1: m.ts1,
-                    target_system: from.system_id,
-                    target_component: from.component_id,
-                };
-                router.send(To::Link(from.link), COMPONENT, &MavMessage::TIMESYNC(reply));
-            }
-            MavMessage::PING(m) if m.target_system == 0 => {
-                let reply =
-                    PING_DATA { target_system: from.system_id, target_component: from.component_id, ..m };
-                router.send(To::Link(from.link), COMPONENT, &MavMessage::PING(reply));
-            }
-            MavMessage::MISSION_REQUEST_LIST(m) => {
-                let reply = MISSION_COUNT_DATA {
-                    target_system: from.system_id,
-                    target_component: from.component_id,
-                    mission_type: m.mission_type,
-                    ..MISSION_COUNT_DATA::DEFAULT
-                };
-                router.send(To::Link(from.link), COMPONENT, &MavMessage::MISSION_COUNT(reply));
-            }
-            _ => {}
+            MavMessage::SETUP_SIGNING(m) => self.set_up_signing(&m, router),
+            question => self.answer(from, question, now, router),
         }
     }
 
@@ -304,32 +298,6 @@ impl Autopilot {
         }
     }
 
-    fn read_parameter(&self, from: Sender, m: &PARAM_REQUEST_READ_DATA, router: &mut Router) {
-        let index = usize::try_from(m.param_index)
-            .ok()
-            .or_else(|| m.param_id.to_str().ok().and_then(|name| self.parameters.index_of(name)));
-        match index.and_then(|k| self.parameters.message(k)) {
-            Some(value) => router.send(To::Link(from.link), COMPONENT, &MavMessage::PARAM_VALUE(value)),
-            None => self.unknown_parameter(router),
-        }
-    }
-
-    fn set_parameter(&mut self, m: &PARAM_SET_DATA, router: &mut Router) {
-        let (SetOutcome::Stored(index) | SetOutcome::Refused(index)) = self.parameters.handle_set(m) else {
-            return self.unknown_parameter(router);
-        };
-        if let Some(value) = self.parameters.message(index) {
-            router.send(To::All, COMPONENT, &MavMessage::PARAM_VALUE(value));
-        }
-    }
-
-    /// An unknown parameter gets silence, from both firmwares.
-    fn unknown_parameter(&self, router: &mut Router) {
-        if !self.traps.silent_unknown_parameter {
-            self.text(MavSeverity::MAV_SEVERITY_WARNING, "Unknown parameter", router);
-        }
-    }
-
     fn text(&self, severity: MavSeverity, text: &str, router: &mut Router) {
         router.text(COMPONENT, severity, text);
     }
@@ -349,17 +317,34 @@ impl Autopilot {
         self.guide(sensed, router)
     }
 
+    /// ArduCopter takes no key while it is armed, and says so.
+    fn set_up_signing(&self, m: &SETUP_SIGNING_DATA, router: &mut Router) {
+        if self.firmware == Firmware::ArduCopter && self.traps.signing_refused_while_armed && self.armed {
+            return self.text(
+                MavSeverity::MAV_SEVERITY_CRITICAL,
+                "ERROR: Won't setup signing when armed",
+                router,
+            );
+        }
+        router.signing().set_up(m);
+    }
+
     fn tell(&mut self, sensed: &Sensed, router: &mut Router) {
+        router.signing().set_utc(self.utc_start_us + sensed.now.as_micros() as u64);
         if sensed.now >= self.next_heartbeat {
             self.next_heartbeat = sensed.now + HEARTBEAT_INTERVAL;
             router.send(To::All, COMPONENT, &self.heartbeat());
+            self.traces.beats(self.mode, self.armed, sensed.now);
         }
         for link in router.active_links().collect::<Vec<_>>() {
             let streams =
                 self.streams.entry(link).or_insert_with(|| streams::Streams::new(self.firmware, sensed.now));
-            for id in streams.due(sensed.now) {
+            for (id, interval) in streams.due(sensed.now) {
                 if let Some(message) = self.message(id, sensed) {
                     router.send(To::Link(link), COMPONENT, &message);
+                    if link == COMPANION_LINK {
+                        self.traces.sends(id, interval, self.estimator_ok, sensed.now);
+                    }
                 }
             }
         }
@@ -373,6 +358,7 @@ impl Autopilot {
 
     fn disarm(&mut self) {
         self.armed = false;
+        self.traces.disarms();
         self.resumes = false;
         self.failsafe = false;
         self.flight.end();
@@ -384,6 +370,7 @@ impl Autopilot {
             // The bridge script levels the vehicle when GUIDED ends.
             self.offboard.offsets_on = false;
         }
+        self.traces.changes(self.mode, mode, sensed.now);
         self.mode = mode;
         self.resumes = false;
         self.failsafe = false;

@@ -98,8 +98,8 @@ impl Streams {
         self.streams.get(&id).map(|s| s.interval)
     }
 
-    /// The messages due at `now`. Their times stay on their own grid.
-    pub fn due(&mut self, now: Duration) -> Vec<u32> {
+    /// The messages due at `now`, and their intervals. Their times stay on their own grid.
+    pub fn due(&mut self, now: Duration) -> Vec<(u32, Duration)> {
         if now < self.next_due {
             return Vec::new();
         }
@@ -107,7 +107,7 @@ impl Streams {
         self.next_due = Duration::MAX;
         for (id, stream) in &mut self.streams {
             if stream.due <= now {
-                due.push(*id);
+                due.push((*id, stream.interval));
                 stream.due += stream.interval;
                 if stream.due <= now {
                     stream.due = now + stream.interval;
@@ -146,11 +146,11 @@ mod tests {
         let mut count = 0;
         for tick in 0..4000u32 {
             let now = Duration::from_micros(2500) * tick;
-            count += streams.due(now).iter().filter(|i| **i == id).count();
+            count += streams.due(now).iter().filter(|(i, _)| *i == id).count();
         }
         assert_eq!(count, 500);
         streams.stop(id);
-        assert!(!streams.due(Duration::from_secs(11)).contains(&id));
+        assert!(streams.due(Duration::from_secs(11)).iter().all(|(i, _)| *i != id));
         streams.set_default(id, Firmware::Px4, Duration::from_secs(11));
         assert_eq!(streams.interval(id), Some(Duration::from_millis(250)));
     }

@@ -6,33 +6,26 @@ use crate::report::flight::timeline::{EventKind, Source};
 use crate::report::flight::words::{instant, power, utc};
 use crate::role::Role;
 
-/// The invariants in words, and what a record says of those that the world does not watch one by one.
-const INVARIANTS: [(&str, &str, Option<&str>); 9] = [
-    ("S1", "I radiates only in its slot, in its pose, and while J jams the same slot", None),
-    ("S2", "J radiates only in its slot and in its pose, so that it never jams the user", None),
-    ("S3", "J is on before I, and goes off after I unless a fault forces it", None),
+/// The invariants in words, as the world watches them from outside.
+const INVARIANTS: [(&str, &str); 9] = [
+    ("S1", "I radiates only in its slot, in its pose, and while J jams the same slot"),
+    ("S2", "J radiates only in its slot and in its pose, so that it never jams the user"),
+    ("S3", "J is on before I, and goes off after I unless a fault forces it"),
     (
         "S4",
-        "whatever fails, the transmitters fall silent within their bounds",
-        Some("watched as S1 and S2: pose errors and a missing jammer are counted from the bound on"),
+        "whatever fails, the transmitters fall silent: 100 ms after the first sign on the wire, by the lease where the link or the peer is gone; I follows a jammer that goes off out of turn",
     ),
     (
         "S5",
-        "a transmitter whose companion is gone falls silent by itself",
-        Some("a property of the transmitter; the story tells of it where it came to that"),
+        "a transmitter whose companion is gone falls silent by itself, and no command lasts longer than a lease",
     ),
-    ("S6", "no power above the plan's, the mission's or the permission's", None),
-    ("F1", "separation, geofence and heights are kept", None),
+    ("S6", "no power above the plan's, the mission's or the permission's"),
+    ("F1", "separation, geofence and heights are kept"),
     (
         "F2",
-        "control that the pilot has taken is not taken back",
-        Some("not watched in flight: see the modes over time"),
+        "once another hand has taken a vehicle, its companion sends no setpoint and does not take it back unasked",
     ),
-    (
-        "F3",
-        "nothing flies on without the mind behind it",
-        Some("not watched in flight: see the modes over time"),
-    ),
+    ("F3", "no setpoint and no HEARTBEAT comes from a companion that is gone"),
 ];
 
 /// A cell of a table.
@@ -186,27 +179,25 @@ pub fn invariants(facts: &Facts) -> String {
     if facts.timeline.scene.source == Source::Telemetry {
         return "<p>Nobody watched this flight from outside: whether an invariant was broken cannot be known from the vehicles' own telemetry. What they acknowledged is above.</p>\n".into();
     }
-    let violations = || facts.timeline.events.iter().filter(|event| event.kind == EventKind::Violation);
+    let seen = |kind: EventKind, code: &str| -> Vec<String> {
+        let events = facts.timeline.events.iter();
+        events
+            .filter(|event| event.kind == kind && event.code.as_deref() == Some(code))
+            .map(|event| format!("at {:.3} s: {}", event.at_s, event.text))
+            .collect()
+    };
     let rows: Vec<Vec<Cell>> = INVARIANTS
         .iter()
-        .map(|(code, what, unwatched)| {
-            let broken: Vec<String> = violations()
-                .filter(|event| event.code.as_deref() == Some(code))
-                .map(|event| format!("at {:.3} s: {}", event.at_s, event.text))
-                .collect();
-            let count = broken.len().to_string();
+        .map(|(code, what)| {
+            let mut how = seen(EventKind::Violation, code);
+            let count = how.len().to_string();
+            let broken = !how.is_empty();
+            how.extend(seen(EventKind::Excused, code).iter().map(|text| format!("not counted, {text}")));
             vec![
                 Cell::Text((*code).to_owned()),
                 Cell::Wrapped((*what).to_owned()),
-                match unwatched {
-                    _ if !broken.is_empty() => Cell::Bad(count),
-                    Some(_) => Cell::Figure("\u{2013}".into()),
-                    None => Cell::Figure(count),
-                },
-                Cell::Wrapped(match unwatched {
-                    Some(why) if broken.is_empty() => (*why).to_owned(),
-                    _ => broken.join("; "),
-                }),
+                if broken { Cell::Bad(count) } else { Cell::Figure(count) },
+                Cell::Wrapped(how.join("; ")),
             ]
         })
         .collect();

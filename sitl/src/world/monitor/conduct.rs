@@ -1,0 +1,233 @@
+//! S4, S5, F2 and F3: how companions behave when something fails, judged by what the wire showed them and by what the
+//! vehicles then did.
+//!
+//! S4 counts from the first sign on the wire, and so only where the sign can have arrived: a companion that does not run,
+//! or whose link is impaired, is judged from the first sign after that. A link that is cut, and a peer that is not heard,
+//! are signs by themselves: there the leases end what is on the air.
+
+use std::time::Duration;
+
+use super::{LEASE, Monitor, NAMES};
+use crate::vehicle::autopilot::{Shown, Taken, Traces};
+use crate::world::circumstances::{Circumstances, Passage};
+
+/// S4: 100 ms from the first sign on the wire; the sign's and the command's way, and the steps of all who take part.
+const REACTION: Duration = Duration::from_millis(150);
+/// A cut link: S4's reaction, and the lease of a command that could still be given within it.
+const CUT: Duration = LEASE.saturating_add(Duration::from_millis(100));
+/// What a companion has sent may be under way for so long, on a good link and on an impaired one.
+const UNDER_WAY: [Duration; 2] = [Duration::from_millis(100), Duration::from_millis(500)];
+
+/// What is going on with a companion.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Misconduct {
+    OutOfControl,
+    BadEstimate,
+    StateLate,
+    LinkCut,
+    Unheard,
+    Bare,
+    Outlives,
+    Endless,
+    Setpoints,
+    TakesBack,
+    Ghost,
+}
+
+/// What is known of one companion.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Side {
+    told: Circumstances,
+    /// What faults in the world do to the link between it and its vehicle.
+    world_link: Passage,
+    /// It runs, and its vehicle's words reach it: since the beginning, or since.
+    reached_since: Option<Duration>,
+    unreached: bool,
+    gone_since: Option<Duration>,
+    /// When the process of this life began.
+    started_at: Option<Duration>,
+    cut_since: Option<Duration>,
+    /// Nothing of its peer has reached it since.
+    unheard_since: Option<Duration>,
+}
+
+impl Side {
+    fn link(&self) -> Passage {
+        self.told.vehicle_link.max(self.world_link)
+    }
+
+    /// The sign's time, if it can have reached the companion.
+    fn sign(&self, shown: Option<Shown>) -> Option<Duration> {
+        let shown = shown.filter(|_| !self.unreached)?;
+        let since = self.reached_since.unwrap_or_default();
+        [shown.first, shown.latest].into_iter().find(|at| *at >= since)
+    }
+
+    /// What another hand has taken, as far as this process can know of it: one that was started since finds a vehicle
+    /// that has been disarmed as it finds any other.
+    fn knows_of(&self, taken: Option<Taken>) -> Option<Taken> {
+        taken.filter(|taken| !(taken.disarmed && self.started_at.is_some_and(|at| at > taken.at)))
+    }
+
+    /// Runs, is reached by its vehicle and hears its peer.
+    fn is_well(&self) -> bool {
+        !self.unreached && self.told.from_peer == Passage::Good
+    }
+}
+
+/// One vehicle's emission, as conduct sees it.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Emitting {
+    pub radiates: bool,
+    /// What is left of the power command in force.
+    pub lasts: Option<Duration>,
+}
+
+impl Monitor {
+    /// The circumstances of a companion have changed.
+    pub fn tell(&mut self, v: usize, told: Circumstances, now: Duration) {
+        let before = std::mem::replace(&mut self.sides[v].told, told);
+        if told.life != before.life {
+            self.sides[v].started_at = Some(now);
+        }
+        self.reckon(now);
+    }
+
+    /// The companion has died.
+    pub fn companion_gone(&mut self, v: usize, now: Duration) {
+        self.sides[v].told.runs = false;
+        self.reckon(now);
+    }
+
+    /// A fault in the world has changed the link between a companion and its vehicle.
+    pub fn world_link(&mut self, v: usize, passage: Passage, now: Duration) {
+        self.sides[v].world_link = passage;
+        self.reckon(now);
+    }
+
+    fn reckon(&mut self, now: Duration) {
+        for v in 0..2 {
+            let peer_runs = self.sides[1 - v].told.runs;
+            let side = &mut self.sides[v];
+            let since = |holds: bool, since: Option<Duration>| holds.then(|| since.unwrap_or(now));
+            let unreached = !side.told.runs || side.link() != Passage::Good;
+            if side.unreached && !unreached {
+                side.reached_since = Some(now);
+            }
+            side.unreached = unreached;
+            side.gone_since = since(!side.told.runs, side.gone_since);
+            side.cut_since = since(side.link() == Passage::Cut, side.cut_since);
+            side.unheard_since = since(!peer_runs || side.told.from_peer == Passage::Cut, side.unheard_since);
+        }
+    }
+
+    pub(super) fn conduct(&mut self, now: Duration, emitting: [Emitting; 2], traces: [&Traces; 2]) {
+        for v in 0..2 {
+            self.reaction(v, now, emitting[v].radiates, traces[v]);
+            self.outliving(v, now, emitting[v]);
+            self.control(v, now, traces[v]);
+        }
+        self.following(now, emitting);
+    }
+
+    /// S4 of one vehicle by itself, and of its peer's loss.
+    fn reaction(&mut self, v: usize, now: Duration, radiates: bool, traces: &Traces) {
+        let side = &self.sides[v];
+        let reached = side.reached_since.unwrap_or_default();
+        let state = traces.state_due().filter(|_| !side.unreached).map(|due| due.max(reached));
+        // A peer's datagrams may be under way for a while yet; a lease that was granted counts from before.
+        let under_way = if v == 1 {
+            UNDER_WAY[usize::from(side.told.from_peer == Passage::Impaired)]
+        } else {
+            Duration::ZERO
+        };
+        let signs = [
+            (
+                Misconduct::OutOfControl,
+                side.sign(traces.out_of_control),
+                REACTION,
+                "HEARTBEAT showed that its companion flies no more",
+            ),
+            (
+                Misconduct::BadEstimate,
+                side.sign(traces.bad_estimate),
+                REACTION,
+                "its autopilot reported that the estimate failed",
+            ),
+            (Misconduct::StateLate, state, REACTION, "its position or attitude was due on the wire"),
+            (Misconduct::LinkCut, side.cut_since, CUT, "its autopilot's link was cut"),
+            (Misconduct::Unheard, side.unheard_since, LEASE + under_way, "its companion last heard its peer"),
+        ];
+        for (misconduct, since, allowed, what) in signs {
+            let held =
+                since.map(|since| now.saturating_sub(since)).filter(|held| radiates && *held > allowed);
+            self.set(super::Condition::Conduct(v, misconduct), held.is_some(), "S4", now, || {
+                format!("{} radiates {} ms after {what}", NAMES[v], held.unwrap_or_default().as_millis())
+            });
+        }
+    }
+
+    /// S4 of the pair: J that falls silent out of turn says so, and I follows.
+    fn following(&mut self, now: Duration, emitting: [Emitting; 2]) {
+        let well = self.sides.iter().all(Side::is_well);
+        let bare = self.bare_since.filter(|(_, had_jam)| well && *had_jam && emitting[0].radiates);
+        let held = bare.map(|(since, _)| now.saturating_sub(since)).filter(|held| *held > REACTION);
+        self.set(super::Condition::Conduct(0, Misconduct::Bare), held.is_some(), "S4", now, || {
+            let ms = held.unwrap_or_default().as_millis();
+            format!("I radiates {ms} ms after J fell silent out of turn, on links that lose nothing")
+        });
+    }
+
+    /// S5: what a companion leaves on the air when it is gone, and how long any command could last.
+    fn outliving(&mut self, v: usize, now: Duration, emitting: Emitting) {
+        let gone = self.sides[v].gone_since.map(|since| now.saturating_sub(since));
+        let left = gone.filter(|gone| emitting.radiates && *gone > LEASE);
+        self.set(super::Condition::Conduct(v, Misconduct::Outlives), left.is_some(), "S5", now, || {
+            format!(
+                "{} radiates {} ms after its companion was gone",
+                NAMES[v],
+                left.unwrap_or_default().as_millis()
+            )
+        });
+        let lasts = emitting.lasts.filter(|lasts| *lasts > LEASE);
+        self.set(super::Condition::Conduct(v, Misconduct::Endless), lasts.is_some(), "S5", now, || {
+            let ms = lasts.unwrap_or_default().as_millis();
+            format!(
+                "{} radiates by a command that lasts for {ms} ms more, whatever becomes of its companion",
+                NAMES[v]
+            )
+        });
+    }
+
+    /// F2 and F3.
+    fn control(&mut self, v: usize, now: Duration, traces: &Traces) {
+        let side = &self.sides[v];
+        let name = NAMES[v];
+        let after = |since: Option<Duration>, allowed: Duration| {
+            let setpoint = traces.setpoint_at?;
+            setpoint.checked_sub(since?).filter(|after| *after > allowed)
+        };
+        let taken = side.knows_of(traces.taken).and_then(|taken| side.sign(taken.shown));
+        let goes_on = after(taken, REACTION);
+        let under_way = UNDER_WAY[usize::from(side.link() != Passage::Good)];
+        let heard = [traces.setpoint_at, traces.heartbeat_at].into_iter().flatten().max();
+        let ghost = heard
+            .zip(side.gone_since)
+            .and_then(|(heard, gone)| heard.checked_sub(gone))
+            .filter(|after| *after > under_way);
+        let back = side.knows_of(traces.taken_back).is_some();
+        self.set(super::Condition::Conduct(v, Misconduct::Setpoints), goes_on.is_some(), "F2", now, || {
+            let ms = goes_on.unwrap_or_default().as_millis();
+            format!("{name}'s companion still sends setpoints {ms} ms after HEARTBEAT showed that another hand has the vehicle")
+        });
+        self.set(super::Condition::Conduct(v, Misconduct::TakesBack), back, "F2", now, || {
+            format!(
+                "{name}'s companion took the vehicle back from another hand, and no operator had asked it to"
+            )
+        });
+        self.set(super::Condition::Conduct(v, Misconduct::Ghost), ghost.is_some(), "F3", now, || {
+            let ms = ghost.unwrap_or_default().as_millis();
+            format!("setpoints or HEARTBEAT of {name}'s companion come {ms} ms after it was gone")
+        });
+    }
+}

@@ -1,0 +1,231 @@
+//! S4, S5, F2 and F3 broken on purpose, each by a companion that does what no companion may, and seen from outside.
+
+mod common;
+
+use common::*;
+use mavlink::dialects::ardupilotmega::{COMMAND_LONG_DATA, MavCmd, MavMessage};
+use veilwing_sitl::*;
+
+/// Both on station, level so that no other mode takes them out of their poses, and on the air for half a second.
+fn on_the_air() -> Flight {
+    let mut level = config();
+    (level.slots[0].poses[0].roll_rad, level.slots[0].poses[0].pitch_rad) = (0.0, 0.0);
+    let mut flight = Flight::new(level);
+    flight.take_off();
+    flight.go_to_slot(0);
+    flight.hold(0, 500, [false, true]);
+    flight.hold(0, 500, [true, true]);
+    assert_eq!(flight.invariants(), vec![]);
+    flight
+}
+
+/// Renews the power commands of `on` for `ms`, with setpoints for the vehicles of `steered`.
+fn go_on(flight: &mut Flight, ms: u64, on: [bool; 2], steered: [bool; 2]) {
+    let goals = flight.goals(0);
+    for _ in 0..ms / 20 {
+        for k in [1, 0] {
+            if steered[k] {
+                flight.target(k, goals[k], Some(0));
+            }
+            if on[k] {
+                let dbm = flight.planned_dbm(0, k);
+                flight.clients[k].power(&mut flight.world, dbm, 0, 300);
+            }
+        }
+        flight.pass(20);
+    }
+}
+
+/// The invariants broken, each with a word of its detail.
+fn broken(flight: &Flight) -> Vec<String> {
+    flight.invariants().into_iter().map(|(name, detail)| format!("{name}: {detail}")).collect()
+}
+
+fn assert_broken(flight: &Flight, expected: &[(&str, &str)]) {
+    let broken = broken(flight);
+    let met =
+        |(name, word): &(&str, &str)| broken.iter().any(|line| line.starts_with(name) && line.contains(word));
+    assert!(broken.len() == expected.len() && expected.iter().all(met), "{broken:?}, not {expected:?}");
+}
+
+#[test]
+fn prop_radiating_on_after_the_pilot_took_over_breaks_s4() {
+    for (k, name) in [(0, "I"), (1, "J")] {
+        let mut flight = on_the_air();
+        flight.world.inject(Fault::PilotMode { vehicle: k });
+        let mut steered = [true, true];
+        steered[k] = false;
+        // The next HEARTBEAT comes within a second.
+        go_on(&mut flight, 1300, [true, true], steered);
+        assert_broken(&flight, &[("S4", &format!("{name} radiates"))]);
+    }
+}
+
+#[test]
+fn prop_silence_within_the_reaction_time_breaks_nothing() {
+    let mut flight = on_the_air();
+    let heartbeats = |flight: &Flight| {
+        flight.clients[0]
+            .received
+            .iter()
+            .filter(|(c, m)| *c == 1 && matches!(m, MavMessage::HEARTBEAT(_)))
+            .count()
+    };
+    flight.world.inject(Fault::PilotMode { vehicle: 0 });
+    let before = heartbeats(&flight);
+    while heartbeats(&flight) == before {
+        go_on(&mut flight, 20, [true, true], [true, true]);
+    }
+    go_on(&mut flight, 80, [true, true], [true, true]);
+    flight.off(0);
+    go_on(&mut flight, 500, [false, true], [false, true]);
+    assert_broken(&flight, &[]);
+}
+
+#[test]
+fn prop_setpoints_after_the_pilot_took_over_break_f2() {
+    let mut flight = on_the_air();
+    flight.world.inject(Fault::PilotMode { vehicle: 0 });
+    flight.off(0);
+    go_on(&mut flight, 1300, [false, true], [true, true]);
+    assert_broken(&flight, &[("F2", "I's companion still sends setpoints")]);
+}
+
+#[test]
+fn prop_taking_the_vehicle_back_breaks_f2_unless_an_operator_asked_for_it() {
+    for asked in [false, true] {
+        let mut flight = on_the_air();
+        let mut station = Client::ground_station(0, 1);
+        flight.world.inject(Fault::PilotMode { vehicle: 0 });
+        flight.off(0);
+        if asked {
+            let start = COMMAND_LONG_DATA {
+                command: MavCmd::MAV_CMD_MISSION_START,
+                target_system: 1,
+                target_component: 191,
+                ..COMMAND_LONG_DATA::DEFAULT
+            };
+            station.send(&mut flight.world, &MavMessage::COMMAND_LONG(start));
+        }
+        flight.clients[0].command(&mut flight.world, MavCmd::MAV_CMD_DO_SET_MODE, &[1.0, 6.0]);
+        go_on(&mut flight, 1300, [false, true], [true, true]);
+        assert!(flight.world.snapshot().vehicles[0].companion_controlled);
+        let expected: &[_] = if asked { &[] } else { &[("F2", "took the vehicle back")] };
+        assert_broken(&flight, expected);
+    }
+}
+
+#[test]
+fn prop_a_failed_estimate_that_changes_nothing_breaks_s4() {
+    let mut flight = on_the_air();
+    flight.world.inject(Fault::EstimatorFailure { vehicle: 1 });
+    go_on(&mut flight, 1300, [true, true], [true, true]);
+    let broken = broken(&flight);
+    assert!(
+        broken.iter().any(|line| line.starts_with("S4: J radiates") && line.contains("estimate")),
+        "{broken:?}"
+    );
+}
+
+#[test]
+fn prop_radiating_without_state_breaks_s4() {
+    let mut flight = on_the_air();
+    flight.world.inject(Fault::AutopilotRestart { vehicle: 1 });
+    go_on(&mut flight, 700, [true, true], [true, true]);
+    let broken = broken(&flight);
+    assert!(
+        broken.iter().any(|line| line.starts_with("S4: J radiates") && line.contains("was due")),
+        "{broken:?}"
+    );
+}
+
+#[test]
+fn prop_a_cut_link_must_end_the_emission_by_its_lease() {
+    for endless in [false, true] {
+        let mut flight = on_the_air();
+        if endless {
+            flight.world.inject(Fault::TransmitterIgnoresExpiry { vehicle: 0 });
+        }
+        flight.world.inject(Fault::LinkLoss { vehicle: 0, on: true });
+        go_on(&mut flight, 900, [true, true], [true, true]);
+        let expected: &[_] = if endless { &[("S4", "I radiates 65")] } else { &[] };
+        assert_broken(&flight, expected);
+    }
+}
+
+#[test]
+fn prop_a_peer_that_is_not_heard_must_end_the_emission() {
+    for (k, name) in [(0, "I"), (1, "J")] {
+        let mut flight = on_the_air();
+        let cut = Circumstances { from_peer: Passage::Cut, ..Circumstances::default() };
+        flight.world.set_circumstances(k, cut);
+        go_on(&mut flight, 500, [true, true], [true, true]);
+        assert_broken(&flight, &[]);
+        go_on(&mut flight, 300, [true, true], [true, true]);
+        assert_broken(&flight, &[("S4", &format!("{name} radiates"))]);
+    }
+}
+
+#[test]
+fn prop_i_follows_a_jammer_that_falls_silent_out_of_turn() {
+    for (from_peer, expected) in
+        [(Passage::Good, &[("S4", "after J fell silent out of turn")][..]), (Passage::Impaired, &[])]
+    {
+        let mut flight = on_the_air();
+        flight.world.set_circumstances(0, Circumstances { from_peer, ..Circumstances::default() });
+        // A fault gives J a reason.
+        flight.world.inject(Fault::WindStep { vehicle: 1, mean_enu_m_s: [0.0; 3] });
+        flight.off(1);
+        go_on(&mut flight, 300, [true, false], [true, true]);
+        flight.off(0);
+        go_on(&mut flight, 100, [false, false], [true, true]);
+        assert_broken(&flight, expected);
+    }
+}
+
+#[test]
+fn prop_what_outlives_its_companion_breaks_s5() {
+    for endless in [false, true] {
+        let mut flight = on_the_air();
+        if endless {
+            flight.world.inject(Fault::TransmitterIgnoresExpiry { vehicle: 1 });
+        }
+        flight.world.inject(Fault::CompanionLost { vehicle: 1 });
+        flight.off(0);
+        go_on(&mut flight, 800, [false, false], [true, false]);
+        let expected: &[_] = if endless { &[("S5", "J radiates 55")] } else { &[] };
+        assert_broken(&flight, expected);
+    }
+}
+
+#[test]
+fn prop_a_power_command_without_a_near_end_breaks_s5() {
+    let mut flight = on_the_air();
+    let dbm = flight.planned_dbm(0, 1);
+    flight.clients[1].power(&mut flight.world, dbm, 0, 5000);
+    flight.pass(20);
+    assert_broken(&flight, &[("S5", "lasts for 5000 ms")]);
+}
+
+#[test]
+fn prop_setpoints_of_a_companion_that_is_gone_break_f3() {
+    for (steered, expected) in [(false, &[][..]), (true, &[("F3", "I's companion")])] {
+        let mut flight = on_the_air();
+        flight.world.inject(Fault::CompanionLost { vehicle: 0 });
+        flight.off(0);
+        flight.off(1);
+        go_on(&mut flight, 500, [false, false], [steered, true]);
+        assert_broken(&flight, expected);
+    }
+    // Stopped, and going on.
+    let mut flight = on_the_air();
+    let (stopped, well) =
+        (Circumstances { runs: false, ..Circumstances::default() }, Circumstances::default());
+    flight.off(0);
+    flight.off(1);
+    flight.world.set_circumstances(0, stopped);
+    go_on(&mut flight, 500, [false, false], [false, true]);
+    flight.world.set_circumstances(0, well);
+    go_on(&mut flight, 500, [false, false], [true, true]);
+    assert_broken(&flight, &[]);
+}
