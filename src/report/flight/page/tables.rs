@@ -123,7 +123,10 @@ pub fn slots(facts: &Facts) -> String {
     table(caption, &head, 2, &rows)
 }
 
-/// What the companions waited for, and when they were content.
+/// How a companion's notice of what it flies with all the same begins.
+const WARNING: &str = "preflight warning: ";
+
+/// What the companions waited for, what they warned of, and when they were content.
 pub fn preflight(facts: &Facts) -> String {
     let mut rows = Vec::new();
     for role in Role::BOTH {
@@ -157,8 +160,16 @@ pub fn preflight(facts: &Facts) -> String {
                 Cell::Figure(instant(until_s)),
             ]
         }));
+        for warned in own().filter(|event| event.text.starts_with(WARNING)) {
+            rows.push(vec![
+                Cell::Text(role.to_string()),
+                Cell::Wrapped(format!("flown all the same: {}", warned.text.trim_start_matches(WARNING))),
+                Cell::Figure(instant(warned.at_s)),
+                Cell::Figure("\u{2013}".into()),
+            ]);
+        }
         if let Some(passed) = passed {
-            let (what, at) = ("every check passed".to_owned(), instant(passed.at_s));
+            let (what, at) = ("nothing failed any more".to_owned(), instant(passed.at_s));
             rows.push(vec![
                 Cell::Text(role.to_string()),
                 Cell::Wrapped(what),
@@ -170,7 +181,8 @@ pub fn preflight(facts: &Facts) -> String {
     if rows.is_empty() {
         return String::new();
     }
-    let caption = "What each companion waited for before it would arm, by its own notices.";
+    let caption =
+        "What each companion waited for before it would arm, and what it warned of, by its own notices.";
     table(caption, &["vehicle", "check", "from", "until"], 2, &rows)
 }
 
