@@ -5,6 +5,8 @@
 
 #[path = "../tests/pair/companion.rs"]
 mod companion;
+#[path = "../tests/pair/observer.rs"]
+mod observer;
 #[path = "../tests/pair/radio.rs"]
 mod radio;
 #[path = "../tests/pair/sweep.rs"]

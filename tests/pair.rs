@@ -4,6 +4,8 @@
 mod companion;
 #[path = "pair/model.rs"]
 mod model;
+#[path = "pair/observer.rs"]
+mod observer;
 #[path = "pair/radio.rs"]
 mod radio;
 #[path = "pair/sweep.rs"]

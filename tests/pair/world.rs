@@ -10,7 +10,8 @@ use rand_chacha::ChaCha8Rng;
 use veilwing::pair::wire::MavMessage;
 use veilwing::role::{PerVehicle, Role};
 
-use super::companion::{CAP_W, Clocks, Companion, GUARD, LEASE, PLANNED_W, Phase, SLOT};
+use super::companion::{Clocks, Companion, GUARD, LEASE, Phase, SLOT};
+use super::observer::{Observer, RADIO_WAY_MS};
 use super::radio::Radio;
 
 /// What goes wrong beside the network's usual ways.
@@ -107,116 +108,6 @@ struct World {
     cut_until: PerVehicle<Duration>,
     revive_at: Option<Duration>,
     observer: Observer,
-}
-
-/// Sees true powers and true faults.
-#[derive(Default)]
-struct Observer {
-    seen: Seen,
-    /// J's grants: the slot, and until when J promised to jam, in true time.
-    granted: Option<(u16, Duration)>,
-    served_now: bool,
-    since: Duration,
-    i_protected: bool,
-    bare_since: Option<Duration>,
-    j_fault_at: Option<Duration>,
-    died_at: PerVehicle<Option<Duration>>,
-    pose_lost_at: PerVehicle<Option<Duration>>,
-    uncommitted_since: PerVehicle<Option<Duration>>,
-}
-
-/// A fault of J excuses I's lack of protection for the longest lease and the wire.
-const EXCUSE: Duration = Duration::from_millis(520);
-/// S4: own pose; a tick and the radio's wire on top of nothing, since evidence is immediate here.
-const POSE_REACTION: Duration = Duration::from_millis(100);
-/// Longest way of a command to a radio.
-const RADIO_WAY_MS: f64 = 15.0;
-
-impl Observer {
-    /// Looks at the state that holds from `t` on.
-    fn look(&mut self, t: Duration, world: &PerVehicle<Option<Companion>>, radios: &PerVehicle<Radio>) {
-        let on = PerVehicle::from_fn(|role| radios[role].emission(t));
-        if self.i_protected {
-            self.seen.airtime += t - self.since;
-        }
-        self.since = t;
-        for role in Role::BOTH {
-            let Some(emission) = on[role] else {
-                // What a companion that died left on is over; from here on its successor answers for the radio.
-                if world[role].is_some() {
-                    self.died_at[role] = None;
-                }
-                self.uncommitted_since[role] = None;
-                continue;
-            };
-            let cap = PLANNED_W[role].min(CAP_W[role]);
-            if emission.power_w > cap * (1.0 + 1e-9) {
-                self.violate(t, format!("S6: {role} radiates {} W, {cap} W is allowed", emission.power_w));
-            }
-            // What was commanded before a fault or an abort is on its way, or on: off follows within S4's time.
-            let slot = world[role].as_ref().and_then(|c| c.course.as_ref()).map(|c| c.commitment.slot.into());
-            if world[role].is_none() || self.died_at[role].is_some() || slot == Some(emission.slot) {
-                self.uncommitted_since[role] = None;
-            } else {
-                let since = *self.uncommitted_since[role].get_or_insert(t);
-                if t > since + POSE_REACTION {
-                    let name = if role == Role::I { "S1" } else { "S2" };
-                    self.violate(
-                        t,
-                        format!("{name}: {role} radiates in slot {}, committed to {slot:?}", emission.slot),
-                    );
-                }
-            }
-            if let Some(died) = self.died_at[role] {
-                self.seen.dead = self.seen.dead.max(t - died);
-                if t > died + LEASE + Duration::from_millis(20) {
-                    self.violate(t, format!("S5: {role} radiates {:?} after its companion died", t - died));
-                }
-            }
-            if let Some(lost) = self.pose_lost_at[role] {
-                self.seen.out_of_pose = self.seen.out_of_pose.max(t - lost);
-                let dead = self.died_at[role].is_some();
-                if t > lost + POSE_REACTION && !dead {
-                    self.violate(t, format!("S4: {role} radiates {:?} after it left its pose", t - lost));
-                }
-            }
-        }
-        self.order(t, on.i, on.j);
-    }
-
-    /// S1 and S3 on true powers.
-    fn order(&mut self, t: Duration, i: Option<super::radio::Emission>, j: Option<super::radio::Emission>) {
-        let protected = i.is_some_and(|i| j.is_some_and(|j| i.slot == j.slot));
-        self.i_protected = protected;
-        self.served_now |= protected;
-        let Some(i) = i else {
-            self.bare_since = None;
-            return;
-        };
-        let lease = self.granted.filter(|(slot, until)| i32::from(*slot) == i.slot && t < *until);
-        if lease.is_none() {
-            self.violate(
-                t,
-                format!("S1: I radiates in slot {} on no lease of J: {:?}", i.slot, self.granted),
-            );
-        }
-        if protected {
-            self.bare_since = None;
-            return;
-        }
-        let since = *self.bare_since.get_or_insert(t);
-        let excused = self.j_fault_at.is_some_and(|at| t <= at + EXCUSE);
-        self.seen.exposed = self.seen.exposed.max(t - since);
-        if !excused {
-            self.violate(t, format!("S3: I radiates without J in slot {}", i.slot));
-        }
-    }
-
-    fn violate(&mut self, t: Duration, what: String) {
-        if self.seen.violations.len() < 20 {
-            self.seen.violations.push(format!("{:.4} s: {what}", t.as_secs_f64()));
-        }
-    }
 }
 
 /// Runs a case.

@@ -1,6 +1,5 @@
 //! The script that sets the body offsets of ArduPilot's 6DoF frame: asked, refusing, silent, gone level by itself.
 
-use super::fake::*;
 use super::*;
 
 fn tilted() -> Attitude {

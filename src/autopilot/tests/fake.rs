@@ -1,10 +1,11 @@
-//! A scripted autopilot and the wire to it, in virtual time. It states what real programs were seen to do, by hand.
+//! A scripted autopilot, in virtual time. It states what real programs were seen to do, by hand.
+
+mod commands;
 
 use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
 
 use mavlink::dialects::ardupilotmega::*;
-use mavlink::{MavHeader, Message};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
 use super::super::*;
@@ -15,8 +16,8 @@ pub const MISSION: Geodetic = Geodetic { lat_deg: 50.0755, lon_deg: 14.4378, alt
 /// The autopilot's own origin, elsewhere and higher.
 pub const ORIGIN: Geodetic = Geodetic { lat_deg: 50.0771, lon_deg: 14.4350, alt_m: 203.0 };
 pub const OWN: (u8, u8) = (1, 191);
-const LATENCY: Duration = Duration::from_millis(10);
-const STEP: Duration = Duration::from_millis(5);
+pub const LATENCY: Duration = Duration::from_millis(10);
+pub const STEP: Duration = Duration::from_millis(5);
 /// 2026-01-01 at our instant zero.
 pub const EPOCH_US: u64 = 1_767_225_600_000_000;
 
@@ -80,7 +81,7 @@ pub struct Fake {
     lapsed: bool,
     climb_to: Option<f64>,
     under_way: Option<(Instant, COMMAND_LONG_DATA)>,
-    out: VecDeque<MavMessage>,
+    pub out: VecDeque<MavMessage>,
 }
 
 pub fn quaternion(q: [f32; 4]) -> UnitQuaternion<f64> {
@@ -215,7 +216,7 @@ impl Fake {
         self.setpoint_at.is_some_and(|at| now.saturating_since(at) < Duration::from_millis(500))
     }
 
-    fn handle(&mut self, message: MavMessage, now: Instant) {
+    pub fn handle(&mut self, message: MavMessage, now: Instant) {
         self.received.push((now, message.clone()));
         match &message {
             MavMessage::COMMAND_LONG(c) => self.command(c, now),
@@ -267,119 +268,6 @@ impl Fake {
             param_id: name.as_str().into(),
             param_type: *param_type,
         }));
-    }
-
-    fn command(&mut self, c: &COMMAND_LONG_DATA, now: Instant) {
-        let to_bridge = matches!(c.command, MavCmd::MAV_CMD_USER_4 | MavCmd::MAV_CMD_USER_5);
-        let manners = match c.command {
-            _ if to_bridge && self.mute_bridge => Manners::Ignore,
-            MavCmd::MAV_CMD_DO_SET_MODE => self.set_mode.clone(),
-            MavCmd::MAV_CMD_COMPONENT_ARM_DISARM => self.arming.clone(),
-            MavCmd::MAV_CMD_NAV_TAKEOFF => self.takeoff.clone(),
-            _ => Manners::Obey,
-        };
-        let result = match manners {
-            Manners::Ignore => return,
-            Manners::PayLipService => MavResult::MAV_RESULT_ACCEPTED,
-            Manners::Refuse(result, text) => {
-                self.say(text);
-                result
-            }
-            Manners::ObeyInSilence => {
-                self.obey(c, now);
-                return;
-            }
-            Manners::TakeTime(needed_ms) => {
-                if self.under_way.is_none() {
-                    self.under_way = Some((now + Duration::from_millis(needed_ms), c.clone()));
-                }
-                MavResult::MAV_RESULT_IN_PROGRESS
-            }
-            Manners::Obey => self.obey(c, now),
-        };
-        self.answer(c.command, result);
-    }
-
-    fn answer(&mut self, command: MavCmd, result: MavResult) {
-        self.out.push_back(MavMessage::COMMAND_ACK(COMMAND_ACK_DATA {
-            command,
-            result,
-            progress: 0,
-            result_param2: 0,
-            target_system: OWN.0,
-            target_component: OWN.1,
-        }));
-    }
-
-    fn obey(&mut self, c: &COMMAND_LONG_DATA, now: Instant) -> MavResult {
-        match c.command {
-            MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL => {
-                let interval = Duration::from_secs_f64(f64::from(c.param2) * 1e-6);
-                if interval.as_secs_f64() < 1.0 / self.fastest_hz {
-                    return MavResult::MAV_RESULT_DENIED;
-                }
-                self.intervals.insert(c.param1 as u32, (interval, now));
-            }
-            MavCmd::MAV_CMD_REQUEST_MESSAGE => {
-                let message = self.telemetry(c.param1 as u32, now);
-                self.out.extend(message);
-            }
-            MavCmd::MAV_CMD_DO_SET_MODE => {
-                let wanted = match self.firmware {
-                    Firmware::Px4 => (c.param2 as u32) << 16 | (c.param3 as u32) << 24,
-                    Firmware::ArduPilot => c.param2 as u32,
-                };
-                if self.missing_mode == Some(wanted) {
-                    return MavResult::MAV_RESULT_UNSUPPORTED;
-                }
-                if wanted == PX4_OFFBOARD && !self.streaming(now) {
-                    return MavResult::MAV_RESULT_TEMPORARILY_REJECTED;
-                }
-                self.custom_mode = wanted;
-                self.lapsed = false;
-                self.climb_to = None;
-            }
-            MavCmd::MAV_CMD_COMPONENT_ARM_DISARM => {
-                let flying = self.landed != MavLandedState::MAV_LANDED_STATE_ON_GROUND;
-                if c.param1 == 0.0 && flying {
-                    return MavResult::MAV_RESULT_FAILED;
-                }
-                self.armed = c.param1 == 1.0;
-            }
-            MavCmd::MAV_CMD_NAV_TAKEOFF => {
-                if self.firmware == Firmware::Px4 || !self.armed || self.custom_mode != 4 {
-                    return MavResult::MAV_RESULT_FAILED;
-                }
-                self.climb_to = Some(f64::from(-c.param7));
-            }
-            MavCmd::MAV_CMD_USER_4 | MavCmd::MAV_CMD_USER_5
-                if self.firmware == Firmware::ArduPilot && !self.without_bridge =>
-            {
-                return self.bridge(c);
-            }
-            _ => return MavResult::MAV_RESULT_UNSUPPORTED,
-        }
-        MavResult::MAV_RESULT_ACCEPTED
-    }
-
-    /// The bridge script, as `ardupilot/veilwing.lua` answers.
-    fn bridge(&mut self, c: &COMMAND_LONG_DATA) -> MavResult {
-        let zero = c.param1 == 0.0 && c.param2 == 0.0;
-        if c.command == MavCmd::MAV_CMD_USER_5 {
-            let flown_by_us = self.armed && self.custom_mode == 4;
-            if !(zero || flown_by_us) {
-                return MavResult::MAV_RESULT_TEMPORARILY_REJECTED;
-            }
-            self.offsets_on = !zero;
-        } else if !zero && !self.offsets_on {
-            return MavResult::MAV_RESULT_TEMPORARILY_REJECTED;
-        } else if self.offsets_on {
-            let (_, _, heading) = quaternion(self.attitude).euler_angles();
-            let (roll, pitch) = (f64::from(c.param1).to_radians(), f64::from(c.param2).to_radians());
-            let turned = UnitQuaternion::from_euler_angles(roll, pitch, heading);
-            self.attitude = [turned.w, turned.i, turned.j, turned.k].map(|c| c as f32);
-        }
-        MavResult::MAV_RESULT_ACCEPTED
     }
 
     /// Turns to this heading at once.
@@ -471,7 +359,7 @@ impl Fake {
         Some(message)
     }
 
-    fn step(&mut self, now: Instant) {
+    pub fn step(&mut self, now: Instant) {
         self.offsets_on &= self.armed && self.custom_mode == 4;
         if self.heartbeat_at <= now {
             self.heartbeat_at = now + Duration::from_secs(1);
@@ -546,150 +434,5 @@ impl Fake {
             system_status: MavState::MAV_STATE_STANDBY,
             mavlink_version: 3,
         }));
-    }
-}
-
-/// An adapter, a scripted autopilot and the wire between them.
-pub struct World {
-    pub now: Instant,
-    pub fake: Fake,
-    pub autopilot: Autopilot,
-    pub events: Vec<(Instant, Event)>,
-    /// What the executive keeps setting; `None`: it stalls.
-    pub setpoint: Option<Setpoint>,
-    /// Cut the wire, both ways.
-    pub cut: bool,
-    to_fake: VecDeque<(Instant, MavMessage)>,
-    to_us: VecDeque<(Instant, MavHeader, MavMessage)>,
-}
-
-impl World {
-    pub fn new(fake: Fake, change: impl FnOnce(&mut Settings)) -> Self {
-        let mut settings = Settings::new(OWN, MISSION);
-        settings.autopilot_system = Some(1);
-        change(&mut settings);
-        let now = Instant::from_start(Duration::from_secs(1));
-        Self {
-            now,
-            fake,
-            autopilot: Autopilot::new(settings, now),
-            events: Vec::new(),
-            setpoint: None,
-            cut: false,
-            to_fake: VecDeque::new(),
-            to_us: VecDeque::new(),
-        }
-    }
-
-    /// Lets someone else's message arrive.
-    pub fn inject(&mut self, from: (u8, u8), message: &MavMessage) {
-        let header = MavHeader { system_id: from.0.into(), component_id: from.1, sequence: 0 };
-        self.autopilot.handle_message(header, message, self.now);
-    }
-
-    pub fn run(&mut self, seconds: f64) {
-        let end = self.now + Duration::from_secs_f64(seconds);
-        while self.now < end {
-            self.step();
-        }
-    }
-
-    /// Runs until there is such an event; panics after `seconds`.
-    pub fn until(&mut self, seconds: f64, wanted: impl Fn(&Event) -> bool) -> Event {
-        let end = self.now + Duration::from_secs_f64(seconds);
-        let mut seen = self.events.len();
-        while self.now < end {
-            self.step();
-            while seen < self.events.len() {
-                if wanted(&self.events[seen].1) {
-                    return self.events[seen].1.clone();
-                }
-                seen += 1;
-            }
-        }
-        panic!("not within {seconds} s: {:#?}", self.events);
-    }
-
-    fn step(&mut self) {
-        self.now = self.now + STEP;
-        let now = self.now;
-        while self.to_fake.front().is_some_and(|(at, _)| *at <= now) {
-            if let Some((_, message)) = self.to_fake.pop_front().filter(|_| !self.cut) {
-                self.fake.handle(message, now);
-            }
-        }
-        self.fake.step(now);
-        for message in std::mem::take(&mut self.fake.out) {
-            let (system, component_id) = self.fake.address;
-            let header = MavHeader { system_id: system.into(), component_id, sequence: 0 };
-            if !self.fake.silent && !self.cut {
-                self.to_us.push_back((now + LATENCY, header, message));
-            }
-        }
-        while self.to_us.front().is_some_and(|(at, ..)| *at <= now) {
-            if let Some((_, header, message)) = self.to_us.pop_front() {
-                self.autopilot.handle_message(header, &message, now);
-            }
-        }
-        if let Some(setpoint) = self.setpoint {
-            self.autopilot.set_setpoint(setpoint, now);
-        }
-        let mut turns = 0;
-        while let Some((at, reason)) = self.autopilot.poll_timeout().filter(|(at, _)| *at <= now) {
-            turns += 1;
-            assert!(turns < 20, "{reason}, due at {at:?}, is never done");
-            self.autopilot.handle_timeout(now);
-        }
-        while let Some(message) = self.autopilot.poll_transmit() {
-            assert!(message.message_id() != 0, "heartbeats are the executive's");
-            self.to_fake.push_back((now + LATENCY, message));
-        }
-        while let Some(event) = self.autopilot.poll_event() {
-            self.events.push((now, event));
-        }
-    }
-
-    pub fn count(&self, wanted: impl Fn(&Event) -> bool) -> usize {
-        self.events.iter().filter(|(_, event)| wanted(event)).count()
-    }
-
-    /// Holds where the vehicle is.
-    pub fn hold_here(&mut self) {
-        let state = self.autopilot.state();
-        self.setpoint = Some(Setpoint {
-            position_enu_m: state.position_enu_m.unwrap().value,
-            velocity_enu_m_s: Vector3::zeros(),
-            attitude: Attitude::from_euler(0.0, 0.0, 0.0),
-        });
-    }
-
-    /// Discovered, telemetry flowing, parameters read.
-    pub fn connect(&mut self) {
-        self.until(5.0, |event| matches!(event, Event::Discovered { .. }));
-        self.run(6.0);
-        self.hold_here();
-    }
-
-    /// Sets a place above the present one.
-    pub fn climb_to(&mut self, height_m: f64) {
-        self.setpoint = self.setpoint.map(|setpoint| Setpoint {
-            position_enu_m: setpoint.position_enu_m + Vector3::z() * height_m,
-            ..setpoint
-        });
-    }
-
-    /// In control, armed and at 10 m.
-    pub fn launch(&mut self) {
-        self.connect();
-        self.autopilot.take_control(self.now);
-        self.until(10.0, |event| *event == Event::ControlTaken);
-        self.autopilot.arm(self.now);
-        self.until(10.0, |event| *event == Event::Armed);
-        self.autopilot.take_off(10.0, self.now);
-        self.climb_to(10.0);
-        self.until(30.0, |event| *event == Event::Airborne);
-        self.hold_here();
-        self.run(2.0);
-        assert!(self.autopilot.in_control(), "{:#?}", self.events);
     }
 }

@@ -7,7 +7,6 @@ use rand_chacha::ChaCha8Rng;
 
 use nalgebra::{UnitQuaternion, Vector3};
 
-use super::fake::*;
 use super::*;
 use crate::autopilot::firmware::rotors::tests::OMNICOPTER;
 

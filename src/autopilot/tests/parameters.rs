@@ -1,6 +1,5 @@
 //! Parameters as the preflight needs them: none overlooked, and what someone puts right on the ground is seen.
 
-use super::fake::*;
 use super::*;
 
 fn find(world: &World, name: &str) -> crate::preflight::Check {

@@ -1,0 +1,144 @@
+//! What each firmware needs of its own: preflight, landing, modes and frames.
+
+use super::*;
+
+#[test]
+fn val_preflight_names_parameter_value_and_remedy_and_silence_is_not_known() {
+    let find = |world: &World, name: &str| {
+        world.autopilot.preflight(world.now).into_iter().find(|check| check.name == name).unwrap()
+    };
+    let mut world =
+        World::new(Fake::new(Firmware::Px4), |settings| settings.actuation = Actuation::ThrustVector);
+    world.connect();
+    let checks = world.autopilot.preflight(world.now);
+    assert!(checks.iter().all(|check| check.result == Verdict::Pass), "{checks:#?}");
+
+    let mut fake = Fake::new(Firmware::Px4);
+    fake.parameters.insert("FD_FAIL_R".into(), int(60, Firmware::Px4));
+    fake.parameters.insert("COM_OBL_RC_ACT".into(), int(6, Firmware::Px4));
+    fake.parameters.remove("COM_OF_LOSS_T");
+    let mut world = World::new(fake, |_| {});
+    world.connect();
+    let tilt = find(&world, "FD_FAIL_R");
+    assert!(tilt.result == Verdict::Fail && tilt.detail.contains("60"), "{tilt:?}");
+    let loss = find(&world, "COM_OBL_RC_ACT");
+    assert!(loss.result == Verdict::Fail && loss.detail.contains("should be 5"), "{loss:?}");
+    let unknown = find(&world, "COM_OF_LOSS_T");
+    assert!(unknown.result == Verdict::Warn && unknown.detail.contains("not known"), "{unknown:?}");
+
+    let mut fake = Fake::new(Firmware::ArduPilot);
+    fake.parameters.insert("FRAME_CLASS".into(), int(1, Firmware::ArduPilot));
+    fake.parameters.insert("FS_GCS_ENABLE".into(), int(1, Firmware::ArduPilot));
+    let mut world = World::new(fake, |_| {});
+    world.connect();
+    assert_eq!(find(&world, "FRAME_CLASS").result, Verdict::Fail);
+    assert_eq!(find(&world, "FS_GCS_ENABLE").result, Verdict::Warn);
+}
+
+#[test]
+fn val_thrust_vector_is_refused_on_arducopter_with_the_reason() {
+    let mut world =
+        World::new(Fake::new(Firmware::ArduPilot), |settings| settings.actuation = Actuation::ThrustVector);
+    world.connect();
+    world.autopilot.take_control(world.now);
+    let event = world.until(0.1, |event| matches!(event, Event::Refused { .. }));
+    let Event::Refused { statustext, .. } = event else { unreachable!() };
+    assert!(statustext.unwrap().contains("thrust_body"));
+    assert_eq!(world.fake.commands(MavCmd::MAV_CMD_DO_SET_MODE).len(), 0);
+}
+
+#[test]
+fn val_the_land_detector_is_off_before_the_vehicle_tilts_and_back_before_it_lands() {
+    let parameter = |world: &World| world.fake.parameters["LNDMC_Z_VEL_MAX"].0;
+    let mut world = World::new(Fake::new(Firmware::Px4), |_| {});
+    world.launch();
+    assert_eq!(parameter(&world), 0.0);
+    let tilted = Attitude::from_euler(1.5, 0.0, 0.0);
+    world.setpoint = world.setpoint.map(|setpoint| Setpoint { attitude: tilted, ..setpoint });
+    world.run(10.0);
+    let flown = Attitude::from_mavlink(world.fake.attitude.map(f64::from)).unwrap();
+    assert!(flown.angle_to(&tilted) < 1e-6);
+    // The pilot takes over: put back, but not while the vehicle still lies on its side.
+    world.fake.custom_mode = PX4_POSCTL;
+    world.fake.beat();
+    world.until(1.0, |event| matches!(event, Event::ControlLost { .. }));
+    world.run(2.0);
+    assert_eq!(parameter(&world), 0.0);
+    world.fake.attitude = Attitude::level().to_mavlink().map(|c| c as f32);
+    world.run(1.0);
+    assert_eq!(parameter(&world), 0.3);
+}
+
+#[test]
+fn val_no_tilt_while_the_land_detector_may_still_disarm() {
+    let mut world = World::new(Fake::new(Firmware::Px4), |_| {});
+    world.launch();
+    // From now on the write is never confirmed.
+    world.fake.custom_mode = PX4_POSCTL;
+    world.fake.beat();
+    world.run(3.0);
+    assert_eq!(world.fake.parameters["LNDMC_Z_VEL_MAX"].0, 0.3);
+    world.fake.parameters.remove("LNDMC_Z_VEL_MAX");
+    let since = world.now;
+    world.hold_here();
+    let tilted = Attitude::from_euler(1.5, 0.0, 0.0);
+    world.setpoint = world.setpoint.map(|setpoint| Setpoint { attitude: tilted, ..setpoint });
+    world.autopilot.take_control(world.now);
+    world.until(10.0, |event| *event == Event::ControlTaken);
+    world.run(5.0);
+    let tilts = world.fake.received.iter().filter_map(|(at, m)| match m {
+        MavMessage::SET_ATTITUDE_TARGET(a) if *at > since => Attitude::from_mavlink(a.q.map(f64::from)),
+        _ => None,
+    });
+    assert!(tilts.map(|attitude| attitude.tilt_rad()).fold(0.0, f64::max) < 1e-3);
+}
+
+#[test]
+fn val_arducopter_without_brake_is_asked_to_loiter() {
+    let mut world = World::new(Fake::new(Firmware::ArduPilot), |_| {});
+    world.fake.missing_mode = Some(17);
+    world.launch();
+    world.autopilot.hold(world.now);
+    let event = world.until(3.0, |event| matches!(event, Event::HandedOver { .. }));
+    assert_eq!(event, Event::HandedOver { mode: "LOITER" });
+    assert_eq!(world.count(|event| matches!(event, Event::NotReady { what: "BRAKE", .. })), 1);
+    assert_eq!(world.count(|event| matches!(event, Event::ControlLost { .. })), 0);
+}
+
+#[test]
+fn val_arducopter_gets_no_setpoint_before_it_is_airborne() {
+    let mut world = World::new(Fake::new(Firmware::ArduPilot), |_| {});
+    world.connect();
+    world.autopilot.take_control(world.now);
+    world.until(5.0, |event| *event == Event::ControlTaken);
+    world.autopilot.arm(world.now);
+    world.until(5.0, |event| *event == Event::Armed);
+    world.autopilot.take_off(10.0, world.now);
+    world.until(30.0, |event| *event == Event::Airborne);
+    assert_eq!(world.fake.setpoints_since(crate::time::Instant::ZERO), 0);
+    world.hold_here();
+    world.run(1.0);
+    assert!(world.fake.setpoints_since(crate::time::Instant::ZERO) > 45);
+}
+
+#[test]
+fn val_a_6dof_frame_without_its_bridge_is_named_and_offsets_are_off_for_the_landing() {
+    let mut world = World::new(Fake::new(Firmware::ArduPilot), |settings| settings.planned_tilt_rad = 0.6);
+    let bridge = |world: &World| {
+        world.autopilot.preflight(world.now).into_iter().find(|check| check.name == "bridge script").unwrap()
+    };
+    world.launch();
+    assert_eq!(bridge(&world).result, Verdict::Pass);
+    let switched = |world: &World| world.fake.commands(MavCmd::MAV_CMD_USER_5).last().map(|c| c.param1);
+    assert_eq!(switched(&world), Some(1.0));
+    world.autopilot.land(world.now);
+    world.run(0.1);
+    assert_eq!(switched(&world), Some(0.0));
+
+    // A stock autopilot knows no 31013.
+    let mut fake = Fake::new(Firmware::ArduPilot);
+    fake.without_bridge = true;
+    let mut world = World::new(fake, |_| {});
+    world.connect();
+    assert!(bridge(&world).result == Verdict::Fail && bridge(&world).detail.contains("UNSUPPORTED"));
+}
