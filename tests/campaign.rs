@@ -3,6 +3,8 @@
 // Helpers of tests may fail the test.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
+mod command;
+
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
@@ -13,17 +15,11 @@ const MISSION: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/flight/yard.to
 const FAULTS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/config/faults.toml");
 
 fn veilwing() -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_veilwing"));
-    command.arg("campaign");
-    command
+    command::veilwing(&["campaign"])
 }
 
 fn directory(name: &str) -> PathBuf {
-    let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("campaign-{name}"));
-    // There is none at the first run.
-    let _ = std::fs::remove_dir_all(&path);
-    std::fs::create_dir_all(&path).unwrap();
-    path
+    command::directory(&format!("campaign-{name}"))
 }
 
 fn output(arguments: &[&str]) -> Output {

@@ -3,10 +3,13 @@
 // Helpers of tests may fail the test.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
+mod command;
+
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::Output;
 
+use command::veilwing;
 use veilwing::config::Mission;
 
 fn broken(file: &str) -> PathBuf {
@@ -14,12 +17,7 @@ fn broken(file: &str) -> PathBuf {
 }
 
 fn check(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_veilwing"))
-        .current_dir(env!("CARGO_MANIFEST_DIR"))
-        .arg("check")
-        .args(arguments)
-        .output()
-        .unwrap()
+    veilwing(&[&["check"], arguments].concat()).output().unwrap()
 }
 
 /// One expected finding: place, part of the message, part of the remedy.
@@ -147,7 +145,7 @@ fn val_errors_of_mission_and_vehicles_are_all_printed() {
 
 #[test]
 fn val_the_schema_is_one_json_document_with_both_files() {
-    let output = Command::new(env!("CARGO_BIN_EXE_veilwing")).arg("schema").output().unwrap();
+    let output = veilwing(&["schema"]).output().unwrap();
     assert_eq!(output.status.code(), Some(0));
     let schema: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     for file in ["mission", "vehicle"] {

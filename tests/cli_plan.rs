@@ -3,18 +3,17 @@
 // Helpers of tests may fail the test.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
+mod command;
+
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::Output;
 
 use serde_json::Value;
 
+use command::veilwing;
+
 fn plan(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_veilwing"))
-        .current_dir(env!("CARGO_MANIFEST_DIR"))
-        .arg("plan")
-        .args(arguments)
-        .output()
-        .unwrap()
+    veilwing(&[&["plan"], arguments].concat()).output().unwrap()
 }
 
 fn document(arguments: &[&str]) -> Value {

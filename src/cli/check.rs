@@ -2,11 +2,13 @@
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
 use crate::config::{Diagnostics, Mission, TransmitterKind, Vehicle};
+use crate::link::Key;
 use crate::role::Role;
 use crate::units::Watts;
+
+use super::{Exit, print_text};
 
 /// Validate a mission file, and vehicle files for it.
 ///
@@ -24,7 +26,7 @@ pub struct Args {
 
 /// Validates; exit code 0, or 2 when a file cannot be used.
 #[must_use]
-pub fn run(args: &Args) -> ExitCode {
+pub fn run(args: &Args) -> Exit {
     let mut usable = true;
     let mut tell = |findings: Diagnostics| {
         eprint!("{findings}");
@@ -34,7 +36,7 @@ pub fn run(args: &Args) -> ExitCode {
     if let Some(mission) = &mission {
         tell(mission.warnings.clone());
     }
-    let mut vehicles = Vec::new();
+    let mut vehicles: Vec<(&Path, Vehicle)> = Vec::new();
     for path in &args.vehicles {
         match Vehicle::load(path) {
             Err(findings) => tell(findings),
@@ -43,16 +45,26 @@ pub fn run(args: &Args) -> ExitCode {
                 if let Some(mission) = &mission {
                     tell(vehicle.check_against(mission));
                 }
+                if let Some(Err(error)) = vehicle.key_file.as_deref().map(Key::load) {
+                    let help =
+                        "write 64 hexadecimal digits, 32 random bytes, into it; the same on both vehicles";
+                    tell(vehicle.error_at("pair.key_file", error.to_string(), help.to_owned()));
+                }
+                if let Some((other, _)) = vehicles.iter().find(|(_, other)| other.role == vehicle.role) {
+                    let message = format!("{} is vehicle {} too", other.display(), vehicle.role);
+                    tell(vehicle.error_at(
+                        "vehicle.role",
+                        message,
+                        "give a file for each vehicle of the pair".into(),
+                    ));
+                }
                 vehicles.push((path.as_path(), vehicle));
             }
         }
     }
     match mission {
-        Some(mission) if usable => {
-            print!("{}", summary(&mission, &vehicles));
-            ExitCode::SUCCESS
-        }
-        _ => ExitCode::from(2),
+        Some(mission) if usable => print_text(&summary(&mission, &vehicles)),
+        _ => Exit::Unusable,
     }
 }
 

@@ -1,8 +1,11 @@
 //! `veilwing evaluate`: scores given poses and powers under the mission's model.
 
+mod limits;
+
 use std::path::{Path, PathBuf};
 
-use crate::config::Mission;
+use crate::config::file::{read_text, text_of};
+use crate::config::{Diagnostics, Mission};
 use crate::planner::plan::{BoundKind, SlotPlan, Status, VehiclePlan};
 use crate::planner::slots::{Plan, PlannedSlot, hex};
 use crate::planner::{EvaluateOptions, cap, evaluate};
@@ -10,6 +13,11 @@ use crate::report::plan_document::{EditedPlan, FORMAT, PlanDocument};
 
 use super::planning::slot_document;
 use super::{Exit, load_mission, print_json, print_text};
+
+/// Largest plan that is read: some hundred thousand slots.
+const MAX_BYTES: u64 = 1 << 28;
+const REMEDY: &str =
+    "give a document that `veilwing plan MISSION --json` wrote; poses and powers in it may be edited";
 
 /// Score the poses and powers of a plan (perhaps edited) under the mission's model.
 #[derive(Debug, clap::Args)]
@@ -25,7 +33,7 @@ pub(super) struct Args {
     #[arg(long)]
     json: bool,
     /// Quasi-random samples of jitter and positions per slot.
-    #[arg(long, default_value_t = 16384, value_parser = clap::value_parser!(u32).range(16..=65536))]
+    #[arg(long, value_name = "N", default_value_t = 16384, value_parser = clap::value_parser!(u32).range(16..=65536))]
     samples: u32,
 }
 
@@ -34,40 +42,63 @@ pub(super) fn run(args: &Args) -> Exit {
         Ok(mission) => mission,
         Err(exit) => return exit,
     };
-    let scored = read(&args.plan).and_then(|edited| score(&mission, &edited, args.samples as usize));
+    let name = if args.plan == Path::new("-") { "stdin".into() } else { args.plan.display().to_string() };
+    let edited = match read(&args.plan, &name) {
+        Ok(edited) => edited,
+        Err(errors) => {
+            eprint!("{errors}");
+            return Exit::Unusable;
+        }
+    };
+    let scored = limits::possible(&edited).and_then(|()| {
+        for warning in limits::exceeded(&mission, &edited) {
+            eprintln!("{name}: warning: {warning}");
+        }
+        score(&mission, &edited, args.samples as usize)
+    });
     match scored {
         Ok(document) if args.json => print_json(&document),
         Ok(document) => print_text(&table(&mission, &document)),
         Err(message) => {
-            eprintln!("{}: {message}", args.plan.display());
+            eprintln!("{name}: {message}");
             Exit::Unusable
         }
     }
 }
 
-fn read(path: &Path) -> Result<EditedPlan, String> {
+fn read(path: &Path, name: &str) -> Result<EditedPlan, Diagnostics> {
     let text = if path == Path::new("-") {
-        std::io::read_to_string(std::io::stdin())
+        text_of(name, Ok(std::io::stdin().lock()), MAX_BYTES)
     } else {
-        std::fs::read_to_string(path)
-    };
-    let text = text.map_err(|error| format!("cannot be read: {error}"))?;
-    let plan: EditedPlan = serde_json::from_str(&text)
-        .map_err(|error| format!("{}:{}: not a plan document: {error}", error.line(), error.column()))?;
-    if plan.format == FORMAT {
-        Ok(plan)
-    } else {
-        Err(format!("format {:?} is not {FORMAT:?}: give a document that `plan --json` wrote", plan.format))
+        read_text(path, MAX_BYTES)
+    }?;
+    let refuse = |at, message: String| Diagnostics::of_text(name, &text, at, message, REMEDY);
+    let plan: EditedPlan = serde_json::from_str(&text).map_err(|error| {
+        let at = (error.line(), error.column());
+        let told = error.to_string();
+        let why = told.split(&format!(" at line {} column {}", at.0, at.1)).next().unwrap_or(&told);
+        refuse(at, format!("this is no plan document: {why}"))
+    })?;
+    if plan.format != FORMAT {
+        return Err(refuse((1, 1), format!("`format` is {:?}, not {FORMAT:?}", plan.format)));
     }
+    if plan.slots.is_empty() {
+        return Err(refuse((1, 1), "`slots` is empty: there is nothing to score".to_owned()));
+    }
+    Ok(plan)
 }
 
 fn score(mission: &Mission, edited: &EditedPlan, samples: usize) -> Result<PlanDocument, String> {
     let options = EvaluateOptions { samples, seed: mission.seed, ..EvaluateOptions::default() };
     let mut planned = Vec::new();
-    for slot in &edited.slots {
+    for (index, slot) in edited.slots.iter().enumerate() {
         let user = mission.users.iter().position(|user| user.name == slot.user).ok_or_else(|| {
             let names: Vec<_> = mission.users.iter().map(|user| user.name.as_str()).collect();
-            format!("user {:?} is not in the mission, whose users are {}", slot.user, names.join(", "))
+            format!(
+                "slots[{index}]: user {:?} is not in the mission; give one of its users, {}",
+                slot.user,
+                names.join(", ")
+            )
         })?;
         let Some(problem) = mission.problem(user) else { continue };
         let vehicles = slot.vehicles.clone().map(VehiclePlan::from);

@@ -5,26 +5,27 @@ use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
+use crate::config::file::{usable_directory, write_whole};
 use crate::link::clock::Clock;
 use crate::report::figures::{self, Figure, Settings};
 
-use super::{Exit, print_text};
+use super::{Exit, print_text, progress};
 
 /// Draw the paper's figures 3 and 4a to 4c from the running planner, as SVG and CSV.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example: veilwing figures --out figures --scenarios 100 --threads 2")]
 pub(super) struct Args {
     /// Directory to write into; made if it is not there.
-    #[arg(long, default_value = "figures")]
+    #[arg(long, value_name = "DIR", default_value = "figures")]
     out: PathBuf,
     /// Random scenarios behind each mean.
-    #[arg(long, default_value_t = 100, value_parser = clap::value_parser!(u32).range(2..=100_000))]
+    #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u32).range(2..=100_000))]
     scenarios: u32,
     /// Threads; the figures do not depend on it.
-    #[arg(long, default_value_t = 2, value_parser = clap::value_parser!(u16).range(1..=256))]
+    #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u16).range(1..=256))]
     threads: u16,
     /// Seed of the scenarios and of the planner.
-    #[arg(long, default_value_t = 6)]
+    #[arg(long, value_name = "N", default_value_t = 6, allow_negative_numbers = true)]
     seed: u64,
 }
 
@@ -35,8 +36,8 @@ pub(super) fn run(args: &Args) -> Exit {
     let settings =
         Settings { scenarios: args.scenarios as usize, threads: args.threads.into(), seed: args.seed };
     // Before the work, not after it, is the time to learn that the directory cannot be written.
-    if let Err(error) = std::fs::create_dir_all(&args.out) {
-        eprintln!("error: cannot make the directory {}: {error}", args.out.display());
+    if let Err(error) = usable_directory(&args.out) {
+        eprintln!("error: {error}");
         return Exit::Unusable;
     }
     let line = ProgressLine::default();
@@ -57,17 +58,17 @@ pub(super) fn run(args: &Args) -> Exit {
             Err(exit) => return exit,
         }
     }
-    eprintln!("{} scenarios, seed {}, {:.0} s", args.scenarios, args.seed, elapsed_s());
+    progress(&format!("{} scenarios, seed {}, {:.0} s", args.scenarios, args.seed, elapsed_s()));
     print_text(&text)
 }
 
 fn write(out: &Path, figure: &Figure) -> Result<[PathBuf; 2], Exit> {
     let write = |extension: &str, text: &str| {
         let path = out.join(format!("{}.{extension}", figure.name));
-        match std::fs::write(&path, text) {
+        match write_whole(&path, text) {
             Ok(()) => Ok(path),
             Err(error) => {
-                eprintln!("error: cannot write {}: {error}", path.display());
+                eprintln!("error: {error}");
                 Err(Exit::Unusable)
             }
         }
@@ -93,7 +94,7 @@ impl ProgressLine {
             eprint!("\r{figure}: {percent:3}%{}", if done == count { "\n" } else { "" });
         } else if percent / 10 > shown.1 / 10 {
             shown.1 = percent;
-            eprintln!("{figure}: {percent}%");
+            progress(&format!("{figure}: {percent}%"));
         }
     }
 }

@@ -2,10 +2,12 @@
 
 use std::path::PathBuf;
 
+use rustix::process::{Signal, getpid, kill_process};
 use tokio::signal::unix::{SignalKind, signal};
 
 use crate::companion::Companion;
 use crate::companion::settings::{allow_for_clock_rate, pair_form, settings, transmitter_settings};
+use crate::config::file::usable_directory;
 use crate::config::{Mission, Vehicle};
 use crate::link::clock::Clock;
 use crate::link::{Key, LinkConfig, SigningConfig, TlogWriter};
@@ -13,7 +15,7 @@ use crate::mission::Outcome;
 use crate::transmitter::Transmitter;
 
 use super::planning::{mission_options, plan_mission};
-use super::{Exit, load_mission};
+use super::{Exit, interrupt, load_mission};
 
 /// Names of the two links, in logs and file names.
 const AUTOPILOT: &str = "autopilot";
@@ -26,7 +28,7 @@ pub(super) struct Args {
     /// Mission file, the same on both vehicles.
     mission: PathBuf,
     /// Vehicle file of this vehicle.
-    #[arg(long)]
+    #[arg(long, value_name = "FILE")]
     vehicle: PathBuf,
     /// Begin as soon as both vehicles are ready, without waiting for MISSION_START from a ground station.
     #[arg(long)]
@@ -34,6 +36,9 @@ pub(super) struct Args {
     /// Seconds of the simulated world for each second of this machine's clock; for simulation alone.
     #[arg(long, hide = true, default_value_t = 1.0)]
     clock_rate: f64,
+    /// Stop, in order, when stdin ends: with the program that started this one, however that ended.
+    #[arg(long, hide = true)]
+    until_stdin_ends: bool,
 }
 
 pub(super) fn run(args: &Args) -> Exit {
@@ -44,14 +49,12 @@ pub(super) fn run(args: &Args) -> Exit {
     let vehicle = match Vehicle::load(&args.vehicle) {
         Ok(vehicle) => vehicle,
         Err(errors) => {
-            eprintln!("{errors}");
+            eprint!("{errors}");
             return Exit::Unusable;
         }
     };
     let findings = vehicle.check_against(&mission);
-    if !findings.is_empty() {
-        eprintln!("{findings}");
-    }
+    eprint!("{}{findings}", vehicle.warnings);
     if findings.has_errors() {
         return Exit::Unusable;
     }
@@ -68,11 +71,18 @@ fn fly(args: &Args, mission: Mission, vehicle: &Vehicle) -> Result<Exit, String>
         .enable_all()
         .build()
         .map_err(|error| format!("the event loop cannot start: {error}"))?;
+    if args.until_stdin_ends {
+        std::thread::spawn(|| {
+            // However the reading ends, nobody is at the other end.
+            let _ = std::io::copy(&mut std::io::stdin().lock(), &mut std::io::sink());
+            let _ = kill_process(getpid(), Signal::TERM);
+        });
+    }
     let outcome = runtime.block_on(async {
         // A limit on the size of files costs the logs that grow beyond it. Without a handler it would cost the flight.
-        let file_size = SignalKind::from_raw(rustix::process::Signal::XFSZ.as_raw());
+        let file_size = SignalKind::from_raw(Signal::XFSZ.as_raw());
         let _handled = signal(file_size).map_err(|error| format!("a signal cannot be handled: {error}"))?;
-        companion.run(clock, stop_signal()).await.map_err(|error| error.to_string())
+        companion.run(clock, interrupt::requested()).await.map_err(|error| error.to_string())
     });
     match outcome? {
         Outcome::Completed => Ok(Exit::Done),
@@ -84,26 +94,8 @@ fn fly(args: &Args, mission: Mission, vehicle: &Vehicle) -> Result<Exit, String>
     }
 }
 
-/// Completes on Ctrl-C or SIGTERM.
-pub(super) async fn stop_signal() {
-    let wait = |kind| async move {
-        match signal(kind) {
-            Ok(mut stream) => {
-                stream.recv().await;
-            }
-            // Without a handler the signal's default ends the process; the radio's expiry makes it silent.
-            Err(_) => std::future::pending().await,
-        }
-    };
-    tokio::select! {
-        () = wait(SignalKind::interrupt()) => {}
-        () = wait(SignalKind::terminate()) => {}
-    }
-}
-
 fn companion(args: &Args, mission: Mission, vehicle: &Vehicle, clock: &Clock) -> Result<Companion, String> {
-    std::fs::create_dir_all(&vehicle.log_dir)
-        .map_err(|error| format!("log directory {}: {error}", vehicle.log_dir.display()))?;
+    usable_directory(&vehicle.log_dir).map_err(|error| format!("[log] dir: {error}"))?;
     let role = vehicle.role;
     let name = role.to_string().to_lowercase();
     let link = |to: &str, peer_system, signing| -> Result<LinkConfig, String> {

@@ -1,11 +1,26 @@
 //! The command line: one file a subcommand. Results on stdout, progress and logs on stderr.
 
+/// Prints a line on stderr. In place of the standard library's, which panics when nobody can be told (`2>&1 | head`, a
+/// full disk): what is said may be lost, a flight or a result may not.
+macro_rules! eprintln {
+    () => { eprint!("\n") };
+    ($($text:tt)*) => { eprint!("{}\n", format_args!($($text)*)) };
+}
+
+/// Prints on stderr: see `eprintln`.
+macro_rules! eprint {
+    ($($text:tt)*) => {{
+        let _ = std::io::Write::write_fmt(&mut std::io::stderr().lock(), format_args!($($text)*));
+    }};
+}
+
 #[cfg(feature = "sitl")]
 mod campaign;
 mod check;
 mod evaluate;
 mod figures;
 mod fly;
+mod interrupt;
 mod plan;
 mod planning;
 mod report;
@@ -31,14 +46,20 @@ pub enum Exit {
     Interrupted,
 }
 
+impl Exit {
+    fn code(self) -> u8 {
+        match self {
+            Self::Done => 0,
+            Self::Bad => 1,
+            Self::Unusable => 2,
+            Self::Interrupted => 130,
+        }
+    }
+}
+
 impl From<Exit> for ExitCode {
     fn from(exit: Exit) -> Self {
-        Self::from(match exit {
-            Exit::Done => 0,
-            Exit::Bad => 1,
-            Exit::Unusable => 2,
-            Exit::Interrupted => 130,
-        })
+        Self::from(exit.code())
     }
 }
 
@@ -82,8 +103,9 @@ enum Command {
 pub fn main() -> ExitCode {
     let cli = Cli::parse();
     start_log(cli.log_format);
+    interrupt::watch();
     let exit = match &cli.command {
-        Command::Check(args) => return check::run(args),
+        Command::Check(args) => check::run(args),
         Command::Plan(args) => plan::run(args),
         Command::Evaluate(args) => evaluate::run(args),
         Command::Figures(args) => figures::run(args),
@@ -93,18 +115,35 @@ pub fn main() -> ExitCode {
         Command::Campaign(args) => campaign::run(args),
         Command::Fly(args) => fly::run(args),
         Command::Report(args) => report::run(args),
-        Command::Schema(args) => return schema::run(args),
+        Command::Schema(args) => schema::run(args),
     };
     exit.into()
 }
 
+/// The log on stderr is JSON.
+static JSON_LOG: std::sync::atomic::AtomicBool = std::sync::atomic::AtomicBool::new(false);
+
 fn start_log(format: LogFormat) {
+    JSON_LOG.store(matches!(format, LogFormat::Json), std::sync::atomic::Ordering::Relaxed);
     let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("info"));
-    let log =
-        tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).with_target(false);
+    let log = tracing_subscriber::fmt()
+        .with_env_filter(filter)
+        .with_writer(std::io::stderr)
+        .with_target(false)
+        // It would panic when stderr takes nothing: in flight, when the terminal or the pipe behind it is gone.
+        .log_internal_errors(false);
     match format {
         LogFormat::Text => log.with_ansi(std::io::IsTerminal::is_terminal(&std::io::stderr())).init(),
         LogFormat::Json => log.json().init(),
+    }
+}
+
+/// A line of progress on stderr: a record of the log where that is JSON.
+fn progress(text: &str) {
+    if JSON_LOG.load(std::sync::atomic::Ordering::Relaxed) {
+        tracing::info!("{text}");
+    } else {
+        eprintln!("{text}");
     }
 }
 
@@ -122,9 +161,10 @@ fn print_json(document: &impl serde::Serialize) -> Exit {
 /// Prints on stdout; a reader that went away (`| head`) is no failure of ours.
 fn print_text(text: &str) -> Exit {
     use std::io::Write;
-    match std::io::stdout().write_all(text.as_bytes()) {
+    let mut stdout = std::io::stdout().lock();
+    match stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()) {
         Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
-            eprintln!("error: cannot write to stdout: {error}");
+            eprintln!("error: cannot write the result to stdout: {error}; send it to a file on another disk");
             Exit::Bad
         }
         _ => Exit::Done,
@@ -135,13 +175,11 @@ fn print_text(text: &str) -> Exit {
 fn load_mission(path: &std::path::Path) -> Result<crate::config::Mission, Exit> {
     match crate::config::Mission::load(path) {
         Ok(mission) => {
-            if !mission.warnings.is_empty() {
-                eprintln!("{}", mission.warnings);
-            }
+            eprint!("{}", mission.warnings);
             Ok(mission)
         }
         Err(errors) => {
-            eprintln!("{errors}");
+            eprint!("{errors}");
             Err(Exit::Unusable)
         }
     }

@@ -3,6 +3,9 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+
+use crate::config::file::{unwritable, usable_directory, write_whole};
 use crate::config::{METHODS, Mission};
 use crate::planner::problem::Method;
 use crate::report::plan_document::{PlanDocument, SlotDocument};
@@ -32,19 +35,19 @@ pub(super) struct Args {
     #[arg(long)]
     json: bool,
     /// Planner to use instead of the mission file's.
-    #[arg(long, value_parser = parse_method)]
+    #[arg(long, value_name = "M", value_parser = method_parser())]
     method: Option<Method>,
     /// Seed instead of the mission file's.
-    #[arg(long)]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     seed: Option<u64>,
     /// Threads to plan with; the plan does not depend on it.
-    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=256))]
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=256))]
     threads: u16,
     /// Upper bound on the rate beside the plan's own.
     #[arg(long, value_enum, default_value_t = BoundSearch::Cap)]
     bound: BoundSearch,
-    /// Write plan.json into this directory as well.
-    #[arg(long)]
+    /// Write plan.json into this directory as well; made if it is not there.
+    #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
 }
 
@@ -57,11 +60,10 @@ enum BoundSearch {
     Certify,
 }
 
-fn parse_method(text: &str) -> Result<Method, String> {
-    let found = METHODS.iter().find(|(name, _)| *name == text);
-    found.map(|(_, method)| *method).ok_or_else(|| {
-        let names: Vec<_> = METHODS.iter().map(|(name, _)| *name).collect();
-        format!("the methods are {}", names.join(", "))
+fn method_parser() -> impl TypedValueParser<Value = Method> {
+    PossibleValuesParser::new(METHODS.iter().map(|(name, _)| *name)).try_map(|text| {
+        let found = METHODS.iter().find(|(name, _)| *name == text);
+        found.map(|(_, method)| *method).ok_or("no such method")
     })
 }
 
@@ -70,6 +72,11 @@ pub(super) fn run(args: &Args) -> Exit {
         Ok(mission) => mission,
         Err(exit) => return exit,
     };
+    // Before the work, not after it, is the time to learn that the directory cannot be written.
+    if let Some(Err(error)) = args.out.as_deref().map(usable_directory) {
+        eprintln!("error: {error}");
+        return Exit::Unusable;
+    }
     let mut options = mission_options(&mission);
     options.method = args.method.unwrap_or(options.method);
     options.seed = args.seed.unwrap_or(options.seed);
@@ -88,22 +95,21 @@ pub(super) fn run(args: &Args) -> Exit {
         }
     };
     let document = document(&mission, &options, &timed);
-    if let Some(out) = &args.out
-        && let Err(exit) = write_plan(out, &document)
-    {
-        return exit;
-    }
-    if args.json { print_json(&document) } else { print_text(&table(&mission, &document)) }
+    let kept = args.out.as_deref().map_or(Ok(()), |out| write_plan(out, &document));
+    let shown = if args.json { print_json(&document) } else { print_text(&table(&mission, &document)) };
+    kept.err().unwrap_or(shown)
 }
 
 /// Writes `plan.json` into a directory, which is made if it is not there.
 pub(super) fn write_plan(out: &Path, document: &PlanDocument) -> Result<(), Exit> {
     let path = out.join("plan.json");
-    let text = serde_json::to_string_pretty(document).map_err(std::io::Error::other);
-    let written =
-        text.and_then(|text| std::fs::create_dir_all(out).and_then(|()| std::fs::write(&path, text)));
+    let text = serde_json::to_string_pretty(document).map_err(|error| error.to_string());
+    let written = text.and_then(|text| {
+        std::fs::create_dir_all(out).map_err(|error| unwritable(out, &error))?;
+        write_whole(&path, &text)
+    });
     written.map_err(|error| {
-        eprintln!("error: cannot write {}: {error}", path.display());
+        eprintln!("error: {error}");
         Exit::Unusable
     })
 }

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use crate::config::Mission;
+use crate::config::file::write_whole;
 use crate::report::flight::{self, Timeline, telemetry};
 
 use super::{Exit, load_mission};
@@ -17,12 +18,13 @@ pub(super) const REPORT: &str = "report.html";
 )]
 pub(super) struct Args {
     /// The flight's directory.
+    #[arg(value_name = "DIR")]
     directory: PathBuf,
     /// The HTML file to write; by default report.html in the directory.
-    #[arg(long)]
+    #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
     /// Mission file, for telemetry logs; by default mission.toml in the directory, if it is there.
-    #[arg(long)]
+    #[arg(long, value_name = "FILE")]
     mission: Option<PathBuf>,
     /// Use the telemetry logs even if the simulated world's own record is there.
     #[arg(long)]
@@ -63,8 +65,7 @@ fn mission(args: &Args) -> Result<Option<Mission>, Exit> {
 
 /// Writes the report of a flight.
 pub(super) fn write(out: &Path, timeline: &Timeline) -> Result<(), String> {
-    std::fs::write(out, flight::html(timeline))
-        .map_err(|error| format!("cannot write {}: {error}", out.display()))
+    write_whole(out, &flight::html(timeline))
 }
 
 fn unusable(message: &str) -> Exit {

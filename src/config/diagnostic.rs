@@ -64,6 +64,15 @@ impl Diagnostics {
         all
     }
 
+    /// One error in a text that another parser refused, at its line and column (in bytes), both from 1.
+    pub(crate) fn of_text(file: &str, text: &str, at: (usize, usize), message: String, help: &str) -> Self {
+        let mut all = Self::new(file, text.into());
+        let start = all.lines.0.get(at.0.saturating_sub(1)).copied().unwrap_or_default();
+        let offset = (start + at.1.saturating_sub(1)).min(text.len());
+        all.push(Severity::Error, offset..offset, message, help.to_owned());
+        all
+    }
+
     pub(super) fn push(&mut self, severity: Severity, span: Span, message: String, help: String) {
         self.errors += usize::from(severity == Severity::Error);
         if self.list.len() >= KEPT {

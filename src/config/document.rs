@@ -1,8 +1,6 @@
 //! A file's text, what was read from where, and the findings about it.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::io::Read;
-use std::path::Path;
 use std::sync::Arc;
 
 use serde_json::Value as Json;
@@ -10,62 +8,6 @@ use toml::de::DeTable;
 
 use super::diagnostic::{Diagnostics, Severity, Span};
 use super::reader::Section;
-
-/// Largest file that is read, in bytes.
-const MAX_BYTES: u64 = 1 << 20;
-
-/// The text of a file.
-///
-/// # Errors
-/// It is missing, not a file, unreadable, too large, or not UTF-8.
-pub(super) fn read_text(path: &Path) -> Result<String, Diagnostics> {
-    let name = path.display().to_string();
-    let unusable = |message: String, help: &str| Err(Diagnostics::of_file(&name, message, help));
-    let mut bytes = Vec::new();
-    let read = std::fs::File::open(path).and_then(|file| {
-        if file.metadata()?.is_dir() {
-            return Err(std::io::ErrorKind::IsADirectory.into());
-        }
-        file.take(MAX_BYTES + 1).read_to_end(&mut bytes)
-    });
-    match read {
-        Err(error) => {
-            let (what, help) = match error.kind() {
-                std::io::ErrorKind::NotFound => {
-                    ("there is no such file", "check the path; examples are in config/")
-                }
-                std::io::ErrorKind::IsADirectory => {
-                    ("this is a directory", "give the path of a file inside it")
-                }
-                std::io::ErrorKind::PermissionDenied => {
-                    ("permission to read it is denied", "check its mode and owner")
-                }
-                _ => return unusable(format!("cannot be read: {error}"), "give the path of a readable file"),
-            };
-            unusable(format!("cannot be read: {what}"), help)
-        }
-        Ok(_) if bytes.len() as u64 > MAX_BYTES => unusable(
-            format!("the file is larger than {MAX_BYTES} bytes"),
-            "give a TOML file; missions are a few kilobytes",
-        ),
-        Ok(_) => String::from_utf8(bytes).map_err(|error| not_text(&name, &error)),
-    }
-}
-
-fn not_text(name: &str, error: &std::string::FromUtf8Error) -> Diagnostics {
-    let offset = error.utf8_error().valid_up_to();
-    let byte = error.as_bytes().get(offset).copied().unwrap_or_default();
-    let valid = String::from_utf8_lossy(&error.as_bytes()[..offset]).into_owned();
-    let mut all = Diagnostics::new(name, valid.into());
-    let message = format!("the file is not UTF-8 text: byte {byte:#04x} at offset {offset}");
-    all.push(
-        Severity::Error,
-        offset..offset,
-        message,
-        "save the file as UTF-8, or give a TOML file".to_owned(),
-    );
-    all
-}
 
 /// A file that has been read: kept for what is said about it later, and for its digest.
 #[derive(Debug, Clone)]
@@ -114,8 +56,7 @@ impl Document {
         describe: impl FnOnce(&mut Section<'_, '_>) -> T,
         check: impl FnOnce(&T, &mut Self),
     ) -> (T, Self, Diagnostics) {
-        // A byte order mark is the editor's, not the operator's.
-        let text: Arc<str> = text.strip_prefix('\u{feff}').unwrap_or(text).into();
+        let text: Arc<str> = text.into();
         let (root, syntax_errors) = DeTable::parse_recoverable(&text);
         let mut document = Self::new(file, Arc::clone(&text), false);
         let (value, _) = Section::root(&mut document, Some(root.get_ref())).describe(describe);
@@ -205,6 +146,9 @@ fn syntax_finding(error: &toml::de::Error, text: &str) -> Finding {
     let (message, help) = match error.message() {
         _ if unquoted && (rest.is_empty() || rest.starts_with('#')) => {
             ("there is no value after `=`", "give a value, or remove the line to use the default")
+        }
+        _ if unquoted && rest.starts_with(|c: char| c.is_ascii_digit() || "+-.".contains(c)) => {
+            ("this is no number", "write one number; in a list, a comma between two")
         }
         _ if unquoted => ("this is no value; text must be in quotes", "put text in double quotes"),
         "duplicate key" => {

@@ -8,8 +8,9 @@ use std::path::Path;
 use serde_json::Value as Json;
 
 use super::diagnostic::Diagnostics;
-use super::document::{Document, read_text};
+use super::document::Document;
 use super::fault_file;
+use super::file::{MAX_BYTES, read_text};
 
 /// Kinds of fault.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -249,7 +250,7 @@ impl Faults {
     /// # Errors
     /// Everything that is wrong with the file, each with its place and remedy.
     pub fn load(path: &Path) -> Result<Self, Diagnostics> {
-        Self::parse(&path.display().to_string(), &read_text(path)?)
+        Self::parse(&path.display().to_string(), &read_text(path, MAX_BYTES)?)
     }
 
     /// Validates the text of a fault file; `file_name` is used in messages only.

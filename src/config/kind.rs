@@ -60,11 +60,18 @@ fn wrong_type(kind: &impl Kind, item: &Item<'_>, faults: &mut Vec<Fault>) {
     });
 }
 
-/// The word most like `text`, if any is like it at all.
+/// How much alike two words count of which one is a part of the other, `power_w` of `max_power_w`.
+const PART_OF_THE_OTHER: f64 = 0.8;
+
+/// The word most like `text`, if any is like it at all: alike from the start, or one holding the other.
 pub(super) fn nearest<'w>(text: &str, words: impl Iterator<Item = &'w str>) -> Option<&'w str> {
     let text = text.to_lowercase();
     words
-        .map(|word| (strsim::jaro_winkler(&text, word), word))
+        .map(|word| {
+            let holds = text.len() > 2 && (word.contains(&text) || text.contains(word));
+            let floor = if holds { PART_OF_THE_OTHER } else { 0.0 };
+            (strsim::jaro_winkler(&text, word).max(floor), word)
+        })
         .filter(|(likeness, _)| *likeness > 0.75)
         .max_by(|a, b| a.0.total_cmp(&b.0))
         .map(|(_, word)| word)

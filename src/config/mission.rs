@@ -5,13 +5,15 @@ use std::path::Path;
 use serde_json::Value as Json;
 use sha2::{Digest, Sha256};
 
-use super::diagnostic::Diagnostics;
-use super::document::{Document, read_text};
+use super::diagnostic::{Diagnostics, Severity};
+use super::document::Document;
+use super::file::{MAX_BYTES, read_text};
 use super::{mission_checks, mission_file};
 use crate::geo::{Enu, Geodetic};
 use crate::planner::problem::{
     Airframe, Airspace, Eavesdropper, Jitter, Method, Objective, Problem, Radio, Uncertainty, VehicleModel,
 };
+use crate::planner::{PlanError, cap};
 use crate::role::{PerVehicle, Role};
 use crate::schedule::order::Order;
 use crate::time::Utc;
@@ -165,7 +167,7 @@ impl Mission {
     /// # Errors
     /// Everything that is wrong with the file, each with its place and remedy.
     pub fn load(path: &Path) -> Result<Self, Diagnostics> {
-        Self::parse(&path.display().to_string(), &read_text(path)?)
+        Self::parse(&path.display().to_string(), &read_text(path, MAX_BYTES)?)
     }
 
     /// Validates the text of a mission file; `file_name` is used in messages only.
@@ -175,7 +177,24 @@ impl Mission {
     pub fn parse(file_name: &str, text: &str) -> Result<Self, Diagnostics> {
         let (draft, document, findings) =
             Document::read(file_name, text, mission_file::describe, mission_checks::check);
-        Ok(draft.into_mission(findings.into_result()?, document))
+        let mission = draft.into_mission(findings.into_result()?, document);
+        mission.check_with_the_planner()?;
+        Ok(mission)
+    }
+
+    /// A file that passes can be planned: what only several numbers together make impossible, the planner knows.
+    fn check_with_the_planner(&self) -> Result<(), Diagnostics> {
+        let Some(Err(error)) = self.problem(0).map(|problem| cap(&problem)) else { return Ok(()) };
+        let message = match error {
+            PlanError::OutOfRange { what, value, least, most } => {
+                format!("the {what} comes to {value:e}, outside {least:e} to {most:e}")
+            }
+            error => error.to_string(),
+        };
+        let mut all = Diagnostics::new(&self.document.file, self.document.text.clone());
+        let help = "check the magnitudes: powers are in W, reference_gain is linear, antenna gains are in dBi";
+        all.push(Severity::Error, self.document.at("radio"), message, help.to_owned());
+        Err(all)
     }
 
     /// The JSON Schema of the mission file.

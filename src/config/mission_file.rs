@@ -122,7 +122,7 @@ fn radio(s: &mut Section<'_, '_>) -> (Radio, Option<f64>) {
     let noise_power_w = s.read(
         "noise_power_w",
         "Noise power in that bandwidth, at the user and at every eavesdropper.",
-        Number::positive("W", 1.0),
+        Number::within("W", 1e-30, 1.0),
         1e-12,
     );
     let max_power_w = s.read(
@@ -134,7 +134,7 @@ fn radio(s: &mut Section<'_, '_>) -> (Radio, Option<f64>) {
     let reference_gain = s.read(
         "reference_gain",
         "Path gain at one metre in the antenna's plane of largest gain, linear; or give carrier_hz instead.",
-        Number::positive("", 1e6),
+        Number::within("", 1e-30, 1e6),
         1.0,
     );
     let carrier_hz = s.optional(

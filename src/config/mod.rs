@@ -8,6 +8,7 @@ mod diagnostic;
 mod document;
 mod fault_file;
 mod faults;
+pub(crate) mod file;
 mod kind;
 mod mission;
 mod mission_checks;

@@ -338,10 +338,9 @@ impl<'c, 'd> Section<'c, 'd> {
         let known = || self.known.iter().copied();
         let mut unknown = Vec::new();
         for (key, _) in table.iter().filter(|(key, _)| !self.known.contains(&key.get_ref().as_ref())) {
-            let help = nearest(key.get_ref(), known()).map_or_else(
-                || format!("its keys are {}", known().collect::<Vec<_>>().join(", ")),
-                |word| format!("did you mean `{word}`?"),
-            );
+            let meant = nearest(key.get_ref(), known())
+                .map_or_else(String::new, |word| format!("did you mean `{word}`? "));
+            let help = format!("{meant}its keys are {}", known().collect::<Vec<_>>().join(", "));
             unknown.push((key.span(), format!("unknown key `{}` in {}", key.get_ref(), self.title()), help));
         }
         for (span, message, help) in unknown {
@@ -363,5 +362,8 @@ fn quoted(keys: &[&str]) -> String {
 
 /// A value as it would be written in the file.
 fn as_toml(value: &Json) -> String {
+    if let Some(number) = value.as_f64().filter(|number| *number != 0.0 && number.abs() < 1e-4) {
+        return format!("{number:e}");
+    }
     toml::Value::try_from(value).map_or_else(|_| value.to_string(), |value| value.to_string())
 }

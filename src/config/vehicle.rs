@@ -6,8 +6,10 @@ use serde_json::Value as Json;
 
 use super::address::LinkAddress;
 use super::diagnostic::{Diagnostics, Severity};
-use super::document::{Document, read_text};
+use super::document::Document;
+use super::file::{MAX_BYTES, read_text};
 use super::mission::Mission;
+use super::mission_checks::{ORIGIN, ORIGIN_HELP};
 use super::vehicle_file;
 use crate::autopilot::{Actuation, FirmwareChoice};
 use crate::role::Role;
@@ -151,13 +153,11 @@ impl Vehicle {
     /// # Errors
     /// Everything that is wrong with the file, each with its place and remedy.
     pub fn load(path: &Path) -> Result<Self, Diagnostics> {
-        let mut vehicle = Self::parse(&path.display().to_string(), &read_text(path)?)?;
+        let mut vehicle = Self::parse(&path.display().to_string(), &read_text(path, MAX_BYTES)?)?;
         if let Some(key_file) = vehicle.key_file.take() {
             let key_file = path.parent().unwrap_or(Path::new("")).join(key_file);
             if let Some((message, help)) = key_file_fault(&key_file) {
-                let mut all = Diagnostics::new(&vehicle.document.file, vehicle.document.text.clone());
-                all.push(Severity::Error, vehicle.document.at("pair.key_file"), message, help);
-                return Err(all);
+                return Err(vehicle.error_at("pair.key_file", message, help));
             }
             vehicle.key_file = Some(key_file);
         }
@@ -201,6 +201,13 @@ impl Vehicle {
         })
     }
 
+    /// An error at a setting, found by whoever uses it.
+    pub(crate) fn error_at(&self, setting: &str, message: String, help: String) -> Diagnostics {
+        let mut all = Diagnostics::new(&self.document.file, self.document.text.clone());
+        all.push(Severity::Error, self.document.at(setting), message, help);
+        all
+    }
+
     /// The JSON Schema of the vehicle file.
     #[must_use]
     pub fn schema() -> Json {
@@ -230,13 +237,19 @@ impl Vehicle {
             );
             all.push(severity, file.at(&format!("limits.{key}")), message, help);
         }
-        if self.transmitter.kind != TransmitterKind::None
-            && !self.transmitter.simulated
-            && mission.emission.is_none()
-        {
-            let message = "the transmitter is real, but the mission has no [emission] table".to_owned();
-            let help = "add [emission] with who authorised it, the band and the largest power, or set simulated = true";
-            all.push(Severity::Error, file.at("transmitter.simulated"), message, help.to_owned());
+        if self.transmitter.kind != TransmitterKind::None && !self.transmitter.simulated {
+            let mut refuse = |message: &str, help: &str| {
+                let at = file.at("transmitter.simulated");
+                all.push(Severity::Error, at, message.to_owned(), help.to_owned());
+            };
+            if mission.emission.is_none() {
+                refuse(
+                    "the transmitter is real, but the mission has no [emission] table",
+                    "add [emission] with who authorised it, the band and the largest power, or set simulated = true",
+                );
+            } else if !mission.document.given(ORIGIN) {
+                refuse("the transmitter is real, but the mission has no `origin`", ORIGIN_HELP);
+            }
         }
         all
     }

@@ -72,6 +72,7 @@ pub struct EavesdropperDocument {
 
 /// One vehicle's pose and power.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(expecting = "an object with `position_enu_m`, `roll_rad`, `pitch_rad`, `yaw_rad` and `tx_power_w`")]
 pub struct VehicleDocument {
     /// East, north, up in metres.
     pub position_enu_m: [f64; 3],
@@ -148,15 +149,20 @@ impl From<VehicleDocument> for VehiclePlan {
 
 /// The part of a plan document that `evaluate` needs; the rest may have been edited away.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(expecting = "an object with `format` and `slots`")]
 pub struct EditedPlan {
     /// Must be [`FORMAT`].
     pub format: String,
+    /// Of the mission it was made for.
+    #[serde(default)]
+    pub mission_digest: Option<String>,
     /// One per user to score.
     pub slots: Vec<EditedSlot>,
 }
 
 /// One slot to score.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(expecting = "an object with `user` and `vehicles`")]
 pub struct EditedSlot {
     /// A user of the mission.
     pub user: String,

@@ -22,7 +22,7 @@ pub use flight::{Flight, FlightError, Observer, Setup, Wire};
 pub use path::Path;
 pub(crate) use path::Pipe;
 pub use process::Given;
-pub use scenario::{Flown, Scenario, ScenarioError, Witness};
+pub use scenario::{Flown, LONGEST, Scenario, ScenarioError, Witness};
 pub use vehicle::{VehicleText, actuation, vehicle};
 pub use world::world_config;
 

@@ -27,7 +27,7 @@ const STOP_WITHIN: Duration = Duration::from_secs(5);
 /// What is on the air when the last companion ends has this long to fall silent.
 const SETTLE: Duration = Duration::from_secs(1);
 /// A flight as planned takes no longer than this.
-const LONGEST: Duration = Duration::from_secs(4 * 3600);
+pub const LONGEST: Duration = Duration::from_secs(4 * 3600);
 /// A flight with faults takes at most twice its planned time and this.
 const SPARE: Duration = Duration::from_secs(300);
 
@@ -131,6 +131,12 @@ impl Scenario {
         self.lengths
     }
 
+    /// A flight with faults takes no longer: what leaves a vehicle or its companion hanging goes on for ever.
+    #[must_use]
+    pub fn longest(&self) -> Duration {
+        LONGEST.min(2 * Duration::from_secs_f64(self.lengths.flight_s) + SPARE)
+    }
+
     /// UTC at the beginning of every flight, microseconds since 1970.
     #[must_use]
     pub fn utc_start_us(&self) -> u64 {
@@ -150,7 +156,6 @@ impl Scenario {
         let world = World::new(sim::WorldConfig { seed, ..self.world.clone() })?;
         let given = PerVehicle::from_fn(|role| Arc::clone(&self.given[role]));
         let setup = Setup { given, start_unasked: true, autopilot: Path::GOOD, pair: Path::GOOD, seed };
-        let planned = Duration::from_secs_f64(self.lengths.flight_s);
         let mut run = Run {
             flight: Flight::new(world, setup),
             schedule: Schedule::new(faults),
@@ -158,7 +163,7 @@ impl Scenario {
             restarts: PerVehicle::default(),
             first_end: None,
             asked_to_stop: PerVehicle::default(),
-            longest: LONGEST.min(2 * planned + SPARE),
+            longest: self.longest(),
         };
         run.fly(witness)?;
         Ok(run.finish())

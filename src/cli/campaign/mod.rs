@@ -79,7 +79,7 @@ fn prepare(args: &Args, path: &Path) -> Result<(Mission, Faults), Exit> {
     let faults = match &args.faults {
         None => Faults::default(),
         Some(path) => Faults::load(path).map_err(|errors| {
-            eprintln!("{errors}");
+            eprint!("{errors}");
             Exit::Unusable
         })?,
     };
@@ -151,10 +151,11 @@ fn fly(args: &Args, (mission, file): (&Mission, &Path), faults: &Faults) -> Resu
     let complete = flights.len() == runs.len();
     let times = Times { wall_s: wall.now().since_start().as_secs_f64(), cpu_s };
     let document = CampaignDocument::new(identity, args.shard.map(Shard::name), complete, flights, times);
+    // The result first: a disk that has filled up meanwhile must not cost it.
+    let shown = show(args, &document);
     if let Some(out) = &out {
         out.keep_campaign(&document, args.shard)?;
     }
-    let shown = show(args, &document);
     Ok(if interrupted && shown != Exit::Unusable { Exit::Interrupted } else { shown })
 }
 

@@ -14,6 +14,7 @@ use crate::cli::plan::write_plan;
 use crate::cli::sitl::document::{FlightDocument, FlightResult, Messages};
 use crate::cli::sitl::files::Directory;
 use crate::config::Mission;
+use crate::config::file::{usable_directory, write_whole};
 use crate::link::Rejection;
 use crate::link::tlog::append_record;
 use crate::mission::Notice;
@@ -51,7 +52,7 @@ impl Out {
     /// Makes the directory and writes the plan.
     pub fn new(path: &Path, plan: &PlanDocument) -> Result<Self, String> {
         let runs = path.join("runs");
-        std::fs::create_dir_all(&runs).map_err(|error| format!("{}: {error}", runs.display()))?;
+        usable_directory(&runs)?;
         write_plan(path, plan).map_err(|_| "the plan cannot be kept".to_owned())?;
         Ok(Self { path: path.to_owned(), failing: AtomicBool::new(false) })
     }
@@ -120,7 +121,7 @@ impl Out {
 
 fn write_json(path: &Path, document: &impl Serialize) -> Result<(), String> {
     let text = serde_json::to_string_pretty(document).map_err(|error| error.to_string())?;
-    std::fs::write(path, text + "\n").map_err(|error| format!("{}: {error}", path.display()))
+    write_whole(path, &(text + "\n"))
 }
 
 fn flight_document(flown: Flown, plan_digest: &str, wall_s: f64) -> FlightDocument {

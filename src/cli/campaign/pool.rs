@@ -50,7 +50,7 @@ pub(super) fn fly_all<T: Send>(
         // The channel ends with its last worker.
         drop(sender);
         Ok(runtime.block_on(async {
-            let mut interrupt = std::pin::pin!(crate::cli::fly::stop_signal());
+            let mut interrupt = std::pin::pin!(crate::cli::interrupt::requested());
             let mut interrupted = false;
             loop {
                 tokio::select! {

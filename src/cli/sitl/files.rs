@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
+use crate::config::file::{unwritable, usable_directory, write_whole};
 use crate::report::flight::{self, Timeline};
 use crate::role::Role;
 
@@ -22,7 +23,7 @@ impl Directory {
             || std::env::temp_dir().join(format!("veilwing-sitl-{}", std::process::id())),
             Path::to_path_buf,
         );
-        std::fs::create_dir_all(&path).map_err(|error| format!("{}: {error}", path.display()))?;
+        usable_directory(&path)?;
         Ok(Self { path, temporary: out.is_none() })
     }
 
@@ -33,7 +34,7 @@ impl Directory {
     pub fn write_summary(&self, document: &impl Serialize) -> Result<(), String> {
         let path = self.path.join("summary.json");
         let text = serde_json::to_string_pretty(document).map_err(|error| error.to_string())?;
-        std::fs::write(&path, text).map_err(|error| format!("{}: {error}", path.display()))
+        write_whole(&path, &text)
     }
 }
 
@@ -46,7 +47,7 @@ impl Directory {
             _ => false,
         };
         if !same(mission, &kept) {
-            std::fs::copy(mission, &kept).map_err(|error| format!("{}: {error}", kept.display()))?;
+            std::fs::copy(mission, &kept).map_err(|error| unwritable(&kept, &error))?;
         }
         flight::store(&self.path, timeline).map_err(|error| error.to_string())?;
         // From what has just been written, so that `veilwing report` gives the same.
@@ -83,6 +84,6 @@ pub(super) fn write_vehicle(
         simulated: true,
         log_dir: Some(toml::Value::String(log_dir.display().to_string()).to_string()),
     };
-    std::fs::write(&path, text.text()).map_err(|error| format!("{}: {error}", path.display()))?;
+    std::fs::write(&path, text.text()).map_err(|error| unwritable(&path, &error))?;
     Ok(path)
 }

@@ -9,6 +9,7 @@ use tokio::sync::mpsc;
 use tokio::time::MissedTickBehavior;
 use veilwing_sitl::{self as sim, World};
 
+use crate::cli::progress;
 use crate::config::HostPort;
 use crate::link::clock::Clock;
 use crate::report::flight::{Event, EventKind, Severity};
@@ -33,8 +34,6 @@ const LAST_ONE: Duration = Duration::from_secs(300);
 const LAST_ONE_IDLE: Duration = Duration::from_secs(15);
 /// The timeline has a record this often, and at each change.
 const RECORD_EVERY: Duration = Duration::from_millis(50);
-/// A flight takes no longer than this (flight time); for faults that leave a vehicle hanging.
-const LONGEST: Duration = Duration::from_secs(4 * 3600);
 /// After being asked to stop, a companion has this much wall time.
 const STOP_WITHIN: Duration = Duration::from_secs(5);
 
@@ -43,6 +42,8 @@ pub(super) struct Setup<'a> {
     pub mission: &'a Path,
     pub world: World,
     pub faults: Vec<Fault>,
+    /// A flight takes no longer than this (flight time); for faults that leave a vehicle hanging.
+    pub longest: Duration,
     /// What degraded links draw from.
     pub seed: u64,
     pub speed: f64,
@@ -161,7 +162,7 @@ pub(super) async fn fly(mut setup: Setup<'_>) -> Result<Flight, String> {
     };
     let mut step = tokio::time::interval(STEP);
     step.set_missed_tick_behavior(MissedTickBehavior::Skip);
-    let mut interrupt = std::pin::pin!(crate::cli::fly::stop_signal());
+    let mut interrupt = std::pin::pin!(crate::cli::interrupt::requested());
     while !host.is_over() {
         tokio::select! {
             _ = step.tick() => host.advance(),
@@ -302,7 +303,7 @@ impl Host<'_> {
             let vehicle = &snapshot.vehicles[index(role)];
             let coming_down = ["LAND", "RTL"].iter().any(|mode| vehicle.mode.contains(mode));
             let patience = if vehicle.companion_controlled || coming_down { LAST_ONE } else { LAST_ONE_IDLE };
-            if self.first_end.is_some_and(|at| now > at + patience) || now > LONGEST {
+            if self.first_end.is_some_and(|at| now > at + patience) || now > self.setup.longest {
                 self.ask_to_stop(role);
             }
         }
@@ -367,6 +368,6 @@ impl Host<'_> {
     }
 
     pub(super) fn say(&self, text: &str) {
-        eprintln!("[{:7.1} s] {text}", self.setup.world.now().as_secs_f64());
+        progress(&format!("[{:7.1} s] {text}", self.setup.world.now().as_secs_f64()));
     }
 }

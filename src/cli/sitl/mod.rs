@@ -15,11 +15,11 @@ use crate::config::{Faults, HostPort, Mission};
 use crate::link::clock::Clock;
 use crate::report::flight;
 use crate::role::PerVehicle;
-use crate::simulation::{self, Scenario, draw};
+use crate::simulation::{self, LONGEST, Scenario, draw};
 
 use super::plan::write_plan;
 use super::planning::{document as plan_document, mission_options, plan_mission};
-use super::{Exit, load_mission, print_json, print_text};
+use super::{Exit, load_mission, print_json, print_text, progress};
 use document::{FlightDocument, FlightResult};
 
 const EXAMPLES: &str = "Examples:
@@ -36,14 +36,14 @@ pub(super) struct Args {
     /// Print the flight as one JSON document.
     #[arg(long)]
     json: bool,
-    /// Simulated seconds per second of wall time.
-    #[arg(long, default_value_t = 1.0, value_parser = parse_speed)]
+    /// Simulated seconds per second of wall time, from 0.1 to 50.
+    #[arg(long, value_name = "X", default_value_t = 1.0, value_parser = parse_speed)]
     speed: f64,
     /// Keep plan, summary, logs and a .tlog of every link in this directory.
-    #[arg(long)]
+    #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// What goes wrong, a TOML file (config/faults.toml); what it leaves open is drawn by the mission's seed.
-    #[arg(long)]
+    #[arg(long, value_name = "FILE")]
     faults: Option<PathBuf>,
     /// A ground station (QGroundControl, MAVProxy) that listens there; both vehicles and both companions are on it.
     #[arg(long, value_name = "udpout:HOST:PORT", value_parser = ground::parse_ground_station)]
@@ -78,7 +78,7 @@ pub(super) fn run(args: &Args) -> Exit {
     let faults = match args.faults.as_deref().map(Faults::load).transpose() {
         Ok(faults) => faults.unwrap_or_default(),
         Err(errors) => {
-            eprintln!("{errors}");
+            eprint!("{errors}");
             return Exit::Unusable;
         }
     };
@@ -90,21 +90,22 @@ pub(super) fn run(args: &Args) -> Exit {
 
 fn fly(args: &Args, mission: &Mission, faults: &Faults) -> Result<Exit, String> {
     let wall = Clock::real();
+    let directory = files::Directory::new(args.out.as_deref())?;
     let options = mission_options(mission);
     let timed = plan_mission(mission, &options).map_err(|error| error.to_string())?;
     let plan = plan_document(mission, &options, &timed);
-    let directory = files::Directory::new(args.out.as_deref())?;
     if write_plan(directory.path(), &plan).is_err() {
         return Ok(Exit::Unusable);
     }
     let config = simulation::world_config(mission, &timed.plan)?;
     let world = veilwing_sitl::World::new(config).map_err(|error| error.to_string())?;
-    let faults = match faults.laws.as_slice() {
-        [] => Vec::new(),
+    let (faults, longest) = match faults.laws.as_slice() {
+        [] => (Vec::new(), LONGEST),
         // Times of faults may depend on the length of the flight, which one in virtual time tells.
         _ => {
             let scenario = Scenario::new(mission, &timed.plan).map_err(|error| error.to_string())?;
-            draw(faults, mission.seed, scenario.lengths())
+            let longest = if args.wait_for_start { LONGEST } else { scenario.longest() };
+            (draw(faults, mission.seed, scenario.lengths()), longest)
         }
     };
     let runtime = tokio::runtime::Builder::new_current_thread()
@@ -115,6 +116,7 @@ fn fly(args: &Args, mission: &Mission, faults: &Faults) -> Result<Exit, String> 
         mission: &args.mission,
         world,
         faults,
+        longest,
         seed: mission.seed,
         speed: args.speed,
         directory: directory.path(),
@@ -125,17 +127,16 @@ fn fly(args: &Args, mission: &Mission, faults: &Faults) -> Result<Exit, String> 
     }))?;
     let wall_s = wall.now().since_start().as_secs_f64();
     let document = FlightDocument::of_processes(&flown, plan.plan_digest.clone(), wall_s);
+    // The result first: a disk that has filled up meanwhile must not cost it.
+    let shown =
+        if args.json { print_json(&document) } else { print_text(&document.table(mission, &flown.ends)) };
     directory.write_summary(&document)?;
-    if args.out.is_some() {
+    if let Some(out) = &args.out {
         let judged = (flown.report.violations.as_slice(), flown.excused.as_slice());
         let timeline =
             flight::simulated::timeline(mission, &flown.world, &flown.records, flown.events.clone(), judged);
         directory.write_flight(&args.mission, &timeline)?;
-    }
-    let shown =
-        if args.json { print_json(&document) } else { print_text(&document.table(mission, &flown.ends)) };
-    if let Some(out) = &args.out {
-        eprintln!("kept in {}", out.display());
+        progress(&format!("kept in {}", out.display()));
     }
     Ok(match document.result {
         _ if shown != Exit::Done => shown,

@@ -7,6 +7,7 @@ use tokio::io::{AsyncBufReadExt, BufReader};
 use tokio::process::{Child, Command};
 use tokio::sync::mpsc;
 
+use crate::cli::progress;
 use crate::report::flight::Severity;
 use crate::role::Role;
 use crate::time::Instant;
@@ -68,7 +69,9 @@ pub(super) fn spawn_companion(
         .arg(vehicle)
         .args(start.then_some("--start"))
         .args(["--clock-rate", &speed.to_string()])
-        .stdin(Stdio::null())
+        // It ends with this process, even if that is killed.
+        .arg("--until-stdin-ends")
+        .stdin(Stdio::piped())
         .stdout(Stdio::null())
         .stderr(Stdio::piped())
         // Ctrl-C reaches this process alone, which then stops the companions in order.
@@ -77,7 +80,7 @@ pub(super) fn spawn_companion(
         .spawn()
         .map_err(|error| format!("companion {role} cannot start: {error}"))?;
     let pid = child.id().unwrap_or_default();
-    eprintln!("[    0.0 s] {role}  companion started, process {pid}");
+    progress(&format!("[    0.0 s] {role}  companion started, process {pid}"));
     let name = role.to_string().to_lowercase();
     let path = directory.join(format!("companion-{name}.log"));
     let mut file = std::fs::OpenOptions::new()

@@ -1,0 +1,131 @@
+//! Vehicle files, alone and against a mission.
+
+use super::*;
+
+#[test]
+fn val_a_tunnel_must_say_whom_it_leads_to() {
+    let text = |more: &str| {
+        format!(
+            "vehicle.role = \"i\"\nautopilot.system_id = 1\n[pair]\nlink = \"udpout:10.0.0.1:14600\"\n{more}"
+        )
+    };
+    let tunnel = vehicle(&text("tunnel = true\npeer_system_id = 2\n"));
+    assert_eq!((tunnel.pair_peer_system, tunnel.pair_tunnel), (Some(2), true));
+    for (more, line, fragment) in [
+        ("tunnel = true\n", 5, "whom TUNNEL is addressed to"),
+        ("tunnel = \"yes\"\n", 5, "true or false"),
+        ("peer_system_id = 1\n", 5, "this vehicle's own system_id"),
+        ("peer_system_id = 0\n", 5, "outside 1 to 255"),
+    ] {
+        let findings = Vehicle::parse("v.toml", &text(more)).unwrap_err().to_string();
+        assert!(findings.contains(fragment) && findings.contains(&format!("v.toml:{line}:")), "{findings}");
+    }
+}
+
+#[test]
+fn val_a_real_transmitter_needs_the_mission_to_allow_it() {
+    let real = vehicle(&VEHICLE_I.replace("simulated = true ", "simulated = false"));
+    let findings = real.check_against(&mission(DEMO));
+    assert!(findings.has_errors());
+    assert!(findings.list()[0].message.contains("no [emission] table"), "{findings}");
+    let permitted =
+        format!("{DEMO}[emission]\nauthorised_by = \"me\"\nband_hz = [2.4e9, 2.41e9]\nmax_power_w = 0.5\n");
+    assert!(real.check_against(&mission(&permitted)).is_empty());
+    // The default origin is where nobody is.
+    let nowhere = format!("{LEAST}{}", &permitted[DEMO.len()..]);
+    let mission = mission(&nowhere);
+    assert!(mission.warnings.to_string().contains("no real transmitter may radiate"));
+    let findings = real.check_against(&mission);
+    assert!(findings.list()[0].message.contains("the mission has no `origin`"), "{findings}");
+    assert!(vehicle(VEHICLE_I).check_against(&mission).list().iter().all(|f| !f.message.contains("origin")));
+}
+
+#[test]
+fn val_a_vehicle_may_not_be_slower_than_planned() {
+    let slow = VEHICLE_I
+        .replace("speed_m_s = 10.0", "speed_m_s = 7.9")
+        .replace("climb_m_s = 5.0", "climb_m_s = 3.9")
+        .replace("tilt_rate_deg_s = 90.0", "tilt_rate_deg_s = 44.0")
+        .replace("max_tilt_deg = 90.0", "max_tilt_deg = 45.0")
+        .replace("max_power_w = 0.5", "max_power_w = 0.1");
+    let findings = vehicle(&slow).check_against(&mission(DEMO));
+    let severities: Vec<Severity> = findings.list().iter().map(|finding| finding.severity).collect();
+    use Severity::{Error, Warning};
+    assert_eq!(severities, [Error, Error, Error, Warning, Warning], "{findings}");
+    assert!(
+        findings.list()[0].message.contains("7.9 m/s")
+            && findings.list()[0].help.contains("vehicles.i.speed_m_s")
+    );
+}
+
+#[test]
+fn val_a_parameter_transmitter_must_say_how_it_is_silenced() {
+    for (without, fragment) in
+        [("off_value = 0.0\n", "silence"), ("name = \"TX_POWER\"\n", "no `name`"), ("simulated = true\n", "")]
+    {
+        let text = VEHICLE_J.replace(without, "");
+        assert_ne!(text, VEHICLE_J);
+        match Vehicle::parse("v.toml", &text) {
+            Ok(_) => assert_eq!(fragment, ""),
+            Err(findings) => {
+                assert!(!fragment.is_empty() && findings.to_string().contains(fragment), "{findings}")
+            }
+        }
+    }
+    let powers: Vec<f64> =
+        vehicle(VEHICLE_J).transmitter.parameter.unwrap().levels.iter().map(|level| level.power_w).collect();
+    assert_eq!(powers, [0.01, 0.1, 0.5]);
+}
+
+#[test]
+fn val_broken_vehicle_files_say_what_is_wrong() {
+    // With each: what is pointed at, and at which column of its line.
+    for (from, to, at, column, fragment) in [
+        ("role = \"i\"", "role = \"k\"", "role", 8, "none of its values"),
+        ("role = \"i\"", "", "[vehicle]", 1, "has no `role`"),
+        (
+            "link = \"udpout:192.168.40.2:14600\"",
+            "link = \"udpout:192.168.40.2\"",
+            "link = \"udpout",
+            8,
+            "there is no port",
+        ),
+        ("rate_hz = 50.0", "rate_hz = 20.0", "rate_hz", 11, "too slow"),
+        ("component_id = 191", "component_id = 300", "component_id = 300", 16, "is 300, outside 1 to 255"),
+        ("[limits]", "[limit]", "[limit]", 2, "unknown key `limit`"),
+    ] {
+        let text = VEHICLE_I.replace(from, to);
+        assert_ne!(text, VEHICLE_I);
+        let findings = Vehicle::parse("v.toml", &text).unwrap_err();
+        let [finding] = findings.list() else { panic!("{findings}") };
+        assert_eq!((finding.line, finding.column), (line_of(&text, at), column), "{findings}");
+        assert!(finding.message.contains(fragment), "{findings}");
+    }
+}
+
+/// The number of the first line that begins with this.
+fn line_of(text: &str, start: &str) -> usize {
+    1 + text.lines().position(|line| line.starts_with(start)).unwrap()
+}
+
+#[cfg(unix)]
+#[test]
+fn val_a_key_file_open_to_others_is_refused() {
+    use std::os::unix::fs::PermissionsExt;
+    let dir = std::env::temp_dir().join(format!("veilwing-key-{}", std::process::id()));
+    std::fs::create_dir_all(&dir).unwrap();
+    let (file, key) = (dir.join("v.toml"), dir.join("pair.key"));
+    std::fs::write(&file, VEHICLE_I.replace("# key_file", "key_file")).unwrap();
+    let missing = Vehicle::load(&file).unwrap_err().to_string();
+    std::fs::write(&key, [7; 32]).unwrap();
+    let mode = |mode| std::fs::set_permissions(&key, std::fs::Permissions::from_mode(mode)).unwrap();
+    mode(0o640);
+    let open = Vehicle::load(&file).unwrap_err().to_string();
+    mode(0o600);
+    let sound = Vehicle::load(&file).unwrap();
+    std::fs::remove_dir_all(&dir).unwrap();
+    let at = format!(":{}:12: ", line_of(VEHICLE_I, "# key_file"));
+    assert!(missing.contains(&at) && missing.contains("cannot be read"), "{missing}");
+    assert!(open.contains("its mode is 640") && open.contains("chmod 600"), "{open}");
+    assert_eq!(sound.key_file, Some(key));
+}
