@@ -1,42 +1,25 @@
-//! Faults over real sockets: `veilwing sitl` with its two companion processes, whose pair link runs through a lossy
-//! relay of this test. A companion is killed (SIGKILL), stopped for 3 s (SIGSTOP), or no longer heard by the other,
-//! at points of a slot from the agreement on it to its end.
-//!
-//! `cargo test --test udp_faults -- --nocapture` flies two points of each and prints a table;
-//! `cargo test --test udp_faults -- --ignored --nocapture` flies ten, which takes minutes. On a machine that has other
-//! work to do, `UDP_FAULTS_SPEED=1` in the environment flies as fast as the wall's clock instead of four times that.
-
-// Helpers of tests may fail the test.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+//! Flights of `veilwing sitl` with its two companion processes, whose pair link runs through a lossy relay. A companion
+//! is killed (SIGKILL), stopped for 3 s (SIGSTOP), or no longer heard by the other, at points of a slot from the
+//! agreement on it to its end.
 
 use std::io::{BufRead, BufReader, Read};
-use std::net::{SocketAddr, UdpSocket};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::{Command, Stdio};
-use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
-use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
 use serde_json::Value;
-use veilwing::link::Clock;
 
-const MISSION: &str = include_str!("flight/yard.toml");
-/// Simulated seconds per second of wall time. No more: a loaded machine lets a process wait for 10 ms at times.
-fn speed() -> f64 {
-    std::env::var("UDP_FAULTS_SPEED").ok().and_then(|speed| speed.parse().ok()).unwrap_or(4.0)
-}
+use crate::relay::{LOSS, Relay};
 
+const MISSION: &str = include_str!("../flight/yard.toml");
 /// Flights under way at once.
 const AT_ONCE: usize = 4;
 /// How long a slot is open in the mission, in seconds.
 const SLOT_S: f64 = 5.0;
-/// The relay loses as many datagrams, in either direction, at all times.
-const LOSS: f64 = 0.1;
 /// S4's reaction, in seconds: what I may be on the air without J, after a fault.
 const REACTION_S: f64 = 0.1;
-const NEVER: u64 = u64::MAX;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Fault {
@@ -54,69 +37,6 @@ struct Case {
     side: usize,
     point: u32,
     after_s: f64,
-}
-
-/// Passes datagrams between the companions, loses some, and all of one side's from an instant on.
-struct Relay {
-    ports: [u16; 2],
-    clock: Clock,
-    /// By sender, microseconds of the clock.
-    cut_from_us: Arc<[AtomicU64; 2]>,
-    over: Arc<AtomicBool>,
-    lost: Arc<AtomicU64>,
-    threads: Vec<std::thread::JoinHandle<()>>,
-}
-
-impl Relay {
-    fn open(seed: u64) -> Self {
-        let sockets = [0, 1].map(|_| Arc::new(UdpSocket::bind("127.0.0.1:0").unwrap()));
-        let ports = [0, 1].map(|side: usize| sockets[side].local_addr().unwrap().port());
-        let addresses: Arc<[Mutex<Option<SocketAddr>>; 2]> = Arc::default();
-        let cut_from_us = Arc::new([AtomicU64::new(NEVER), AtomicU64::new(NEVER)]);
-        let (over, lost) = (Arc::new(AtomicBool::new(false)), Arc::new(AtomicU64::new(0)));
-        let clock = Clock::real();
-        let mut threads = Vec::new();
-        for from in 0..2 {
-            let (near, far) = (Arc::clone(&sockets[from]), Arc::clone(&sockets[1 - from]));
-            let (addresses, cut, clock) = (Arc::clone(&addresses), Arc::clone(&cut_from_us), clock.clone());
-            let (over, lost) = (Arc::clone(&over), Arc::clone(&lost));
-            let mut rng = ChaCha8Rng::seed_from_u64(2 * seed + from as u64);
-            near.set_read_timeout(Some(Duration::from_millis(100))).unwrap();
-            threads.push(std::thread::spawn(move || {
-                let mut datagram = [0; 2048];
-                while !over.load(Ordering::Relaxed) {
-                    let Ok((length, sender)) = near.recv_from(&mut datagram) else { continue };
-                    *addresses[from].lock().unwrap() = Some(sender);
-                    let cut = micros(&clock) >= cut[from].load(Ordering::Relaxed);
-                    match *addresses[1 - from].lock().unwrap() {
-                        Some(to) if !cut && !rng.random_bool(LOSS) => {
-                            // A companion that is gone refuses: lost.
-                            let _ = far.send_to(&datagram[..length], to);
-                        }
-                        _ => {
-                            lost.fetch_add(1, Ordering::Relaxed);
-                        }
-                    }
-                }
-            }));
-        }
-        Self { ports, clock, cut_from_us, over, lost, threads }
-    }
-
-    fn cut(&self, side: usize, after: Duration) {
-        let at = micros(&self.clock) + u64::try_from(after.as_micros()).unwrap();
-        self.cut_from_us[side].store(at, Ordering::Relaxed);
-    }
-
-    fn close(self) -> u64 {
-        self.over.store(true, Ordering::Relaxed);
-        self.threads.into_iter().for_each(|thread| thread.join().unwrap());
-        self.lost.load(Ordering::Relaxed)
-    }
-}
-
-fn micros(clock: &Clock) -> u64 {
-    u64::try_from(clock.now().since_start().as_micros()).unwrap()
 }
 
 /// What a flight left behind.
@@ -143,25 +63,34 @@ impl Flown {
     }
 }
 
-fn directory(name: &str) -> PathBuf {
-    let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join("udp-faults").join(name);
-    if path.exists() {
-        std::fs::remove_dir_all(&path).unwrap();
-    }
-    std::fs::create_dir_all(&path).unwrap();
-    path
+/// How flights are flown.
+pub struct Setup {
+    /// The `veilwing` command.
+    pub program: PathBuf,
+    /// Each flight gets a directory in it.
+    pub directory: PathBuf,
+    /// Simulated seconds per second of wall time. No more than 4: a loaded machine lets a process wait for 10 ms at times.
+    pub speed: f64,
 }
 
-fn fly(case: Case) -> Flown {
-    let directory = directory(&format!("{:?}-{}-{}", case.fault, case.side, case.point));
+fn fly(setup: &Setup, case: Case) -> Flown {
+    let directory = setup.directory.join(format!("{:?}-{}-{}", case.fault, case.side, case.point));
+    if directory.exists() {
+        std::fs::remove_dir_all(&directory).unwrap();
+    }
+    std::fs::create_dir_all(&directory).unwrap();
     let write = |name: &str, text: &str| {
         let path = directory.join(name);
         std::fs::write(&path, text).unwrap();
         path
     };
     let relay = Relay::open(u64::from(case.point));
-    let mut sitl = Command::new(env!("CARGO_BIN_EXE_veilwing"));
-    sitl.arg("sitl").arg(write("mission.toml", MISSION)).args(["--json", "--speed", &speed().to_string()]);
+    let mut sitl = Command::new(&setup.program);
+    sitl.arg("sitl").arg(write("mission.toml", MISSION)).args([
+        "--json",
+        "--speed",
+        &setup.speed.to_string(),
+    ]);
     sitl.args(["--pair-relay", &format!("{},{}", relay.ports[0], relay.ports[1])]);
     sitl.arg("--out").arg(directory.join("out"));
     let kind = match case.fault {
@@ -179,7 +108,7 @@ fn fly(case: Case) -> Flown {
     let mut said = Vec::new();
     for line in BufReader::new(child.stderr.take().unwrap()).lines().map(Result::unwrap) {
         if case.fault == Fault::Cut && line.contains("I  ") && line.contains("slot 0: on") {
-            relay.cut(case.side, Duration::from_secs_f64(case.after_s / speed()));
+            relay.cut(case.side, Duration::from_secs_f64(case.after_s / setup.speed));
         }
         said.push(line);
     }
@@ -192,7 +121,7 @@ fn fly(case: Case) -> Flown {
 }
 
 /// Flies all cases, some at once, in any order; the results in the cases' order.
-fn fly_all(cases: &[Case]) -> Vec<Flown> {
+fn fly_all(setup: &Setup, cases: &[Case]) -> Vec<Flown> {
     let next = AtomicUsize::new(0);
     let flown: Vec<Mutex<Option<Flown>>> = cases.iter().map(|_| Mutex::new(None)).collect();
     std::thread::scope(|scope| {
@@ -202,7 +131,7 @@ fn fly_all(cases: &[Case]) -> Vec<Flown> {
                     let index = next.fetch_add(1, Ordering::Relaxed);
                     cases.get(index).zip(flown.get(index))
                 } {
-                    *slot.lock().unwrap() = Some(fly(*case));
+                    *slot.lock().unwrap() = Some(fly(setup, *case));
                 }
             });
         }
@@ -211,8 +140,8 @@ fn fly_all(cases: &[Case]) -> Vec<Flown> {
 }
 
 /// The mission without a fault but the relay's losses; from when to when slot 1 is, after the first on in slot 0.
-fn slot_1() -> (f64, f64) {
-    let flown = fly(Case { fault: Fault::None, side: 0, point: 0, after_s: 0.0 });
+fn slot_1(setup: &Setup) -> (f64, f64) {
+    let flown = fly(setup, Case { fault: Fault::None, side: 0, point: 0, after_s: 0.0 });
     assert_eq!(flown.document["result"], "completed", "{}", flown.story());
     assert_eq!(flown.document["violations"], Value::Array(Vec::new()), "{}", flown.story());
     assert_eq!(flown.unprotected_s(), 0.0, "{}", flown.story());
@@ -232,8 +161,8 @@ fn point_s(point: u32, agreed_s: f64, over_s: f64) -> f64 {
 }
 
 /// Flies every fault on either side at these points of ten, prints the table, and holds all to S1 to S5 and F1.
-fn faults_at(points: &[u32]) {
-    let (from_s, to_s) = slot_1();
+pub fn faults_at(setup: &Setup, points: &[u32]) {
+    let (from_s, to_s) = slot_1(setup);
     println!(
         "slot 1: {from_s:.1} to {to_s:.1} s after I is first on the air; relay loses {:.0}%",
         LOSS * 100.0
@@ -247,7 +176,7 @@ fn faults_at(points: &[u32]) {
             }));
         }
     }
-    let flown = fly_all(&cases);
+    let flown = fly_all(setup, &cases);
     println!("fault side point  after s   result   unprotected s  I on s  J on s  violations  separation m");
     for (case, flown) in cases.iter().zip(&flown) {
         let slot = &flown.document["slots"][1];
@@ -277,15 +206,4 @@ fn faults_at(points: &[u32]) {
         assert!(lands(1 - case.side), "{case:?}\n{}", flown.story());
         assert!(case.fault != Fault::Cut || lands(case.side), "{case:?}\n{}", flown.story());
     }
-}
-
-#[test]
-fn val_faults_over_real_udp_in_transit_and_on_the_air_are_safe() {
-    faults_at(&[1, 6]);
-}
-
-#[test]
-#[ignore = "sixty flights: minutes"]
-fn val_faults_over_real_udp_at_ten_points_of_a_slot_are_safe() {
-    faults_at(&[0, 1, 2, 3, 4, 5, 6, 7, 8, 9]);
 }
