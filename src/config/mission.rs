@@ -192,7 +192,8 @@ impl Mission {
             error => error.to_string(),
         };
         let mut all = Diagnostics::new(&self.document.file, self.document.text.clone());
-        let help = "check the magnitudes: powers are in W, reference_gain is linear, antenna gains are in dBi";
+        let help =
+            "check the magnitudes: powers are in W, reference_gain is linear, antenna gains are in dBi";
         all.push(Severity::Error, self.document.at("radio"), message, help.to_owned());
         Err(all)
     }
