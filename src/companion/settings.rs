@@ -81,7 +81,14 @@ pub fn pair_form(vehicle: &Vehicle) -> Form {
 /// Allows for this machine's own delays where the companion's clock runs `rate` times as fast as the machine's: they
 /// last so many times longer on it.
 pub fn allow_for_clock_rate(settings: &mut Settings, rate: f64) {
-    settings.autopilot.scheduling_allowance = SCHEDULING_DELAY.mul_f64((rate - 1.0).clamp(0.0, 1e3));
+    settings.autopilot.scheduling_allowance = scheduling_allowance(rate);
+}
+
+/// How much later than at the machine's own rate a busy machine may run a process, on a clock that runs `rate` times as
+/// fast.
+#[must_use]
+pub fn scheduling_allowance(rate: f64) -> Duration {
+    SCHEDULING_DELAY.mul_f64((rate - 1.0).clamp(0.0, 1e3))
 }
 
 /// What the driver of the vehicle's transmitter is told.

@@ -3,19 +3,18 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use mavlink::MavHeader;
-use mavlink::dialects::ardupilotmega::MavMessage;
 use veilwing_sitl::vehicle::TICK;
 use veilwing_sitl::{Circumstances, Fault, World};
 
 use crate::companion::{MOST_WAITING, WOKEN_LATE};
 use crate::link::Envelope;
 use crate::link::counters::Counters;
-use crate::mission::{Notice, Outcome, Outgoing};
+use crate::mission::{Outcome, Outgoing};
 use crate::role::{PerVehicle, Role};
 
 use super::disk::Disk;
 use super::index;
+use super::observer::{Observer, Wire};
 use super::path::{Path, Pipe};
 use super::process::{Given, Process};
 
@@ -24,33 +23,6 @@ use super::process::{Given, Process};
 const SOCKET_HOLDS: usize = 256;
 /// More calls than this for one instant mean that a companion will never be satisfied.
 const MOST_CALLS: u32 = 100;
-
-/// The links of a companion.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Wire {
-    /// To its autopilot.
-    Autopilot,
-    /// To the other companion.
-    Pair,
-}
-
-/// Is told what happens, in simulation time. The unit type is one that does not care.
-pub trait Observer {
-    /// A companion said something, in this phase; without a phase, the writer of its log did.
-    fn said(&mut self, _at: Duration, _role: Role, _phase: Option<&'static str>, _notice: &Notice) {}
-    /// A message left a companion.
-    fn sent(&mut self, _at: Duration, _role: Role, _message: &Outgoing) {}
-    /// A message of the autopilot link reached a companion.
-    fn received(&mut self, _at: Duration, _role: Role, _header: MavHeader, _message: &MavMessage) {}
-    /// A frame left or reached a companion, and its log took it.
-    fn frame(&mut self, _at: Duration, _role: Role, _wire: Wire, _bytes: &[u8]) {}
-    /// The world after an event.
-    fn saw(&mut self, _world: &World) {}
-    /// What is on the air has changed: I and J.
-    fn on_air(&mut self, _at: Duration, _on: [bool; 2]) {}
-}
-
-impl Observer for () {}
 
 /// Why a flight cannot go on.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]

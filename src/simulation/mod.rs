@@ -10,6 +10,7 @@ mod disk;
 mod excuse;
 mod faults;
 mod flight;
+mod observer;
 mod path;
 mod process;
 mod scenario;
@@ -18,7 +19,8 @@ mod world;
 
 pub use excuse::{Excused, Late, judge};
 pub use faults::{Change, Fault, Lengths, Schedule, draw};
-pub use flight::{Flight, FlightError, Observer, Setup, Wire};
+pub use flight::{Flight, FlightError, Setup};
+pub use observer::{Observer, Wire};
 pub use path::Path;
 pub(crate) use path::Pipe;
 pub use process::Given;

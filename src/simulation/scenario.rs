@@ -13,7 +13,8 @@ use crate::role::{PerVehicle, Role};
 
 use super::excuse::{Excused, judge};
 use super::faults::{Change, Fault, Lengths, Schedule};
-use super::flight::{Flight, FlightError, Observer, Setup};
+use super::flight::{Flight, FlightError, Setup};
+use super::observer::Observer;
 use super::path::Path;
 use super::process::Given;
 use super::{index, vehicle, world_config};

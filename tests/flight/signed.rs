@@ -7,7 +7,9 @@ use std::time::Duration;
 use mavlink::dialects::ardupilotmega::{MavMessage, SETUP_SIGNING_DATA};
 use tokio::net::UdpSocket;
 use veilwing::companion::Companion;
-use veilwing::companion::settings::{allow_for_clock_rate, pair_form, settings, transmitter_settings};
+use veilwing::companion::settings::{
+    allow_for_clock_rate, pair_form, scheduling_allowance, settings, transmitter_settings,
+};
 use veilwing::config::Vehicle;
 use veilwing::link::codec::Encoder;
 use veilwing::link::{Clock, Key, LinkConfig, SigningConfig};
@@ -140,6 +142,7 @@ fn val_a_pair_with_signed_autopilot_links_completes_its_mission() {
         let mut config = world_config(&yard().mission, &yard().plan).unwrap();
         config.utc_start_us = clock.utc().unix_us;
         let mut world = World::new(config).unwrap();
+        world.allow_for_scheduling(scheduling_allowance(RATE));
         for role in Role::BOTH {
             let setup = SETUP_SIGNING_DATA {
                 secret_key: KEY,

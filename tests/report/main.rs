@@ -34,13 +34,15 @@ fn val_the_story_of_a_fault_has_its_times_and_reasons() {
         "In 3.75 s on the air vehicle I was never without vehicle J's jamming.",
         "Both vehicles took off.",
         "Slot 0, user alpha: vehicle J began to jam with 500 mW.",
-        "Vehicle I fell silent after 3.75 s on the air: no jam lease in force. (+250 ms)",
+        "Vehicle I fell silent after 3.75 s on the air: no jam lease in force, for vehicle J had not renewed its promise \
+         to jam. (+250 ms)",
         "Vehicle J's transmitter fell silent by itself, 500 ms after its companion had fallen silent",
         "Alpha had had 3.75 s of service; the secrecy rate was 14.20 bit/s/Hz against 14.00 planned.",
         "Vehicle J's autopilot went from OFFBOARD to HOLD. (+1.00 s)",
         "mission aborted: nothing heard from vehicle J",
         "Vehicle I landed.",
         "vehicle J is in the air, 20 m up, in HOLD",
+        "Vehicle J was still in the air at the end, in HOLD: it had no companion left to bring it down.",
         "Not flown: slot 1 (bravo).",
         "home: not received",
     ] {
@@ -71,6 +73,35 @@ fn val_violations_and_completion_head_the_page() {
         "{seen}"
     );
     assert!(seen.contains("at 14.200 s: I radiates while J does not jam"));
+
+    // What is nobody's doing aboard is told, and not counted.
+    let mut excused = flight();
+    excused.events.push(Event {
+        code: Some("S3".into()),
+        ..event(
+            14.2,
+            EventKind::Excused,
+            Role::I,
+            Severity::Warning,
+            "J went off while I was on; the world ran late by 90 ms at 14.100 s",
+        )
+    });
+    let seen = sound(&html(&excused));
+    assert!(
+        seen.contains("no invariant broken by a companion; 1 time one could not be kept")
+            && !seen.contains("Not safe"),
+        "{seen}"
+    );
+    assert!(
+        seen.contains("S3 did not hold, which does not count: J went off while I was on; the world ran late")
+    );
+    assert!(seen.contains("not counted, at 14.200 s: J went off while I was on"));
+    // Every invariant is watched: none is left open.
+    let table = &seen[seen.find("What must never happen").unwrap()..];
+    for code in ["S1", "S2", "S3", "S4", "S5", "S6", "F1", "F2", "F3"] {
+        assert!(table.contains(code), "{code}");
+    }
+    assert!(!table.contains("not watched"));
 
     let mut good = flight();
     good.events.truncate(2);

@@ -194,6 +194,12 @@ impl World {
         }
     }
 
+    /// The companions are processes of a busy machine, whose clocks run faster than its own: S4, F2 and F3 leave them so
+    /// much more time.
+    pub fn allow_for_scheduling(&mut self, allowance: Duration) {
+        self.monitor.allowance = allowance;
+    }
+
     /// What the host knows of a vehicle's companion from now on; until it says something, all is well with it.
     pub fn set_circumstances(&mut self, vehicle: usize, circumstances: Circumstances) {
         if vehicle < self.vehicles.len() {

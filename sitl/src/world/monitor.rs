@@ -89,6 +89,8 @@ pub(crate) struct Monitor {
     /// When I was, or would have been, protected last.
     jammed_last: Option<Duration>,
     sides: [Side; 2],
+    /// By how much later than in real time the companions may be run.
+    pub allowance: Duration,
 }
 
 const NAMES: [&str; 2] = ["I", "J"];

@@ -11,6 +11,7 @@ mod process;
 
 use std::path::PathBuf;
 
+use crate::companion::settings::scheduling_allowance;
 use crate::config::{Faults, HostPort, Mission};
 use crate::link::clock::Clock;
 use crate::report::flight;
@@ -98,7 +99,8 @@ fn fly(args: &Args, mission: &Mission, faults: &Faults) -> Result<Exit, String> 
         return Ok(Exit::Unusable);
     }
     let config = simulation::world_config(mission, &timed.plan)?;
-    let world = veilwing_sitl::World::new(config).map_err(|error| error.to_string())?;
+    let mut world = veilwing_sitl::World::new(config).map_err(|error| error.to_string())?;
+    world.allow_for_scheduling(scheduling_allowance(args.speed));
     let (faults, longest) = match faults.laws.as_slice() {
         [] => (Vec::new(), LONGEST),
         // Times of faults may depend on the length of the flight, which one in virtual time tells.

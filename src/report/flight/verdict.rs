@@ -12,7 +12,15 @@ const REACTION_S: f64 = 2.0;
 /// How it ended, in a line.
 pub fn headline(facts: &Facts) -> (Tone, String) {
     let timeline = facts.timeline;
-    let violations = timeline.events.iter().filter(|event| event.kind == EventKind::Violation).count();
+    let seen = |kind| timeline.events.iter().filter(|event| event.kind == kind).count();
+    let violations = seen(EventKind::Violation);
+    let kept = match seen(EventKind::Excused) {
+        0 => "no invariant broken".to_owned(),
+        excused => {
+            let excused = count(excused, "time");
+            format!("no invariant broken by a companion; {excused} one could not be kept")
+        }
+    };
     let (whole, part) = facts.served();
     let planned = facts.slots.len();
     let mut slots = format!("{whole} of {} served in full", count(planned, "slot"));
@@ -23,11 +31,9 @@ pub fn headline(facts: &Facts) -> (Tone, String) {
         return (Tone::Bad, format!("Not safe: {} broken; {slots}", count(violations, "invariant")));
     }
     match timeline.summary.as_ref().map(|summary| summary.result.as_str()) {
-        Some("completed") => (Tone::Good, format!("Completed: {slots}; no invariant broken")),
-        Some("interrupted") => {
-            (Tone::Plain, format!("Interrupted by the operator: {slots}; no invariant broken"))
-        }
-        Some(_) => (Tone::Fault, format!("Not completed: {slots}; no invariant broken")),
+        Some("completed") => (Tone::Good, format!("Completed: {slots}; {kept}")),
+        Some("interrupted") => (Tone::Plain, format!("Interrupted by the operator: {slots}; {kept}")),
+        Some(_) => (Tone::Fault, format!("Not completed: {slots}; {kept}")),
         None => {
             let trouble = timeline.events.iter().any(|event| event.severity == Severity::Error);
             let tone = if trouble || whole < planned { Tone::Fault } else { Tone::Plain };
@@ -44,7 +50,9 @@ pub fn headline(facts: &Facts) -> (Tone, String) {
 /// What went wrong, what came of it, and how the vehicles came home.
 pub fn lead(facts: &Facts) -> String {
     let mut sentences = Vec::new();
-    for mark in &facts.marks {
+    for (k, mark) in facts.marks.iter().enumerate() {
+        // What follows another mark belongs to that one.
+        let next_s = facts.marks.get(k + 1).map_or(f64::INFINITY, |next| next.at_s);
         let what = clause(facts.event(mark));
         let while_serving = facts.on_air(Role::I, mark.at_s).and_then(|emission| {
             let run = facts.slots.get(usize::from(emission.slot?))?;
@@ -56,7 +64,7 @@ pub fn lead(facts: &Facts) -> String {
         });
         sentences.push(format!("At {}{}, {what}", instant(mark.at_s), while_serving.unwrap_or_default()));
         let silent = Role::BOTH.into_iter().filter_map(|role| {
-            let ended = |e: &&Emission| e.ended && e.until_s - mark.at_s <= REACTION_S;
+            let ended = |e: &&Emission| e.ended && e.until_s - mark.at_s <= REACTION_S && e.until_s < next_s;
             let emission = facts.on_air(role, mark.at_s).filter(ended)?;
             Some(format!("vehicle {role} was silent {} later", span(emission.until_s - mark.at_s)))
         });
@@ -119,10 +127,13 @@ fn homecoming(facts: &Facts, role: Role) -> Option<String> {
         return Some(format!("Vehicle {role} was last known at {at}, in the air, in {mode}"));
     }
     if !last.landed {
-        let mut marks = facts.marks.iter().map(|mark| facts.event(mark));
-        let alone =
-            marks.any(|event| event.vehicle == Some(role) && event.code.as_deref() == Some("companion-kill"));
-        let why = if alone { ": it had no companion left to bring it down" } else { "" };
+        let marks = || facts.marks.iter().map(|mark| facts.event(mark));
+        let befell = |code| marks().any(|e| e.vehicle == Some(role) && e.code.as_deref() == Some(code));
+        let why = match (befell("companion-kill"), befell("pilot-mode")) {
+            (true, _) => ": it had no companion left to bring it down",
+            (false, true) => ": the pilot had it",
+            (false, false) => "",
+        };
         return Some(format!("Vehicle {role} was still in the air at the end, in {}{why}", last.mode));
     }
     let down_s = known().rfind(|(_, v)| !v.landed).map_or(0.0, |(at_s, _)| at_s);

@@ -132,6 +132,7 @@ impl Monitor {
 
     /// S4 of one vehicle by itself, and of its peer's loss.
     fn reaction(&mut self, v: usize, now: Duration, radiates: bool, traces: &Traces) {
+        let reaction = REACTION + self.allowance;
         let side = &self.sides[v];
         let reached = side.reached_since.unwrap_or_default();
         let state = traces.state_due().filter(|_| !side.unreached).map(|due| due.max(reached));
@@ -145,16 +146,16 @@ impl Monitor {
             (
                 Misconduct::OutOfControl,
                 side.sign(traces.out_of_control),
-                REACTION,
+                reaction,
                 "HEARTBEAT showed that its companion flies no more",
             ),
             (
                 Misconduct::BadEstimate,
                 side.sign(traces.bad_estimate),
-                REACTION,
+                reaction,
                 "its autopilot reported that the estimate failed",
             ),
-            (Misconduct::StateLate, state, REACTION, "its position or attitude was due on the wire"),
+            (Misconduct::StateLate, state, reaction, "its position or attitude was due on the wire"),
             (Misconduct::LinkCut, side.cut_since, CUT, "its autopilot's link was cut"),
             (Misconduct::Unheard, side.unheard_since, LEASE + under_way, "its companion last heard its peer"),
         ];
@@ -171,7 +172,8 @@ impl Monitor {
     fn following(&mut self, now: Duration, emitting: [Emitting; 2]) {
         let well = self.sides.iter().all(Side::is_well);
         let bare = self.bare_since.filter(|(_, had_jam)| well && *had_jam && emitting[0].radiates);
-        let held = bare.map(|(since, _)| now.saturating_sub(since)).filter(|held| *held > REACTION);
+        let reaction = REACTION + self.allowance;
+        let held = bare.map(|(since, _)| now.saturating_sub(since)).filter(|held| *held > reaction);
         self.set(super::Condition::Conduct(0, Misconduct::Bare), held.is_some(), "S4", now, || {
             let ms = held.unwrap_or_default().as_millis();
             format!("I radiates {ms} ms after J fell silent out of turn, on links that lose nothing")
@@ -208,8 +210,8 @@ impl Monitor {
             setpoint.checked_sub(since?).filter(|after| *after > allowed)
         };
         let taken = side.knows_of(traces.taken).and_then(|taken| side.sign(taken.shown));
-        let goes_on = after(taken, REACTION);
-        let under_way = UNDER_WAY[usize::from(side.link() != Passage::Good)];
+        let goes_on = after(taken, REACTION + self.allowance);
+        let under_way = UNDER_WAY[usize::from(side.link() != Passage::Good)] + self.allowance;
         let heard = [traces.setpoint_at, traces.heartbeat_at].into_iter().flatten().max();
         let ghost = heard
             .zip(side.gone_since)
