@@ -70,6 +70,8 @@ pub struct Fake {
     pub ekf: EkfStatusFlags,
     /// Streams that never come, whatever is asked for.
     pub mute: Vec<u32>,
+    /// Every stream takes so many times as long as asked for.
+    pub slowness: f64,
     pub received: Vec<(Instant, MavMessage)>,
     /// Moves by forces instead of following its targets.
     pub body: Option<super::omnicopter::Body>,
@@ -157,6 +159,7 @@ impl Fake {
             estimator: px4_ready(),
             ekf: EkfStatusFlags::from_bits_retain(1 | 2 | 4 | 8 | 16 | 32 | 256 | 512),
             mute: Vec::new(),
+            slowness: 1.0,
             received: Vec::new(),
             body: None,
             booted_at: Instant::ZERO,
@@ -373,7 +376,7 @@ impl Fake {
             self.intervals.iter().filter(|(_, (_, at))| *at <= now).map(|(id, _)| *id).collect();
         for id in due {
             if let Some((interval, at)) = self.intervals.get_mut(&id) {
-                *at = *at + *interval;
+                *at = *at + interval.mul_f64(self.slowness);
             }
             if !self.mute.contains(&id) {
                 let message = self.telemetry(id, now);

@@ -194,6 +194,22 @@ fn val_estimator_faults_are_reported_once_from_each_kind_of_evidence() {
 }
 
 #[test]
+fn val_slow_and_even_telemetry_warns_and_crawling_telemetry_fails() {
+    for (slowness, verdict) in [(1.2, None), (2.0, Some(Verdict::Warn)), (4.0, Some(Verdict::Fail))] {
+        let mut fake = Fake::new(Firmware::Px4);
+        fake.slowness = slowness;
+        let mut world = World::new(fake, |_| {});
+        world.until(5.0, |event| matches!(event, Event::Discovered { .. }));
+        world.run(7.0);
+        let checks = world.autopilot.preflight(world.now);
+        let slow = checks.iter().find(|check| check.detail.contains("ATTITUDE_QUATERNION"));
+        assert_eq!(slow.map(|check| check.result), verdict, "{slowness}: {slow:?}");
+        let period = world.autopilot.state_period().as_secs_f64();
+        assert!((period / (0.02 * slowness) - 1.0).abs() < 0.1, "late is judged by what comes: {period}");
+    }
+}
+
+#[test]
 fn val_streams_that_do_not_come_are_asked_for_again_and_named_in_the_preflight() {
     let mut fake = Fake::new(Firmware::Px4);
     fake.mute = vec![31];
