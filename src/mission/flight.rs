@@ -108,6 +108,8 @@ impl Executive {
                 if self.arrived(now) {
                     self.enter(Phase::Ready { refused_since: None, propose_at: now }, now);
                     self.notice(MavSeverity::MAV_SEVERITY_INFO, "airborne, ready for slots".into());
+                    // At once: the peer hears that this vehicle is airborne, and may propose on that.
+                    self.ready(now, now);
                 }
             }
             Phase::Ready { propose_at, .. } => self.ready(propose_at, now),
