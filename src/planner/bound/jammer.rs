@@ -7,7 +7,8 @@ use std::f64::consts::{FRAC_PI_2, LN_2};
 use nalgebra::Vector3;
 
 use super::cell::{Cell, Region};
-use super::law::{Law, Offset, Range, line_angles};
+use super::harm::least_harm;
+use super::law::{Law, Range, line_angles};
 
 /// `E G - sin^2` of the desired angle, over the variance of the noise, is at most this: 2 for the spread and half for
 /// the mean's shift (a test of this module takes the maximum).
@@ -36,8 +37,6 @@ const AHEAD: f64 = 0.1;
 /// Grid of log2 of what is wanted of one eavesdropper.
 const BASE_STEP: f64 = 1.0 / 128.0;
 const LEAST_BASE: f64 = -4.0;
-/// Parts of the circle of axes at one angle to the null.
-const ARCS: usize = 8;
 
 /// Poses of J alike in how the noise acts: rolls of the line to the user, angles of the axis off the exact null.
 #[derive(Debug)]
@@ -389,44 +388,6 @@ fn has_roll(cell: &Cell, roll: Range) -> bool {
     let Some([[lo, hi], _]) = line_angles(&cell.lo, &cell.hi) else { return true };
     let least = if lo > 0.0 { lo } else { (-hi).max(0.0) };
     least <= roll[1] + 1e-12 && lo.abs().max(hi.abs()) >= roll[0] - 1e-12
-}
-
-/// A lower bound on l, and on its slope over log2 of the power, over rolls of the line and axes `off` from the null.
-///
-/// `sin^2(off/2) = sin^2(x/2) + cos(roll) cos(line roll) sin^2(y/2)`: the circle is cut into arcs of x, of which each has
-/// a least y.
-fn least_harm(law: &Law, power: f64, line: Range, off: f64) -> (f64, f64) {
-    let at = |x: Range, y: f64| {
-        let roll = [line[0] + x[0], (line[1] + x[1]).min(FRAC_PI_2)];
-        let offset = Offset { roll, line_roll: line, roll_off: x, pitch_off: [y; 2] };
-        law.least_mean(power, 0.0, &offset)
-    };
-    if off == 0.0 {
-        return at([0.0; 2], 0.0);
-    }
-    let mut least = (f64::INFINITY, f64::INFINITY);
-    for k in 0..ARCS {
-        let [from, to] = [k, k + 1].map(|k| off * k as f64 / ARCS as f64);
-        for x in [[from, to], [-to, -from]] {
-            // Rolls are latitudes.
-            let x = [x[0].max(-FRAC_PI_2 - line[1]), x[1].min(FRAC_PI_2 - line[0])];
-            if x[0] > x[1] {
-                continue;
-            }
-            // The axis is no steeper than its nearest roll to the horizon's.
-            let flattest = (line[0] + x[0].min(0.0)).max(0.0).cos();
-            let height = (0.5 * off).sin().powi(2) - (0.5 * to).sin().powi(2);
-            let square = height.max(0.0) / (flattest * line[0].cos()).max(1e-300);
-            // No pitch makes up for it: no axis of the circle is here.
-            if square > 1.0 + 1e-9 {
-                continue;
-            }
-            let sine = square.min(1.0).sqrt();
-            let (value, slope) = at(x, 2.0 * sine.asin());
-            least = (least.0.min(value), least.1.min(slope));
-        }
-    }
-    least
 }
 
 #[cfg(test)]

@@ -28,27 +28,49 @@ fn nearest_zero(a: Range) -> f64 {
     if a[0] > 0.0 { a[0] } else { a[1].min(0.0) }
 }
 
-/// The least size of the offset in roll from the line, modulo half a turn, and by how much pitch may bring it nearer: on the
-/// meridian `v` away the roll nearest to the line is larger in size, by an angle of tangent
-/// `sin cos (1 - cos v) / (1 - cos^2 (1 - cos v))`, sine and cosine of the line's roll.
-fn roll_offset(roll_off: Range, line: Range) -> (f64, f64) {
-    let bend = |from: f64, to: f64| {
-        if from > to {
-            0.0
-        } else if from <= FRAC_PI_4 && to >= FRAC_PI_4 {
-            0.5
-        } else {
-            0.5 * (2.0 * from).sin().max((2.0 * to).sin()).max(0.0)
+/// How the roll of a box lies to that of the line.
+struct Aside {
+    /// The least size of the offset, modulo half a turn.
+    x: f64,
+    /// Sine times cosine of the line's roll, and its cosine squared, by which pitch brings the offset nearer to zero (or
+    /// farther from it: negative).
+    bend: f64,
+    flat: f64,
+}
+
+impl Aside {
+    /// On the meridian `v` away the roll nearest to the line is larger in size, by an angle of tangent
+    /// `sin cos (1 - cos v) / (1 - cos^2 (1 - cos v))`, sine and cosine of the line's roll. A roll beyond the line's is so
+    /// brought nearer. One on the other side is carried off, which counts where nothing passes a right angle: offsets
+    /// and pitches `small`.
+    fn new(roll_off: Range, line: Range, small: bool) -> Self {
+        let sides = |from: f64, to: f64| {
+            let ends = [0.5 * (2.0 * from).sin(), 0.5 * (2.0 * to).sin()];
+            let peak = if from <= FRAC_PI_4 && to >= FRAC_PI_4 { 0.5 } else { 0.0 };
+            if from > to { [0.0; 2] } else { [ends[0].min(ends[1]).max(0.0), ends[0].max(ends[1]).max(peak)] }
+        };
+        // Lines of positive and of negative roll.
+        let mut up = sides(line[0].max(0.0), line[1]);
+        let mut down = sides((-line[1]).max(0.0), -line[0]);
+        if line[0] < 0.0 {
+            up[0] = 0.0;
         }
-    };
-    let up = bend(line[0].max(0.0), line[1]);
-    let down = bend((-line[1]).max(0.0), -line[0]);
-    let size = nearest_zero(roll_off).abs();
-    let farthest = roll_off[0].abs().max(roll_off[1].abs());
-    if farthest > FRAC_PI_2 {
-        return (size.min((PI - farthest).max(0.0)), up.max(down));
+        if line[1] > 0.0 {
+            down[0] = 0.0;
+        }
+        let flat = nearest_zero(line).cos().powi(2);
+        let steep = line[0].cos().min(line[1].cos()).max(0.0).powi(2);
+        let size = nearest_zero(roll_off).abs();
+        let farthest = roll_off[0].abs().max(roll_off[1].abs());
+        if farthest > FRAC_PI_2 {
+            return Self { x: size.min((PI - farthest).max(0.0)), bend: up[1].max(down[1]), flat };
+        }
+        let (towards, away) = if roll_off[0] > 0.0 { (up[1], down[0]) } else { (down[1], up[0]) };
+        if towards == 0.0 && small && farthest + size < 0.8 {
+            return Self { x: size, bend: -away, flat: steep };
+        }
+        Self { x: size, bend: towards, flat }
     }
-    (size, if roll_off[0] > 0.0 { up } else { down })
 }
 
 /// The noise of roll and pitch, as sines and cosines at the points of the rule.
@@ -78,11 +100,11 @@ struct Nearest {
     /// The least size of the roll offset from the line, and the least pitch offset, signed.
     x: f64,
     y: f64,
-    /// The largest sine times cosine of the line's roll on the side where the nearest roll moves towards the axis.
+    /// Of [`Aside`].
     bend: f64,
-    /// The least and the largest cosine of the line's roll, squared.
-    line: f64,
     flat: f64,
+    /// The least cosine of the line's roll, squared.
+    line: f64,
 }
 
 /// A mean to take, as vector code of the machine's own.
@@ -143,14 +165,14 @@ impl Law {
         ];
         let line_cos = offset.line_roll[0].cos().min(offset.line_roll[1].cos()).max(0.0);
         let axis_cos = offset.roll[0].cos().min(offset.roll[1].cos());
-        let flat_cos = nearest_zero(offset.line_roll).cos();
         for (roll_off, pitch_off, line_roll) in images {
             let (x, y) = (nearest_zero(roll_off), nearest_zero(pitch_off));
             let near = (0.5 * x).sin().powi(2) + line_cos * axis_cos * (0.5 * y).sin().powi(2);
             // Beyond a right angle another image of the line is nearer; the nearest of all is at most half way.
             if near <= 0.5 {
-                let (x, bend) = roll_offset(roll_off, line_roll);
-                let at = Nearest { x, y, bend, line: line_cos * line_cos, flat: flat_cos * flat_cos };
+                let small = y.abs() + 3.5 * self.std_rad < FRAC_PI_2;
+                let Aside { x, bend, flat } = Aside::new(roll_off, line_roll, small);
+                let at = Nearest { x, y, bend, line: line_cos * line_cos, flat };
                 let (value, slope) = self.mean(scale, floor, &at);
                 least = (least.0.min(value), least.1.min(slope));
             }
@@ -167,6 +189,7 @@ impl Law {
     fn mean_inline<const APART: bool>(&self, scale: f64, floor: f64, at: &Nearest) -> (f64, f64) {
         let &Nearest { x, y, bend, line, flat } = at;
         let (sx, cx) = x.sin_cos();
+        let away = bend < 0.0;
         let (sy, cy) = y.sin_cos();
         let floor = 1.0 + floor;
         // So many factors of a lane stay below 1e300, or the logarithm is taken at once.
@@ -181,6 +204,7 @@ impl Law {
                 // The pitch, and by how much it moves the nearest roll away from the line's.
                 let sin_pitch = sy * pitch_c[g][m] + cy * pitch_s[g][m];
                 let fall = 1.0 - (cy * pitch_c[g][m] - sy * pitch_s[g][m]);
+                let fall = if away && fall > 0.7 { 0.7 } else { fall };
                 let a = if APART {
                     let rest = 1.0 - flat * fall;
                     let tangent = bend * fall / if rest > 1e-9 { rest } else { 1e-9 };

@@ -121,6 +121,7 @@
 mod cell;
 mod decoupled;
 mod form;
+mod harm;
 mod jammer;
 mod law;
 mod link;
