@@ -1,10 +1,11 @@
-//! `cargo bench --no-default-features --bench planner`: the objective with its gradient per sample count, and planning
-//! times by number of eavesdroppers, on one thread.
+//! `cargo bench --no-default-features --bench planner`: the objective with its gradient per sample count, planning times by
+//! number of eavesdroppers, and the certificate, on one thread.
 
 use std::hint::black_box;
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use nalgebra::{Vector2, Vector3};
+use veilwing::planner::bound::{Budget, best_bound};
 use veilwing::planner::expectation::kernel::{Raw, Scene, Workspace};
 use veilwing::planner::expectation::samples::{Samples, Sequence};
 use veilwing::planner::problem::{
@@ -85,5 +86,19 @@ fn planning(c: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, objective, planning);
+/// The certificate of each plan: without jitter to 0.1%, with it to 2%.
+fn certificate(c: &mut Criterion) {
+    let mut group = c.benchmark_group("certificate");
+    group.sample_size(10);
+    for (name, deg) in [("no jitter", 0.0), ("2 deg", 2.0)] {
+        let problem = problem(2, deg, 0.0);
+        let Ok(plan) = plan_slot(&problem, &Options::default()) else { continue };
+        group.bench_function(BenchmarkId::new(name, 2), |b| {
+            b.iter(|| best_bound(black_box(&problem), plan.secrecy_rate_bps, Budget::of(&problem)));
+        });
+    }
+    group.finish();
+}
+
+criterion_group!(benches, objective, planning, certificate);
 criterion_main!(benches);

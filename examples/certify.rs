@@ -170,7 +170,8 @@ fn false_thresholds(boxes: usize, every: usize) {
         let p = problem(&nodes[row[1] as usize][1..], 0.5, row[2].to_radians());
         // From 0.01% to 10% below.
         let below = [1e-4, 6e-4, 3e-3, 2e-2, 1e-1].map(|share| row[3] * (1.0 - share) * 1e6);
-        attempts.add(&p, below, Budget { boxes, ..Budget::JITTER });
+        // Coarse, so that each ends where it is stuck.
+        attempts.add(&p, below, Budget { boxes, resolution_m: 4.0, ..Budget::JITTER });
         if k % 10 == 0 {
             eprintln!("jitter: {} tried", attempts.tried);
         }

@@ -112,3 +112,25 @@ fn val_ctrl_c_and_sigterm_end_a_command_with_130() {
         assert!(stderr.lines().any(|line| line.unwrap() == "interrupted"));
     }
 }
+
+/// A companion whose log nobody takes goes on, and stops in order: with the program that started it, if told so.
+#[test]
+fn val_a_companion_outlives_its_log_and_ends_with_who_started_it() {
+    let directory = directory("cli-streams-companion");
+    let vehicle = directory.join("vehicle.toml");
+    let logs = toml::Value::from(directory.display().to_string());
+    let text = format!(
+        "[vehicle]\nrole = \"i\"\n[autopilot]\nlink = \"udpout:127.0.0.1:9\"\n\
+         [pair]\nlink = \"udpout:127.0.0.1:9\"\n[log]\ndir = {logs}\n"
+    );
+    std::fs::write(&vehicle, text).unwrap();
+    let vehicle = vehicle.display().to_string();
+    for disk_is_full in [false, true] {
+        let arguments = ["fly", "config/mission.toml", "--vehicle", &vehicle, "--until-stdin-ends"];
+        let stderr = if disk_is_full { full().into() } else { Stdio::piped() };
+        let mut child = veilwing(&arguments).stdin(Stdio::piped()).stderr(stderr).spawn().unwrap();
+        drop(child.stderr.take());
+        // Waiting closes stdin.
+        assert_eq!(child.wait().unwrap().code(), Some(130), "{disk_is_full}");
+    }
+}

@@ -15,13 +15,17 @@ const SPREAD: f64 = 4.5;
 /// Steps of the interface, a power of two.
 const STEPS: u16 = 1024;
 /// Parts of each side of an interface box, in which tangents and L are compared.
-const PARTS: u16 = 16;
+const PARTS: u16 = 8;
 /// Curvature of the means in s that decides between splits, per bit/s/Hz.
 const BEND: f64 = 0.03;
+/// Points of the rule that decides between splits.
+const ROUGH_POINTS: usize = 64;
+/// A corner of the interface that falls by this, bit/s/Hz, has the rate below it bounded anew.
+const AGAIN: f64 = 0.2;
 /// Boxes of J that take the time of one of I.
 const JAMMER_BOXES: usize = 16;
 /// Margin of each mean for its quadrature, bit/s/Hz: twice what was measured (the tests of `law`).
-const QUADRATURE: f64 = 0.03;
+pub(super) const QUADRATURE: f64 = 0.008;
 
 /// A box of poses of I times a box of the interface.
 #[derive(Debug, Clone, Copy)]
@@ -39,6 +43,8 @@ pub(super) struct Search<'a> {
     links: &'a Links,
     region: &'a Region,
     law: &'a Law,
+    /// A rule of few points, by which to choose between splits.
+    rough: Law,
     jammer: Jammer<'a>,
     pair: [Vector3<f64>; 2],
     /// s of one step, bit/s/Hz.
@@ -66,6 +72,7 @@ impl<'a> Search<'a> {
             links,
             region,
             law,
+            rough: Law::new(law.variance().sqrt(), ROUGH_POINTS),
             jammer: Jammer::new(law, region, links.rho.j, pair),
             pair,
             step,
@@ -101,11 +108,10 @@ impl<'a> Search<'a> {
             if self.region.excludes(&node.position) {
                 continue;
             }
-            let rate = self.rate(&node);
-            if rate.at([0.0; 2]) <= wanted || !self.shrink(&mut node, &rate, wanted) {
+            if !self.tighten(&mut node, wanted) {
                 continue;
             }
-            if !self.branch(&node, &rate) {
+            if !self.branch(&node) {
                 return Outcome::Stuck;
             }
         }
@@ -117,6 +123,21 @@ impl<'a> Search<'a> {
         self.jammer.harms(s.map(|s| self.wanted[usize::from(s)]), least)
     }
 
+    /// Shrinks the node's interface box, again while a lower corner makes a lower rate; false if nothing is left.
+    fn tighten(&mut self, node: &mut Node, wanted: f64) -> bool {
+        loop {
+            let before = node.s;
+            let rate = self.rate(node, self.law);
+            if rate.at([0.0; 2]) <= wanted || !self.shrink(node, &rate, wanted) {
+                return false;
+            }
+            let fell = |k: usize| f64::from(before[k][1] - node.s[k][1]) * self.step;
+            if fell(0) + fell(1) < AGAIN {
+                return true;
+            }
+        }
+    }
+
     /// Shrinks the node's interface box to where the rate less L is not shown to stay below `wanted`; false if that is
     /// nowhere.
     fn shrink(&mut self, node: &mut Node, rate: &Rate, wanted: f64) -> bool {
@@ -124,19 +145,20 @@ impl<'a> Search<'a> {
             return false;
         }
         let [[lo_a, hi_a], [lo_b, hi_b]] = node.s;
-        let part = node.s.map(|[lo, hi]| (hi - lo).div_ceil(PARTS).max(1));
+        // Corners at multiples of powers of two: boxes share what L is asked for.
+        let part = node.s.map(|[lo, hi]| (hi - lo).div_ceil(PARTS).next_power_of_two());
         let mut left = [[u16::MAX, 0]; 2];
-        let mut a = lo_a;
+        let mut a = lo_a - lo_a % part[0];
         while a < hi_a {
             let a_hi = (a + part[0]).min(hi_a);
-            let mut b = lo_b;
+            let mut b = lo_b - lo_b % part[1];
             while b < hi_b {
                 let b_hi = (b + part[1]).min(hi_b);
                 let below = [hi_a - a_hi, hi_b - b_hi].map(|s| f64::from(s) * self.step);
                 if !self.harms([a, b], rate.at(below) - wanted) {
                     left = [
-                        [left[0][0].min(a), left[0][1].max(a_hi)],
-                        [left[1][0].min(b), left[1][1].max(b_hi)],
+                        [left[0][0].min(a.max(lo_a)), left[0][1].max(a_hi)],
+                        [left[1][0].min(b.max(lo_b)), left[1][1].max(b_hi)],
                     ];
                 }
                 b = b_hi;
@@ -147,13 +169,13 @@ impl<'a> Search<'a> {
         left[0][0] < left[0][1]
     }
 
-    fn branch(&mut self, node: &Node, rate: &Rate) -> bool {
+    fn branch(&mut self, node: &Node) -> bool {
         let middle = |r: Range| [0.5 * (r[0] + r[1]); 2];
         let placed = Node { position: Cell::at(&node.position.centre()), ..*node };
         let turned = Node { roll: middle(node.roll), pitch: middle(node.pitch), ..*node };
-        let whole = rate.at([0.0; 2]);
-        let loss_place = whole - self.rate(&placed).at([0.0; 2]);
-        let loss_turn = whole - self.rate(&turned).at([0.0; 2]);
+        let whole = self.rate(node, &self.rough).at([0.0; 2]);
+        let loss_place = whole - self.rate(&placed, &self.rough).at([0.0; 2]);
+        let loss_turn = whole - self.rate(&turned, &self.rough).at([0.0; 2]);
         let mut choice = if loss_place > loss_turn { (loss_place, 0) } else { (loss_turn, 1) };
         for k in 0..2 {
             let [lo, hi] = node.s[k];
@@ -201,17 +223,17 @@ impl<'a> Search<'a> {
     }
 
     /// An upper bound on `log2(1 + E a_0) - E max_j log2(1 + a_j 2^-s_j)` over a box of poses.
-    fn rate(&self, node: &Node) -> Rate {
-        self.rate_at(node, node.s.map(|s| f64::from(s[1]) * self.step))
+    fn rate(&self, node: &Node, law: &Law) -> Rate {
+        self.rate_at(node, law, node.s.map(|s| f64::from(s[1]) * self.step))
     }
 
-    fn rate_at(&self, node: &Node, s: [f64; 2]) -> Rate {
+    fn rate_at(&self, node: &Node, law: &Law, s: [f64; 2]) -> Rate {
         let (centre, radius) = (node.position.centre(), node.position.radius());
         let distance = centre.norm();
         let (roll_mid, pitch_mid) =
             (0.5 * (node.roll[0] + node.roll[1]), 0.5 * (node.pitch[0] + node.pitch[1]));
         let turn = (node.roll[1] - roll_mid).hypot(node.pitch[1] - pitch_mid);
-        let moment = self.law.second_moment(roll_mid, pitch_mid);
+        let moment = law.second_moment(roll_mid, pitch_mid);
         let along = if distance > 0.0 {
             let u = centre / distance;
             (u.dot(&(moment * u)).max(0.0).sqrt() - chord(radius, distance) - turn).max(0.0)
@@ -249,7 +271,7 @@ impl<'a> Search<'a> {
                 roll_off: minus(node.roll, line_roll),
                 pitch_off: minus(node.pitch, line_pitch),
             };
-            heard[k] = self.law.least_mean(scale[k], floor, &offset);
+            heard[k] = law.least_mean(scale[k], floor, &offset);
         }
         Rate { user, heard }
     }
@@ -312,7 +334,7 @@ impl Search<'_> {
             self.links.rho.j * power_share * (1.0 - u.dot(&(moment * u))) / line.norm_squared()
         });
         let node = Node { position: Cell::at(&p_i), roll: [roll_i; 2], pitch: [pitch_i; 2], s: [[0, 0]; 2] };
-        let rate = self.rate_at(&node, jamming.map(|b| b.ln_1p() / LN_2)).at([0.0; 2]);
+        let rate = self.rate_at(&node, self.law, jamming.map(|b| b.ln_1p() / LN_2)).at([0.0; 2]);
         let harm = self.jammer.harm_at(&p_j, roll_j, pitch_j, jamming);
         // The law at a point and over a class differ by rounding alone where the class is tight.
         let below = !self.jammer.harms(jamming.map(f64::ln), harm + 1e-6);

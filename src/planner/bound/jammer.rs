@@ -7,7 +7,8 @@ use std::f64::consts::{FRAC_PI_2, LN_2};
 use nalgebra::Vector3;
 
 use super::cell::{Cell, Region};
-use super::law::{Law, Offset, Range, line_angles};
+use super::harm::least_harm;
+use super::law::{Law, Range, line_angles};
 
 /// `E G - sin^2` of the desired angle, over the variance of the noise, is at most this: 2 for the spread and half for
 /// the mean's shift (a test of this module takes the maximum).
@@ -15,35 +16,35 @@ const NOISE: f64 = 2.5;
 /// The least power is found to this, nats, from below.
 const TOLERANCE: f64 = 0.01;
 /// Boxes for one least power.
-const LIMIT: usize = 3_000;
+const LIMIT: usize = 30_000;
 /// Cells of the logarithm of the ratio of what is wanted of both, nats.
-const RATIO_STEP: f64 = 0.04;
+const RATIO_STEP: f64 = 0.02;
 /// Ratios beyond e^this count as one eavesdropper alone.
 const RATIO_REACH: f64 = 12.0;
 /// Parts of the cosine of the line's roll.
-const ROLLS: usize = 20;
+const ROLLS: usize = 48;
 /// The first step off the exact null, in standard deviations of the noise, and how steps grow.
 const OFF_FIRST: f64 = 0.06;
-const OFF_GROWTH: f64 = 1.4;
+const OFF_GROWTH: f64 = 1.25;
+/// Beyond so many standard deviations steps grow faster: the best axes are nearer.
+const OFF_FINE: f64 = 0.8;
+const OFF_GROWTH_BEYOND: f64 = 1.6;
 /// Grid of log2 of the power per area.
-const POWER_STEP: f64 = 0.25;
+const POWER_STEP: f64 = 0.2;
 const LEAST_POWER: f64 = -10.0;
 /// l is looked for to this much above what is asked for, bit/s/Hz, which spares asking again.
 const AHEAD: f64 = 0.1;
 /// Grid of log2 of what is wanted of one eavesdropper.
-const BASE_STEP: f64 = 1.0 / 64.0;
+const BASE_STEP: f64 = 1.0 / 128.0;
 const LEAST_BASE: f64 = -4.0;
-/// Parts of the circle of axes at one angle to the null.
-const ARCS: usize = 4;
 
 /// Poses of J alike in how the noise acts: rolls of the line to the user, angles of the axis off the exact null.
 #[derive(Debug)]
 struct Class {
     roll: usize,
     off: usize,
-    /// Which class's table holds: its own once it has been asked for, until then that of the exact null.
-    table: usize,
-    /// A lower bound on l over log2 of the power per area: the value at each point of the grid, and the slope there.
+    /// A lower bound on l over log2 of the power per area: the value at each point of the grid, and the slope there;
+    /// NaN until it is asked for. The first classes are the exact null's, by roll.
     harm: Vec<(f64, f64)>,
 }
 
@@ -65,6 +66,10 @@ pub(super) struct Jammer<'a> {
     coarse: Vec<Vec<bool>>,
     /// By ratio: lower bounds on l over the grid of what is wanted of the leading one, and whether more cannot be shown.
     harms: Vec<Vec<(f64, bool)>>,
+    /// Points of a table.
+    points: usize,
+    /// By angle off the null, over all rolls and then by roll: where the least power was last found.
+    found: Vec<Vector3<f64>>,
     heap: BinaryHeap<Node>,
     /// Boxes examined, over all calls.
     pub boxes: usize,
@@ -77,18 +82,21 @@ impl<'a> Jammer<'a> {
         let rolls: Vec<Range> = (0..ROLLS).map(|k| [cosine(k + 1), cosine(k)]).collect();
         let mut offs = vec![[0.0, (OFF_FIRST * law.variance().sqrt()).min(FRAC_PI_2)]];
         while let Some(&[_, from]) = offs.last().filter(|off| off[1] < FRAC_PI_2) {
-            offs.push([from, (from * OFF_GROWTH).min(FRAC_PI_2)]);
+            let growth = if from < OFF_FINE * law.variance().sqrt() { OFF_GROWTH } else { OFF_GROWTH_BEYOND };
+            offs.push([from, (from * growth).min(FRAC_PI_2)]);
         }
         let points = ((most_power - LEAST_POWER) / POWER_STEP).ceil().max(1.0) as usize + 1;
         let mut classes = Vec::with_capacity(rolls.len() * offs.len());
         for off in 0..offs.len() {
-            for (roll, &band) in rolls.iter().enumerate() {
-                let harm = if off == 0 { table(law, points, band, 0.0) } else { Vec::new() };
-                classes.push(Class { roll, off, table: roll, harm });
+            for roll in 0..rolls.len() {
+                classes.push(Class { roll, off, harm: vec![(f64::NAN, f64::NAN); points] });
             }
         }
         let ratios = 2 * (RATIO_REACH / RATIO_STEP) as usize + 2;
+        let found = vec![region.bounds.centre(); offs.len() * (ROLLS + 1)];
         Self {
+            points,
+            found,
             law,
             region,
             eavesdroppers,
@@ -143,19 +151,38 @@ impl<'a> Jammer<'a> {
             self.open(slot);
         }
         loop {
-            let mut best = (f64::INFINITY, 0);
-            for (k, (class, &(power, _))) in self.classes.iter().zip(&self.least[slot]).enumerate() {
-                let harm = self.read(&self.classes[class.table], base + power);
+            let mut best = (f64::INFINITY, None, 0);
+            for (k, &(power, _)) in self.least[slot].iter().enumerate() {
+                let (harm, point) = self.read(k, base + power);
                 if harm < best.0 {
-                    best = (harm, k);
+                    best = (harm, point, k);
                 }
             }
-            let (harm, class) = best;
-            let all = harm.is_infinite() || (self.least[slot][class].1 && self.classes[class].table == class);
+            let (harm, point, class) = best;
+            let all = harm.is_infinite() || (self.least[slot][class].1 && point.is_none());
             if all || harm >= enough {
                 return (harm, all);
             }
-            self.refine(slot, class);
+            if let Some(point) = point {
+                self.tabulate(class, point);
+            } else {
+                self.refine(slot, class);
+            }
+        }
+    }
+
+    /// Computes a point of a class's table, and of the exact null's.
+    fn tabulate(&mut self, class: usize, point: usize) {
+        let roll = self.classes[class].roll;
+        let power = (LEAST_POWER + point as f64 * POWER_STEP).exp2();
+        for class in [roll, class] {
+            let Class { roll, off, ref mut harm } = self.classes[class];
+            if harm[point].0.is_nan() {
+                harm[point] = least_harm(self.law, power, self.rolls[roll], self.offs[off][0]);
+                if class == roll {
+                    return;
+                }
+            }
         }
     }
 
@@ -182,30 +209,36 @@ impl<'a> Jammer<'a> {
         self.least[slot] = powers;
     }
 
-    /// The class's lower bound on l at log2 of a power per area.
-    fn read(&self, class: &Class, power: f64) -> f64 {
+    /// A class's lower bound on l at log2 of a power per area, and the point of its table that would raise it. Until it
+    /// is known the exact null's stands in, and for that 0.
+    fn read(&self, class: usize, power: f64) -> (f64, Option<usize>) {
         if power > self.most_power {
-            return f64::INFINITY;
+            return (f64::INFINITY, None);
         }
         let at = (power - LEAST_POWER) / POWER_STEP;
         if !(at >= 0.0) {
-            return 0.0;
+            return (0.0, None);
         }
+        let k = (at as usize).min(self.points - 1);
         // The tangent at the point below: l is convex in the logarithm of the power.
-        let k = (at as usize).min(class.harm.len() - 1);
-        let (value, slope) = class.harm[k];
-        value + slope * (at - k as f64) * POWER_STEP
+        let tangent = |(value, slope): (f64, f64)| value + slope * (at - k as f64) * POWER_STEP;
+        let own = tangent(self.classes[class].harm[k]);
+        if own.is_nan() {
+            (tangent(self.classes[class % self.rolls.len()].harm[k]).max(0.0), Some(k))
+        } else {
+            (own, None)
+        }
     }
 
     /// A better least power for a class: over all rolls first, then its own.
     fn refine(&mut self, slot: usize, class: usize) {
-        let Class { roll, off, table: held, .. } = self.classes[class];
-        if held != class {
-            let points = self.classes[held].harm.len();
-            self.classes[class].harm = table(self.law, points, self.rolls[roll], self.offs[off][0]);
-            self.classes[class].table = class;
-        } else if !self.coarse[slot][off] {
-            let power = self.least_power(slot, off, None);
+        let Class { roll, off, .. } = self.classes[class];
+        if !self.coarse[slot][off] {
+            // What every roll is known to need.
+            let known = (self.classes.iter().zip(&self.least[slot]))
+                .filter(|(c, _)| c.off == off)
+                .fold(f64::INFINITY, |known, (_, least)| known.min(least.0));
+            let power = self.least_power(slot, off, None, known);
             self.coarse[slot][off] = true;
             // Nearer to the null takes no less.
             for (c, least) in self.classes.iter().zip(&mut self.least[slot]) {
@@ -214,7 +247,7 @@ impl<'a> Jammer<'a> {
                 }
             }
         } else {
-            let power = self.least_power(slot, off, Some(roll));
+            let power = self.least_power(slot, off, Some(roll), self.least[slot][class].0);
             let least = &mut self.least[slot][class];
             *least = (least.0.max(power), true);
         }
@@ -222,7 +255,8 @@ impl<'a> Jammer<'a> {
 
     /// log2 of a lower bound on the power per area over all positions (with this roll of the line), by best-first
     /// branch and bound.
-    fn least_power(&mut self, slot: usize, off: usize, roll: Option<usize>) -> f64 {
+    fn least_power(&mut self, slot: usize, off: usize, roll: Option<usize>, known: f64) -> f64 {
+        let place = off * (ROLLS + 1) + roll.map_or(0, |roll| roll + 1);
         let off = self.offs[off][1];
         let wanted = if slot == 0 {
             [1.0, 0.0]
@@ -231,10 +265,15 @@ impl<'a> Jammer<'a> {
         } else {
             [1.0, ((slot - 1) as f64 * RATIO_STEP - RATIO_REACH).exp()]
         };
+        // Where the last ratio's least was found nothing less than this is needed.
+        let before = self.power(&Cell::at(&self.found[place]), off, wanted);
+        if before - known * LN_2 <= TOLERANCE {
+            return known;
+        }
         let roll = roll.map(|roll| self.rolls[roll]);
         self.heap.clear();
         self.heap.push(Node { position: self.region.bounds, power: f64::NEG_INFINITY });
-        let mut used = 0;
+        let (mut used, mut reached) = (0, f64::INFINITY);
         while let Some(node) = self.heap.pop() {
             used += 1;
             self.boxes += 1;
@@ -242,8 +281,13 @@ impl<'a> Jammer<'a> {
                 return node.power / LN_2;
             }
             let centre = Cell::at(&node.position.centre());
-            if used > 1 && self.power(&centre, off, wanted) - node.power <= TOLERANCE {
-                return node.power / LN_2;
+            let here = self.power(&centre, off, wanted);
+            if here < reached {
+                reached = here;
+                self.found[place] = centre.lo;
+            }
+            if used > 1 && reached - node.power.max(known * LN_2) <= TOLERANCE {
+                return (node.power / LN_2).max(known);
             }
             let (axis, _) = node.position.longest_edge();
             for half in node.position.split(axis) {
@@ -346,50 +390,6 @@ fn has_roll(cell: &Cell, roll: Range) -> bool {
     least <= roll[1] + 1e-12 && lo.abs().max(hi.abs()) >= roll[0] - 1e-12
 }
 
-/// The table of a class over rolls `line` and angles `off`.
-fn table(law: &Law, points: usize, line: Range, off: f64) -> Vec<(f64, f64)> {
-    let at = |k: usize| least_harm(law, (LEAST_POWER + k as f64 * POWER_STEP).exp2(), line, off);
-    (0..points).map(at).collect()
-}
-
-/// A lower bound on l, and on its slope over log2 of the power, over rolls of the line and axes `off` from the null.
-///
-/// `sin^2(off/2) = sin^2(x/2) + cos(roll) cos(line roll) sin^2(y/2)`: the circle is cut into arcs of x, of which each has
-/// a least y.
-fn least_harm(law: &Law, power: f64, line: Range, off: f64) -> (f64, f64) {
-    let at = |x: Range, y: f64| {
-        let roll = [line[0] + x[0], (line[1] + x[1]).min(FRAC_PI_2)];
-        let offset = Offset { roll, line_roll: line, roll_off: x, pitch_off: [y; 2] };
-        law.least_mean(power, 0.0, &offset)
-    };
-    if off == 0.0 {
-        return at([0.0; 2], 0.0);
-    }
-    let mut least = (f64::INFINITY, f64::INFINITY);
-    for k in 0..ARCS {
-        let [from, to] = [k, k + 1].map(|k| off * k as f64 / ARCS as f64);
-        for x in [[from, to], [-to, -from]] {
-            // Rolls are latitudes.
-            let x = [x[0].max(-FRAC_PI_2 - line[1]), x[1].min(FRAC_PI_2 - line[0])];
-            if x[0] > x[1] {
-                continue;
-            }
-            // The axis is no steeper than its nearest roll to the horizon's.
-            let flattest = (line[0] + x[0].min(0.0)).max(0.0).cos();
-            let height = (0.5 * off).sin().powi(2) - (0.5 * to).sin().powi(2);
-            let square = height.max(0.0) / (flattest * line[0].cos()).max(1e-300);
-            // No pitch makes up for it: no axis of the circle is here.
-            if square > 1.0 + 1e-9 {
-                continue;
-            }
-            let sine = square.min(1.0).sqrt();
-            let (value, slope) = at(x, 2.0 * sine.asin());
-            least = (least.0.min(value), least.1.min(slope));
-        }
-    }
-    least
-}
-
 #[cfg(test)]
 impl Jammer<'_> {
     /// The bound on l at one pose.
@@ -413,7 +413,7 @@ mod tests {
         // both alike, so roll alone matters.
         let mut worst: f64 = 0.0;
         for degrees in [0.1_f64, 1.0, 2.0, 5.0, 10.0, 20.0] {
-            let law = Law::new(degrees.to_radians());
+            let law = Law::new(degrees.to_radians(), 8);
             for k in 0..=900 {
                 let roll = FRAC_PI_2 * f64::from(k) / 900.0;
                 let axis = antenna_axis(roll, 0.0, 0.0);

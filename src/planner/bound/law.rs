@@ -1,13 +1,11 @@
 //! Means over the Euler jitter of one vehicle, bounded over boxes of angles.
 
 use nalgebra::{Matrix3, Vector3};
-use std::f64::consts::{FRAC_PI_2, LN_2, PI};
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, LN_2, PI};
 
 use crate::planner::expectation::normal;
 
-/// Points of the rule: a Kronecker lattice carried to the plane by the normal quantile.
-const POINTS: usize = 96;
-/// Its generator: the golden ratio less one.
+/// The generator of the rules, Kronecker lattices carried to the plane by the normal quantile: the golden ratio less one.
 const GENERATOR: f64 = 0.618_033_988_749_894_9;
 /// Points taken at once.
 const GROUP: usize = 8;
@@ -30,14 +28,58 @@ fn nearest_zero(a: Range) -> f64 {
     if a[0] > 0.0 { a[0] } else { a[1].min(0.0) }
 }
 
+/// How the roll of a box lies to that of the line.
+struct Aside {
+    /// The least size of the offset, modulo half a turn.
+    x: f64,
+    /// Sine times cosine of the line's roll, and its cosine squared, by which pitch brings the offset nearer to zero (or
+    /// farther from it: negative).
+    bend: f64,
+    flat: f64,
+}
+
+impl Aside {
+    /// On the meridian `v` away the roll nearest to the line is larger in size, by an angle of tangent
+    /// `sin cos (1 - cos v) / (1 - cos^2 (1 - cos v))`, sine and cosine of the line's roll. A roll beyond the line's is so
+    /// brought nearer. One on the other side is carried off, which counts where nothing passes a right angle: offsets
+    /// and pitches `small`.
+    fn new(roll_off: Range, line: Range, small: bool) -> Self {
+        let sides = |from: f64, to: f64| {
+            let ends = [0.5 * (2.0 * from).sin(), 0.5 * (2.0 * to).sin()];
+            let peak = if from <= FRAC_PI_4 && to >= FRAC_PI_4 { 0.5 } else { 0.0 };
+            if from > to { [0.0; 2] } else { [ends[0].min(ends[1]).max(0.0), ends[0].max(ends[1]).max(peak)] }
+        };
+        // Lines of positive and of negative roll.
+        let mut up = sides(line[0].max(0.0), line[1]);
+        let mut down = sides((-line[1]).max(0.0), -line[0]);
+        if line[0] < 0.0 {
+            up[0] = 0.0;
+        }
+        if line[1] > 0.0 {
+            down[0] = 0.0;
+        }
+        let flat = nearest_zero(line).cos().powi(2);
+        let steep = line[0].cos().min(line[1].cos()).max(0.0).powi(2);
+        let size = nearest_zero(roll_off).abs();
+        let farthest = roll_off[0].abs().max(roll_off[1].abs());
+        if farthest > FRAC_PI_2 {
+            return Self { x: size.min((PI - farthest).max(0.0)), bend: up[1].max(down[1]), flat };
+        }
+        let (towards, away) = if roll_off[0] > 0.0 { (up[1], down[0]) } else { (down[1], up[0]) };
+        if towards == 0.0 && small && farthest + size < 0.8 {
+            return Self { x: size, bend: -away, flat: steep };
+        }
+        Self { x: size, bend: towards, flat }
+    }
+}
+
 /// The noise of roll and pitch, as sines and cosines at the points of the rule.
 #[derive(Debug)]
 pub(super) struct Law {
     std_rad: f64,
-    /// sin and cos of half the roll noise, of the roll noise, of half the pitch noise.
-    half_roll: [Vec<f64>; 2],
+    /// sin and cos of the roll noise and of the pitch noise.
     roll: [Vec<f64>; 2],
-    half_pitch: [Vec<f64>; 2],
+    pitch: [Vec<f64>; 2],
 }
 
 /// A line seen from a vehicle and the vehicle's axis, as intervals of the angles of the paper.
@@ -55,16 +97,14 @@ pub(super) struct Offset {
 
 /// What a box of offsets is reduced to.
 struct Nearest {
-    /// The least differences of roll and pitch, signed.
+    /// The least size of the roll offset from the line, and the least pitch offset, signed.
     x: f64,
     y: f64,
-    /// All differences of pitch.
-    pitch_off: Range,
-    /// Rolls of the axis.
-    roll: Range,
-    /// The least and the largest cosine of the line's roll.
-    line_cos: f64,
-    flat_cos: f64,
+    /// Of [`Aside`].
+    bend: f64,
+    flat: f64,
+    /// The least cosine of the line's roll, squared.
+    line: f64,
 }
 
 /// A mean to take, as vector code of the machine's own.
@@ -80,29 +120,30 @@ impl pulp::NullaryFnOnce for Mean<'_> {
 
     #[inline(always)]
     fn call(self) -> Self::Output {
-        self.law.mean_inline(self.scale, self.floor, self.at)
+        // On the line's own roll pitch brings nothing nearer.
+        if self.at.x > 0.0 {
+            self.law.mean_inline::<true>(self.scale, self.floor, self.at)
+        } else {
+            self.law.mean_inline::<false>(self.scale, self.floor, self.at)
+        }
     }
 }
 
 impl Law {
-    pub fn new(std_rad: f64) -> Self {
-        let mut law = Self {
-            std_rad,
-            half_roll: Default::default(),
-            roll: Default::default(),
-            half_pitch: Default::default(),
-        };
-        for m in 0..POINTS {
-            let u = (m as f64 + 0.5) / POINTS as f64;
-            let v = (m as f64 * GENERATOR + 0.5 / POINTS as f64).fract();
+    /// Noise of this standard deviation, by a rule of so many points, rounded up to a multiple of eight.
+    pub fn new(std_rad: f64, points: usize) -> Self {
+        let points = points.next_multiple_of(GROUP);
+        let mut law = Self { std_rad, roll: Default::default(), pitch: Default::default() };
+        for m in 0..points {
+            let u = (m as f64 + 0.5) / points as f64;
+            let v = (m as f64 * GENERATOR + 0.5 / points as f64).fract();
             let (roll, pitch) = (std_rad * normal::quantile(u), std_rad * normal::quantile(v));
             let push = |pair: &mut [Vec<f64>; 2], angle: f64| {
                 pair[0].push(angle.sin());
                 pair[1].push(angle.cos());
             };
-            push(&mut law.half_roll, 0.5 * roll);
             push(&mut law.roll, roll);
-            push(&mut law.half_pitch, 0.5 * pitch);
+            push(&mut law.pitch, pitch);
         }
         law
     }
@@ -116,26 +157,23 @@ impl Law {
     pub fn least_mean(&self, scale: f64, floor: f64, offset: &Offset) -> (f64, f64) {
         let mut least = (f64::INFINITY, f64::INFINITY);
         let turned = plus(offset.roll, offset.line_roll);
+        let opposite = [-offset.line_roll[1], -offset.line_roll[0]];
         let images = [
-            (offset.roll_off, offset.pitch_off),
-            (turned, plus(offset.pitch_off, [PI; 2])),
-            (turned, minus(offset.pitch_off, [PI; 2])),
+            (offset.roll_off, offset.pitch_off, offset.line_roll),
+            (turned, plus(offset.pitch_off, [PI; 2]), opposite),
+            (turned, minus(offset.pitch_off, [PI; 2]), opposite),
         ];
         let line_cos = offset.line_roll[0].cos().min(offset.line_roll[1].cos()).max(0.0);
         let axis_cos = offset.roll[0].cos().min(offset.roll[1].cos());
-        let steepest = offset.line_roll[0].abs().min(offset.line_roll[1].abs());
-        let crosses = offset.line_roll[0] <= 0.0 && offset.line_roll[1] >= 0.0;
-        let flat_cos = if crosses { 1.0 } else { steepest.cos() };
-        for (roll_off, pitch_off) in images {
+        for (roll_off, pitch_off, line_roll) in images {
             let (x, y) = (nearest_zero(roll_off), nearest_zero(pitch_off));
             let near = (0.5 * x).sin().powi(2) + line_cos * axis_cos * (0.5 * y).sin().powi(2);
             // Beyond a right angle another image of the line is nearer; the nearest of all is at most half way.
             if near <= 0.5 {
-                let (value, slope) = self.mean(
-                    scale,
-                    floor,
-                    &Nearest { x, y, pitch_off, roll: offset.roll, line_cos, flat_cos },
-                );
+                let small = y.abs() + 3.5 * self.std_rad < FRAC_PI_2;
+                let Aside { x, bend, flat } = Aside::new(roll_off, line_roll, small);
+                let at = Nearest { x, y, bend, line: line_cos * line_cos, flat };
+                let (value, slope) = self.mean(scale, floor, &at);
                 least = (least.0.min(value), least.1.min(slope));
             }
         }
@@ -148,44 +186,44 @@ impl Law {
     }
 
     #[inline(always)]
-    fn mean_inline(&self, scale: f64, floor: f64, at: &Nearest) -> (f64, f64) {
-        let &Nearest { x, y, pitch_off, roll, line_cos, flat_cos } = at;
-        // Half the sine of the farthest pitch, unless opposite ones are near: then all of it.
-        let [far_a, far_b] = pitch_off.map(|y| (0.5 * y).sin_cos());
-        let beyond = if pitch_off[0] < -2.0 || pitch_off[1] > 2.0 { 1.0 } else { 0.0 };
-        let (sx, cx) = (0.5 * x).sin_cos();
-        let (sy, cy) = (0.5 * y).sin_cos();
-        let [(s_lo, c_lo), (s_hi, c_hi)] = roll.map(f64::sin_cos);
+    fn mean_inline<const APART: bool>(&self, scale: f64, floor: f64, at: &Nearest) -> (f64, f64) {
+        let &Nearest { x, y, bend, line, flat } = at;
+        let (sx, cx) = x.sin_cos();
+        let away = bend < 0.0;
+        let (sy, cy) = y.sin_cos();
         let floor = 1.0 + floor;
-        // All factors of a lane together stay below 1e300, or the logarithm is taken at once.
-        let often = scale.max(floor) > 1e24;
+        // So many factors of a lane stay below 1e300, or the logarithm is taken at once.
+        let together = if scale.max(floor) > 1e24 { 1 } else { 12 };
         let mut sum = 0.0;
         let mut products = [1.0; GROUP];
         let mut shares = [0.0; GROUP];
-        let [half_roll_s, half_roll_c] = self.half_roll.each_ref().map(|v| v.as_chunks::<GROUP>().0);
         let [roll_s, roll_c] = self.roll.each_ref().map(|v| v.as_chunks::<GROUP>().0);
-        let [half_pitch_s, half_pitch_c] = self.half_pitch.each_ref().map(|v| v.as_chunks::<GROUP>().0);
-        for g in 0..POINTS / GROUP {
+        let [pitch_s, pitch_c] = self.pitch.each_ref().map(|v| v.as_chunks::<GROUP>().0);
+        for g in 0..roll_s.len() {
             for m in 0..GROUP {
-                let a = sx * half_roll_c[g][m] + cx * half_roll_s[g][m];
-                let b = sy * half_pitch_c[g][m] + cy * half_pitch_s[g][m];
-                let (p, q) =
-                    (c_lo * roll_c[g][m] - s_lo * roll_s[g][m], c_hi * roll_c[g][m] - s_hi * roll_s[g][m]);
-                let least = if p < q { p } else { q };
-                // Past a right angle of roll the product is negative: the farthest pitch counts, and the flattest line.
-                let far_a = far_a.0 * half_pitch_c[g][m] + far_a.1 * half_pitch_s[g][m];
-                let far_b = far_b.0 * half_pitch_c[g][m] + far_b.1 * half_pitch_s[g][m];
-                let (far_a, far_b) = (far_a * far_a, far_b * far_b);
-                let far = if far_a > far_b { far_a } else { far_b };
-                let far = if far > beyond { far } else { beyond };
-                let part = if least > 0.0 { line_cos * b * b } else { flat_cos * far };
-                let h = a * a + least * part;
-                let h = if h > 0.0 { h } else { 0.0 };
-                let x = 1.0 + scale * 4.0 * h * (1.0 - h);
+                // The pitch, and by how much it moves the nearest roll away from the line's.
+                let sin_pitch = sy * pitch_c[g][m] + cy * pitch_s[g][m];
+                let fall = 1.0 - (cy * pitch_c[g][m] - sy * pitch_s[g][m]);
+                let fall = if away && fall > 0.7 { 0.7 } else { fall };
+                let a = if APART {
+                    let rest = 1.0 - flat * fall;
+                    let tangent = bend * fall / if rest > 1e-9 { rest } else { 1e-9 };
+                    let cosine = 1.0 / (1.0 + tangent * tangent).sqrt();
+                    // The least roll offset, moved by it.
+                    let moved_s = cosine * (sx - cx * tangent);
+                    let moved_c = cosine * (cx + sx * tangent);
+                    let (s, c) = if moved_s > 0.0 { (moved_s, moved_c) } else { (0.0, 1.0) };
+                    s * roll_c[g][m] + c * roll_s[g][m]
+                } else {
+                    roll_s[g][m]
+                };
+                let across = line * sin_pitch * sin_pitch;
+                let gain = across + a * a * (1.0 - across);
+                let x = 1.0 + scale * gain;
                 products[m] *= if x > floor { x } else { floor };
                 shares[m] += if x > floor { (x - 1.0) / x } else { 0.0 };
             }
-            if often {
+            if (g + 1) % together == 0 {
                 for p in &mut products {
                     sum += p.ln();
                     *p = 1.0;
@@ -193,7 +231,8 @@ impl Law {
             }
         }
         sum += products.iter().map(|p| p.ln()).sum::<f64>();
-        (sum / (POINTS as f64 * LN_2), shares.iter().sum::<f64>() / POINTS as f64)
+        let points = self.roll[0].len() as f64;
+        (sum / (points * LN_2), shares.iter().sum::<f64>() / points)
     }
 
     /// `E[Y Y']` at desired roll and pitch: exact.
@@ -233,71 +272,89 @@ pub(super) const ALL_ANGLES: Range = [-FRAC_PI_2, FRAC_PI_2];
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::planner::bound::decoupled::QUADRATURE;
+    use crate::planner::bound::prepared::POINTS;
     use crate::radio::pattern::antenna_axis;
     use rand::{RngExt, SeedableRng};
     use rand_chacha::ChaCha8Rng;
 
-    /// The mean by a fine midpoint rule in the plane of the two quantiles.
+    /// The mean by the trapezoidal rule on the Gaussian density, which converges faster than any power.
     fn fine(std: f64, scale: f64, axis: [f64; 2], line: &Vector3<f64>) -> f64 {
-        let n = 200;
-        let at = |k: usize| std * normal::quantile((k as f64 + 0.5) / n as f64);
-        let mut sum = 0.0;
-        for a in 0..n {
-            for b in 0..n {
-                let y = antenna_axis(axis[0] + at(a), axis[1] + at(b), 0.0);
-                sum += (scale * y.cross(line).norm_squared()).ln_1p();
+        let step = 0.05;
+        let (mut sum, mut total) = (0.0, 0.0);
+        for a in -130..130 {
+            for b in -130..130 {
+                let at = [a, b].map(|k| (f64::from(k) + 0.5) * step);
+                let weight = (-0.5 * (at[0] * at[0] + at[1] * at[1])).exp();
+                let y = antenna_axis(axis[0] + std * at[0], axis[1] + std * at[1], 0.0);
+                sum += weight * (scale * y.cross(line).norm_squared()).ln_1p();
+                total += weight;
             }
         }
-        sum / (n * n) as f64 / LN_2
+        sum / total / LN_2
     }
 
     #[test]
     fn val_least_mean_is_the_mean_at_a_point_and_below_it_over_a_box() {
         let mut rng = ChaCha8Rng::seed_from_u64(3);
         let (mut under, mut over): (f64, f64) = (0.0, 0.0);
-        for round in 0..150 {
-            let std = [1.0_f64, 2.0, 5.0, 10.0][round % 4].to_radians();
-            let law = Law::new(std);
-            let line = [rng.random_range(-1.3..1.3), rng.random_range(-1.4..1.4)];
-            let near = 6.0 * std;
+        let laws = [1.0_f64, 2.0, 5.0, 10.0].map(|degrees| Law::new(degrees.to_radians(), POINTS));
+        for round in 0..400 {
+            let law = &laws[round / 2 % 4];
+            let std = law.std_rad;
+            // Steep ones too, where the noise of roll counts for most in the pitch's share.
+            let steep = round % 2 == 0;
+            let roll: f64 = if steep { rng.random_range(0.8..1.55) } else { rng.random_range(0.0..1.5) };
+            let line = [if rng.random_bool(0.5) { roll } else { -roll }, rng.random_range(-1.4..1.4)];
+            let near = if steep { [2.0 * std, 1.3] } else { [6.0 * std; 2] };
             let axis: [f64; 2] = std::array::from_fn(|k| {
                 if round % 3 == 0 {
                     line[k]
                 } else {
-                    (line[k] + rng.random_range(-near..near)).clamp(-1.57, 1.57)
+                    (line[k] + rng.random_range(-near[k]..near[k])).clamp(-FRAC_PI_2, FRAC_PI_2)
                 }
             });
             let scale = 10.0_f64.powf(rng.random_range(-0.5..2.5)) / (std * std);
             let u = antenna_axis(line[0], line[1], 0.0);
             let truth = fine(std, scale, axis, &u);
-            let mut offset = Offset {
-                roll: [axis[0]; 2],
-                line_roll: [line[0]; 2],
-                roll_off: [axis[0] - line[0]; 2],
-                pitch_off: [axis[1] - line[1]; 2],
+            let at = |axis: [Range; 2], line: [Range; 2]| {
+                let offset = Offset {
+                    roll: axis[0],
+                    line_roll: line[0],
+                    roll_off: minus(axis[0], line[0]),
+                    pitch_off: minus(axis[1], line[1]),
+                };
+                law.least_mean(scale, 0.0, &offset).0
             };
-            let point = law.least_mean(scale, 0.0, &offset).0;
+            let point = at(axis.map(|x| [x; 2]), line.map(|x| [x; 2]));
             under = under.max(point - truth);
-            over = over.max(truth - point);
-            let half = rng.random_range(0.0..2.0) * std;
-            offset.roll = [axis[0] - half, axis[0] + half];
-            offset.roll_off = offset.roll_off.map(|x| x - half);
-            offset.roll_off[1] += 2.0 * half;
-            offset.pitch_off[0] -= half;
-            offset.pitch_off[1] += half;
-            let bound = law.least_mean(scale, 0.0, &offset).0;
-            assert!(
-                bound <= truth + 0.03,
-                "std {std} scale {scale} {axis:?} {line:?}: {bound} above {truth}"
-            );
+            if round % 3 == 0 {
+                over = over.max(truth - point);
+            }
+            // Boxes that hold both, about them or to one side, of the axis and of the line.
+            let mut around = |x: f64, reach: f64| {
+                let below = if rng.random_bool(0.5) { 0.0 } else { rng.random_range(0.0..reach) };
+                let above = if rng.random_bool(0.5) { 0.0 } else { rng.random_range(0.0..reach) };
+                [(x - below).max(-FRAC_PI_2), (x + above).min(FRAC_PI_2)]
+            };
+            let boxes = [0.1, 0.5, 2.0].map(|share| {
+                let axes = axis.map(|x| around(x, share * std));
+                at(axes, line.map(|x| around(x, 0.5 * share * std)))
+            });
+            for bound in boxes {
+                assert!(
+                    bound <= truth + 0.5 * QUADRATURE,
+                    "std {std} scale {scale} {axis:?} {line:?}: {bound} above {truth}"
+                );
+            }
         }
-        assert!(over < 0.06, "the rule understates by {over}");
-        assert!(under < 0.03, "the rule overstates by {under}");
+        assert!(over < 2.0 * QUADRATURE, "the rule understates by {over}");
+        assert!(under < 0.5 * QUADRATURE, "the rule overstates by {under}");
     }
 
     #[test]
     fn val_second_moment_is_the_mean_of_samples() {
-        let law = Law::new(0.1);
+        let law = Law::new(0.1, 96);
         let (roll, pitch) = (0.7, -0.4);
         let n = 300;
         let at = |k: usize| 0.1 * normal::quantile((k as f64 + 0.5) / n as f64);
@@ -318,7 +375,7 @@ mod tests {
         let mut worst: f64 = 0.0;
         for degrees in [1.0_f64, 5.0, 10.0] {
             let std = degrees.to_radians();
-            let law = Law::new(std);
+            let law = Law::new(std, 96);
             for roll in [0.0, 0.8, 1.3, 1.5, FRAC_PI_2] {
                 for off in [0.0, 0.5 * std, 2.0 * std, 0.5] {
                     let u = antenna_axis(roll - off, 0.0, 0.0);

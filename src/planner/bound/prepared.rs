@@ -15,10 +15,12 @@ use crate::radio::link::NEAREST_M;
 /// Each threshold tried leaves this share of the gap of the one before.
 const GAP_RATIO: f64 = 0.6;
 /// Of the budget under jitter: for the gap wanted, and of what is left for each wider one if that fails.
-const FIRST_SHARE: f64 = 0.6;
+const FIRST_SHARE: f64 = 0.9;
 const LATER_SHARE: f64 = 0.5;
 /// How near the bound without jitter comes to the optimum without jitter.
 const STEADY_GAP: f64 = 1e-3;
+/// Points of the rule for I's means.
+pub(super) const POINTS: usize = 768;
 /// Relative to the cap, bounds below this are not looked for.
 const LEAST_SHARE: f64 = 1e-3;
 
@@ -51,19 +53,25 @@ impl Prepared {
         Some(Self {
             links,
             region,
-            law: covered.then(|| Law::new(jitter.std_rad)),
+            law: covered.then(|| Law::new(jitter.std_rad, POINTS)),
             steady_kind: if jitters { BoundKind::WithoutJitter } else { BoundKind::BranchAndBound },
         })
     }
 
-    /// Ever closer to the lower bound, by a fixed ratio of gaps. A refutation raises the lower bound: under jitter, or
+    /// Ever closer to the lower bound, by a fixed ratio of gaps; under jitter to the optimum without it, which lies half a
+    /// percent below the cap, whatever gap is wanted. A refutation raises the lower bound: under jitter, or
     /// past a tilt limit, this bound ends at the optimum without them.
     pub fn lower_steady(&self, bandwidth_hz: f64, lower_bps: f64, budget: &Budget, bound: &mut Bound) {
         let mut search = steady::Search::new(&self.links, &self.region, budget);
         let mut lower_bps = lower_bps;
+        let gap = if self.steady_kind == BoundKind::WithoutJitter {
+            budget.relative_gap.min(STEADY_GAP)
+        } else {
+            budget.relative_gap
+        };
         let cap_bps = bound.upper_bound_bps;
         loop {
-            let least_bps = lower_bps * (1.0 + budget.relative_gap);
+            let least_bps = lower_bps * (1.0 + gap);
             let threshold_bps = (lower_bps + (bound.upper_bound_bps - lower_bps) * GAP_RATIO).max(least_bps);
             let close = bound.upper_bound_bps <= least_bps * (1.0 + 1e-12);
             if close || !(threshold_bps >= LEAST_SHARE * cap_bps) {
@@ -100,7 +108,7 @@ impl Prepared {
             gap *= 2.0;
             share = LATER_SHARE;
         }
-        let part = Budget { boxes: budget.boxes / 10, relative_gap: STEADY_GAP, ..*budget };
+        let part = Budget { boxes: budget.boxes / 10, ..*budget };
         self.lower_steady(bandwidth_hz, lower_bps, &part, bound);
     }
 
