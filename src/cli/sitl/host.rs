@@ -174,7 +174,9 @@ pub(super) async fn fly(mut setup: Setup<'_>) -> Result<Flight, String> {
             }
         }
     }
-    while let Ok((role, line)) = log.try_recv() {
+    // The companions' last words: to the end of what they said, now that no other will be started.
+    host.lines = mpsc::unbounded_channel().0;
+    while let Some((role, line)) = log.recv().await {
         host.hear(role, line);
     }
     host.settle();

@@ -18,14 +18,24 @@ const STEPS: u16 = 1024;
 const PARTS: u16 = 8;
 /// Curvature of the means in s that decides between splits, per bit/s/Hz.
 const BEND: f64 = 0.03;
-/// Points of the rule that decides between splits.
-const ROUGH_POINTS: usize = 64;
+/// Points of the rough rule, and its margin: most boxes need no better one.
+pub(super) const ROUGH_POINTS: usize = 128;
+pub(super) const ROUGH_QUADRATURE: f64 = 0.045;
+/// Where nothing loses more than this, bit/s/Hz, the fine rule has the last word.
+const FINE_BELOW: f64 = 0.1;
 /// A corner of the interface that falls by this, bit/s/Hz, has the rate below it bounded anew.
 const AGAIN: f64 = 0.2;
 /// Boxes of J that take the time of one of I.
 const JAMMER_BOXES: usize = 16;
 /// Margin of each mean for its quadrature, bit/s/Hz: twice what was measured (the tests of `law`).
 pub(super) const QUADRATURE: f64 = 0.008;
+
+/// By which rule means are taken.
+#[derive(Debug, Clone, Copy)]
+enum Rule {
+    Rough,
+    Fine,
+}
 
 /// A box of poses of I times a box of the interface.
 #[derive(Debug, Clone, Copy)]
@@ -43,7 +53,7 @@ pub(super) struct Search<'a> {
     links: &'a Links,
     region: &'a Region,
     law: &'a Law,
-    /// A rule of few points, by which to choose between splits.
+    /// A rule of few points.
     rough: Law,
     jammer: Jammer<'a>,
     pair: [Vector3<f64>; 2],
@@ -108,10 +118,8 @@ impl<'a> Search<'a> {
             if self.region.excludes(&node.position) {
                 continue;
             }
-            if !self.tighten(&mut node, wanted) {
-                continue;
-            }
-            if !self.branch(&node) {
+            let roughly = wanted - (ROUGH_QUADRATURE - QUADRATURE);
+            if self.tighten(&mut node, Rule::Rough, roughly) && !self.branch(&mut node, wanted) {
                 return Outcome::Stuck;
             }
         }
@@ -124,10 +132,13 @@ impl<'a> Search<'a> {
     }
 
     /// Shrinks the node's interface box, again while a lower corner makes a lower rate; false if nothing is left.
-    fn tighten(&mut self, node: &mut Node, wanted: f64) -> bool {
+    fn tighten(&mut self, node: &mut Node, rule: Rule, wanted: f64) -> bool {
         loop {
             let before = node.s;
-            let rate = self.rate(node, self.law);
+            let rate = match rule {
+                Rule::Rough => self.rate(node, &self.rough),
+                Rule::Fine => self.rate(node, self.law),
+            };
             if rate.at([0.0; 2]) <= wanted || !self.shrink(node, &rate, wanted) {
                 return false;
             }
@@ -169,23 +180,34 @@ impl<'a> Search<'a> {
         left[0][0] < left[0][1]
     }
 
-    fn branch(&mut self, node: &Node) -> bool {
+    /// The split that promises most: of the pose as given, or 2 and 3 for the interface's sides.
+    fn widest(&self, node: &Node, pose: (f64, usize)) -> (f64, usize) {
+        let mut choice = pose;
+        for (k, [lo, hi]) in node.s.into_iter().enumerate() {
+            let range = f64::from(hi - lo) * self.step;
+            let loss = range / f64::from(PARTS) + BEND * range * range;
+            if hi - lo > 1 && loss > choice.0 {
+                choice = (loss, 2 + k);
+            }
+        }
+        choice
+    }
+
+    /// Halves a box where its bound loses most; false if it is too small for that.
+    fn branch(&mut self, node: &mut Node, wanted: f64) -> bool {
         let middle = |r: Range| [0.5 * (r[0] + r[1]); 2];
         let placed = Node { position: Cell::at(&node.position.centre()), ..*node };
         let turned = Node { roll: middle(node.roll), pitch: middle(node.pitch), ..*node };
         let whole = self.rate(node, &self.rough).at([0.0; 2]);
         let loss_place = whole - self.rate(&placed, &self.rough).at([0.0; 2]);
         let loss_turn = whole - self.rate(&turned, &self.rough).at([0.0; 2]);
-        let mut choice = if loss_place > loss_turn { (loss_place, 0) } else { (loss_turn, 1) };
-        for k in 0..2 {
-            let [lo, hi] = node.s[k];
-            if hi - lo > 1 {
-                let range = f64::from(hi - lo) * self.step;
-                let loss = range / f64::from(PARTS) + BEND * range * range;
-                if loss > choice.0 {
-                    choice = (loss, 2 + k);
-                }
+        let pose = if loss_place > loss_turn { (loss_place, 0) } else { (loss_turn, 1) };
+        let mut choice = self.widest(node, pose);
+        if choice.0 < FINE_BELOW {
+            if !self.tighten(node, Rule::Fine, wanted) {
+                return true;
             }
+            choice = self.widest(node, pose);
         }
         match choice.1 {
             0 => {

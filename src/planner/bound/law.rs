@@ -3,6 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, LN_2, PI};
 
+use crate::planner::expectation::logarithm::LogSum;
 use crate::planner::expectation::normal;
 
 /// The generator of the rules, Kronecker lattices carried to the plane by the normal quantile: the golden ratio less one.
@@ -194,7 +195,7 @@ impl Law {
         let floor = 1.0 + floor;
         // So many factors of a lane stay below 1e300, or the logarithm is taken at once.
         let together = if scale.max(floor) > 1e24 { 1 } else { 12 };
-        let mut sum = 0.0;
+        let mut sum = LogSum::default();
         let mut products = [1.0; GROUP];
         let mut shares = [0.0; GROUP];
         let [roll_s, roll_c] = self.roll.each_ref().map(|v| v.as_chunks::<GROUP>().0);
@@ -225,14 +226,14 @@ impl Law {
             }
             if (g + 1) % together == 0 {
                 for p in &mut products {
-                    sum += p.ln();
+                    sum.push(*p);
                     *p = 1.0;
                 }
             }
         }
-        sum += products.iter().map(|p| p.ln()).sum::<f64>();
+        products.iter().for_each(|p| sum.push(*p));
         let points = self.roll[0].len() as f64;
-        (sum / (points * LN_2), shares.iter().sum::<f64>() / points)
+        (sum.value() / (points * LN_2), shares.iter().sum::<f64>() / points)
     }
 
     /// `E[Y Y']` at desired roll and pitch: exact.
@@ -272,7 +273,7 @@ pub(super) const ALL_ANGLES: Range = [-FRAC_PI_2, FRAC_PI_2];
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::planner::bound::decoupled::QUADRATURE;
+    use crate::planner::bound::decoupled::{QUADRATURE, ROUGH_POINTS, ROUGH_QUADRATURE};
     use crate::planner::bound::prepared::POINTS;
     use crate::radio::pattern::antenna_axis;
     use rand::{RngExt, SeedableRng};
@@ -296,9 +297,16 @@ mod tests {
 
     #[test]
     fn val_least_mean_is_the_mean_at_a_point_and_below_it_over_a_box() {
+        least_means(POINTS, QUADRATURE);
+        least_means(ROUGH_POINTS, ROUGH_QUADRATURE);
+    }
+
+    /// Margins are twice what a rule of so many points overstates.
+    fn least_means(points: usize, margin: f64) {
         let mut rng = ChaCha8Rng::seed_from_u64(3);
         let (mut under, mut over): (f64, f64) = (0.0, 0.0);
-        let laws = [1.0_f64, 2.0, 5.0, 10.0].map(|degrees| Law::new(degrees.to_radians(), POINTS));
+        let laws = [1.0_f64, 2.0, 5.0, 10.0].map(|degrees| Law::new(degrees.to_radians(), points));
+        let mut most: f64 = 0.0;
         for round in 0..400 {
             let law = &laws[round / 2 % 4];
             let std = law.std_rad;
@@ -342,14 +350,16 @@ mod tests {
                 at(axes, line.map(|x| around(x, 0.5 * share * std)))
             });
             for bound in boxes {
+                most = most.max(bound - truth);
                 assert!(
-                    bound <= truth + 0.5 * QUADRATURE,
+                    bound <= truth + 0.5 * margin,
                     "std {std} scale {scale} {axis:?} {line:?}: {bound} above {truth}"
                 );
             }
         }
-        assert!(over < 2.0 * QUADRATURE, "the rule understates by {over}");
-        assert!(under < 0.5 * QUADRATURE, "the rule overstates by {under}");
+        println!("{points} points: at a point {under:.4} over, {over:.4} under; over a box {most:.4} over");
+        assert!(over < 2.0 * margin, "the rule understates by {over}");
+        assert!(under < 0.5 * margin, "the rule overstates by {under}");
     }
 
     #[test]

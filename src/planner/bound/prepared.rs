@@ -83,7 +83,9 @@ impl Prepared {
                     bound.kind = self.steady_kind;
                 }
                 Outcome::Refuted(rate) => lower_bps = lower_bps.max(rate * bandwidth_hz),
-                Outcome::Stuck | Outcome::Exhausted => break,
+                // What cannot be shown here is looked for above.
+                Outcome::Stuck => lower_bps = threshold_bps,
+                Outcome::Exhausted => break,
             }
         }
         bound.boxes_used += search.boxes;
