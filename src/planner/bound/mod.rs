@@ -160,7 +160,7 @@ impl Budget {
     /// About a second without jitter: 0.1%.
     pub const STEADY: Self =
         Self { boxes: 800_000, relative_gap: 1e-3, resolution_m: 1e-3, exhaustive: false };
-    /// About ten seconds under jitter: 2%.
+    /// Ten to fifteen seconds under jitter: 2%.
     pub const JITTER: Self = Self { boxes: 1_000_000, relative_gap: 2e-2, ..Self::STEADY };
 }
 
