@@ -171,7 +171,7 @@ impl FlightDocument {
         if let Some(WorldLate { steps, worst_ms }) = self.world_late.as_ref().filter(|late| late.steps > 0) {
             writeln!(
                 text,
-                "the world ran late {steps} times, by {worst_ms} ms of flight at worst: this machine was busy; a lower --speed asks less of it"
+                "the world ran late in {steps} of its steps, by {worst_ms} ms of flight at worst: this machine was busy; a lower --speed asks less of it"
             )?;
         }
         let verdict = match self.result {
