@@ -7,7 +7,7 @@ mod command;
 
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
-use std::process::{Output, Stdio};
+use std::process::{Child, Output, Stdio};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use serde_json::Value;
@@ -169,17 +169,23 @@ fn val_a_full_disk_costs_logs_and_a_restarted_companion_does_not_fly_on() {
     assert!(records("i-autopilot.tlog") < 100, "{said}");
 }
 
+/// A flight under way, and what it says.
+fn started(mission: &str) -> (Child, impl Iterator<Item = String>) {
+    let mut sitl = veilwing(&["sitl", mission, "--json", "--speed", SPEED])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let lines = BufReader::new(sitl.stderr.take().unwrap()).lines().map(Result::unwrap);
+    (sitl, lines)
+}
+
 #[test]
 fn val_a_world_that_is_held_up_owns_what_comes_of_it() {
     let _alone = alone();
     let directory = directory("sitl-late");
     let mission = write(&directory, "mission.toml", MISSION);
-    let mut sitl = veilwing(&["sitl", &mission, "--json", "--speed", SPEED])
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap();
-    let mut lines = BufReader::new(sitl.stderr.take().unwrap()).lines().map(Result::unwrap);
+    let (mut sitl, mut lines) = started(&mission);
     let on_air = lines.by_ref().find(|line| line.contains("I  ") && line.contains("slot 0: on"));
     assert!(on_air.is_some(), "the flight ended before its slot");
     // The world stands still for 0.15 s, which is 0.6 s of flight; the companions do not.
@@ -208,12 +214,7 @@ fn val_an_interrupt_in_mid_slot_ends_everything_cleanly() {
     let _alone = alone();
     let directory = directory("sitl-interrupt");
     let mission = write(&directory, "mission.toml", MISSION);
-    let mut sitl = veilwing(&["sitl", &mission, "--json", "--speed", SPEED])
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap();
-    let mut lines = BufReader::new(sitl.stderr.take().unwrap()).lines().map(Result::unwrap);
+    let (mut sitl, mut lines) = started(&mission);
     let mut children = Vec::new();
     for line in lines.by_ref() {
         if let Some((_, pid)) = line.split_once("companion started, process ") {
