@@ -14,7 +14,7 @@ use super::law::{Law, Range, line_angles};
 /// the mean's shift (a test of this module takes the maximum).
 const NOISE: f64 = 2.5;
 /// The least power is found to this, nats, from below.
-const TOLERANCE: f64 = 0.01;
+const TOLERANCE: f64 = 0.02;
 /// Boxes for one least power.
 const LIMIT: usize = 30_000;
 /// Cells of the logarithm of the ratio of what is wanted of both, nats.

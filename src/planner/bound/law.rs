@@ -11,6 +11,9 @@ const GENERATOR: f64 = 0.618_033_988_749_894_9;
 /// Points taken at once.
 const GROUP: usize = 8;
 
+/// `sin^2(psi / 2)` beyond which a mean is also bounded by the angle alone: there the nearest roll of a meridian runs away.
+const FAR: f64 = 0.25;
+
 /// A closed interval.
 pub(super) type Range = [f64; 2];
 
@@ -81,6 +84,8 @@ pub(super) struct Law {
     /// sin and cos of the roll noise and of the pitch noise.
     roll: [Vec<f64>; 2],
     pitch: [Vec<f64>; 2],
+    /// The same of the angle by which both turn an axis at most.
+    turned: [Vec<f64>; 2],
 }
 
 /// A line seen from a vehicle and the vehicle's axis, as intervals of the angles of the paper.
@@ -134,7 +139,8 @@ impl Law {
     /// Noise of this standard deviation, by a rule of so many points, rounded up to a multiple of eight.
     pub fn new(std_rad: f64, points: usize) -> Self {
         let points = points.next_multiple_of(GROUP);
-        let mut law = Self { std_rad, roll: Default::default(), pitch: Default::default() };
+        let mut law =
+            Self { std_rad, roll: Default::default(), pitch: Default::default(), turned: Default::default() };
         for m in 0..points {
             let u = (m as f64 + 0.5) / points as f64;
             let v = (m as f64 * GENERATOR + 0.5 / points as f64).fract();
@@ -145,6 +151,8 @@ impl Law {
             };
             push(&mut law.roll, roll);
             push(&mut law.pitch, pitch);
+            let haversine = (0.5 * roll).sin().powi(2) + (0.5 * pitch).sin().powi(2);
+            push(&mut law.turned, 2.0 * haversine.min(0.5).sqrt().asin());
         }
         law
     }
@@ -174,11 +182,34 @@ impl Law {
                 let small = y.abs() + 3.5 * self.std_rad < FRAC_PI_2;
                 let Aside { x, bend, flat } = Aside::new(roll_off, line_roll, small);
                 let at = Nearest { x, y, bend, line: line_cos * line_cos, flat };
-                let (value, slope) = self.mean(scale, floor, &at);
-                least = (least.0.min(value), least.1.min(slope));
+                let mut here = self.mean(scale, floor, &at);
+                if near > FAR {
+                    let far = self.far_mean(scale, floor, near);
+                    if far.0 > here.0 {
+                        here = far;
+                    }
+                }
+                least = (least.0.min(here.0), least.1.min(here.1));
             }
         }
         if least.0.is_finite() { least } else { (scale.max(floor).ln_1p() / LN_2, 0.0) }
+    }
+
+    /// The mean where the axis is at least `psi` off the line, `sin^2(psi / 2)` given, if the noise took it straight there.
+    fn far_mean(&self, scale: f64, floor: f64, near: f64) -> (f64, f64) {
+        let (sin, cos) = (2.0 * near.sqrt().asin()).sin_cos();
+        let floor = 1.0 + floor;
+        let (mut sum, mut share) = (LogSum::default(), 0.0);
+        for (s, c) in self.turned[0].iter().zip(&self.turned[1]) {
+            let sine = (sin * c - cos * s).max(0.0);
+            let x = (1.0 + scale * sine * sine).max(floor);
+            sum.push(x);
+            if x > floor {
+                share += (x - 1.0) / x;
+            }
+        }
+        let points = self.turned[0].len() as f64;
+        (sum.value() / (points * LN_2), share / points)
     }
 
     /// In the widest vectors that this machine has; the result is the same in all.

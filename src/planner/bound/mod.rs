@@ -92,7 +92,9 @@
 //!    which is symmetric in `x` modulo half a turn: the least `|x|` over the box counts. That nearest roll lies beyond
 //!    the line's by an angle of tangent `s c (1 - cos y) / (1 - c^2 (1 - cos y))`, `s`, `c` of the line's roll. It so
 //!    comes nearer to an axis beyond the line, by the largest such angle of the box at most, and goes away from one on
-//!    the other side, by the least: the latter is used where all offsets and pitches stay within a right angle.
+//!    the other side, by the least: the latter is used where all offsets and pitches stay within a right angle. Towards
+//!    a right angle of pitch that says nothing; past 60 deg off the line the larger of it and of `E f(psi - t)` is
+//!    taken, `sin^2(t/2) = sin^2(x/2) + sin^2(y/2)` of the noise: it turns no axis by more than `t`.
 //! 6. *Floor.* Every axis has `psi_1 + psi_2 >=` the angle between the lines to both eavesdroppers, so
 //!    `max_j A_j >= log2(1 + z)` at every draw: each mean is taken of `max(1 + c_j G_j, 1 + z)`, which keeps most of the
 //!    maximum inside the expectation.
