@@ -25,6 +25,8 @@ pub(super) const ROUGH_QUADRATURE: f64 = 0.045;
 const FINE_BELOW: f64 = 0.1;
 /// A corner of the interface that falls by this, bit/s/Hz, has the rate below it bounded anew.
 const AGAIN: f64 = 0.2;
+/// Cosine of a roll by which a box's pitch counts at least where the wider of both is halved.
+const LEAST_COSINE: f64 = 0.1;
 /// Boxes of J that take the time of one of I.
 const JAMMER_BOXES: usize = 16;
 /// Margin of each mean for its quadrature, bit/s/Hz: twice what was measured (the tests of `law`).
@@ -220,7 +222,8 @@ impl<'a> Search<'a> {
             1 => {
                 let (across_roll, across_pitch) =
                     (node.roll[1] - node.roll[0], node.pitch[1] - node.pitch[0]);
-                let cos = node.roll[0].cos().max(node.roll[1].cos());
+                // At the pole pitch turns nothing, and yet the bound loses by it.
+                let cos = node.roll[0].cos().max(node.roll[1].cos()).max(LEAST_COSINE);
                 if across_roll.max(across_pitch) < 1e-6 {
                     return false;
                 }

@@ -42,5 +42,7 @@ pub(super) fn least_harm(law: &Law, power: f64, line: Range, off: f64) -> (f64, 
             least = (least.0.min(value), least.1.min(slope));
         }
     }
-    least
+    // Far off, where arcs pass the pole, they say little.
+    let straight = law.straight_mean(power, off);
+    if straight.0 > least.0 { straight } else { least }
 }

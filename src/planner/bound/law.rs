@@ -11,9 +11,6 @@ const GENERATOR: f64 = 0.618_033_988_749_894_9;
 /// Points taken at once.
 const GROUP: usize = 8;
 
-/// `sin^2(psi / 2)` beyond which a mean is also bounded by the angle alone: there the nearest roll of a meridian runs away.
-const FAR: f64 = 0.25;
-
 /// A closed interval.
 pub(super) type Range = [f64; 2];
 
@@ -84,7 +81,7 @@ pub(super) struct Law {
     /// sin and cos of the roll noise and of the pitch noise.
     roll: [Vec<f64>; 2],
     pitch: [Vec<f64>; 2],
-    /// The same of the angle by which both turn an axis at most.
+    /// The same of the angle by which both together turn an axis at most.
     turned: [Vec<f64>; 2],
 }
 
@@ -182,31 +179,22 @@ impl Law {
                 let small = y.abs() + 3.5 * self.std_rad < FRAC_PI_2;
                 let Aside { x, bend, flat } = Aside::new(roll_off, line_roll, small);
                 let at = Nearest { x, y, bend, line: line_cos * line_cos, flat };
-                let mut here = self.mean(scale, floor, &at);
-                if near > FAR {
-                    let far = self.far_mean(scale, floor, near);
-                    if far.0 > here.0 {
-                        here = far;
-                    }
-                }
-                least = (least.0.min(here.0), least.1.min(here.1));
+                let (value, slope) = self.mean(scale, floor, &at);
+                least = (least.0.min(value), least.1.min(slope));
             }
         }
         if least.0.is_finite() { least } else { (scale.max(floor).ln_1p() / LN_2, 0.0) }
     }
 
-    /// The mean where the axis is at least `psi` off the line, `sin^2(psi / 2)` given, if the noise took it straight there.
-    fn far_mean(&self, scale: f64, floor: f64, near: f64) -> (f64, f64) {
-        let (sin, cos) = (2.0 * near.sqrt().asin()).sin_cos();
-        let floor = 1.0 + floor;
+    /// A lower bound on `E log2(1 + scale G)` of an axis `off` the line: noise takes it straight there.
+    pub fn straight_mean(&self, scale: f64, off: f64) -> (f64, f64) {
+        let (sin, cos) = off.sin_cos();
         let (mut sum, mut share) = (LogSum::default(), 0.0);
         for (s, c) in self.turned[0].iter().zip(&self.turned[1]) {
             let sine = (sin * c - cos * s).max(0.0);
-            let x = (1.0 + scale * sine * sine).max(floor);
+            let x = 1.0 + scale * sine * sine;
             sum.push(x);
-            if x > floor {
-                share += (x - 1.0) / x;
-            }
+            share += (x - 1.0) / x;
         }
         let points = self.turned[0].len() as f64;
         (sum.value() / (points * LN_2), share / points)

@@ -14,9 +14,6 @@ use crate::radio::link::NEAREST_M;
 
 /// Each threshold tried leaves this share of the gap of the one before.
 const GAP_RATIO: f64 = 0.6;
-/// Of the budget under jitter: for the gap wanted, and of what is left for each wider one if that fails.
-const FIRST_SHARE: f64 = 0.9;
-const LATER_SHARE: f64 = 0.5;
 /// How near the bound without jitter comes to the optimum without jitter.
 const STEADY_GAP: f64 = 1e-3;
 /// Points of the rule for I's means.
@@ -91,24 +88,37 @@ impl Prepared {
         bound.boxes_used += search.boxes;
     }
 
-    /// The gap wanted first, with most of the budget; then twice as wide each time, until one is shown.
+    /// A wide gap first, which costs little and tabulates much that the others need; then the one wanted, with most of the
+    /// budget, and if that fails what lies between; or wider ones.
     pub fn lower_jittered(&self, bandwidth_hz: f64, lower_bps: f64, budget: &Budget, bound: &mut Bound) {
         let mut searches = self.searches(budget);
-        let mut gap = budget.relative_gap.max(1e-6);
-        let (mut share, mut left) = (FIRST_SHARE, budget.boxes);
-        while lower_bps * (1.0 + gap) < bound.upper_bound_bps && lower_bps > 0.0 {
-            let threshold_bps = lower_bps * (1.0 + gap);
+        let gap = budget.relative_gap.max(1e-6);
+        let mut left = budget.boxes;
+        // So many times the gap wanted, by this share of what is left of the budget.
+        let mut shows = |times: f64, share: f64| {
+            let threshold_bps = lower_bps * (1.0 + times * gap);
+            if bound.upper_bound_bps <= threshold_bps {
+                return true;
+            }
             let boxes = (left as f64 * share) as usize;
             let (outcome, used) = run(&mut searches, threshold_bps / bandwidth_hz, boxes);
             bound.boxes_used += used;
             left = left.saturating_sub(used);
-            if outcome == Outcome::Excluded {
+            let shown = outcome == Outcome::Excluded;
+            if shown {
                 bound.upper_bound_bps = threshold_bps;
                 bound.kind = BoundKind::DecoupledSigned;
-                return;
             }
-            gap *= 2.0;
-            share = LATER_SHARE;
+            shown
+        };
+        let _ = lower_bps > 0.0
+            && if shows(8.0, 0.25) {
+                shows(1.0, 0.7) || shows(4.0, 0.5) && shows(2.0, 1.0)
+            } else {
+                shows(16.0, 0.4) || shows(32.0, 0.6) || shows(64.0, 1.0)
+            };
+        if bound.kind == BoundKind::DecoupledSigned {
+            return;
         }
         let part = Budget { boxes: budget.boxes / 10, ..*budget };
         self.lower_steady(bandwidth_hz, lower_bps, &part, bound);
