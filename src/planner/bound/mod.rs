@@ -163,7 +163,7 @@ impl Budget {
     pub const STEADY: Self =
         Self { boxes: 800_000, relative_gap: 1e-3, resolution_m: 1e-3, exhaustive: false };
     /// Ten to fifteen seconds under jitter: 2%.
-    pub const JITTER: Self = Self { boxes: 1_000_000, relative_gap: 2e-2, ..Self::STEADY };
+    pub const JITTER: Self = Self { boxes: 1_200_000, relative_gap: 2e-2, ..Self::STEADY };
 }
 
 impl Budget {
