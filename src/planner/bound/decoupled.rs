@@ -49,6 +49,12 @@ struct Node {
     s: [[u16; 2]; 2],
 }
 
+/// An interface box and the rate of its upper corner, bit/s/Hz.
+struct Corner {
+    s: [[u16; 2]; 2],
+    rate: f64,
+}
+
 /// The search over I and the interface.
 #[derive(Debug)]
 pub(super) struct Search<'a> {
@@ -121,7 +127,9 @@ impl<'a> Search<'a> {
                 continue;
             }
             let roughly = wanted - (ROUGH_QUADRATURE - QUADRATURE);
-            if self.tighten(&mut node, Rule::Rough, roughly) && !self.branch(&mut node, wanted) {
+            if let Some(whole) = self.tighten(&mut node, Rule::Rough, roughly)
+                && !self.branch(&mut node, &whole, wanted)
+            {
                 return Outcome::Stuck;
             }
         }
@@ -133,20 +141,21 @@ impl<'a> Search<'a> {
         self.jammer.harms(s.map(|s| self.wanted[usize::from(s)]), least)
     }
 
-    /// Shrinks the node's interface box, again while a lower corner makes a lower rate; false if nothing is left.
-    fn tighten(&mut self, node: &mut Node, rule: Rule, wanted: f64) -> bool {
+    /// Shrinks the node's interface box, again while a lower corner makes a lower rate; `None` if nothing is left.
+    fn tighten(&mut self, node: &mut Node, rule: Rule, wanted: f64) -> Option<Corner> {
         loop {
             let before = node.s;
             let rate = match rule {
                 Rule::Rough => self.rate(node, &self.rough),
                 Rule::Fine => self.rate(node, self.law),
             };
-            if rate.at([0.0; 2]) <= wanted || !self.shrink(node, &rate, wanted) {
-                return false;
+            let corner = Corner { s: before, rate: rate.at([0.0; 2]) };
+            if corner.rate <= wanted || !self.shrink(node, &rate, wanted) {
+                return None;
             }
             let fell = |k: usize| f64::from(before[k][1] - node.s[k][1]) * self.step;
             if fell(0) + fell(1) < AGAIN {
-                return true;
+                return Some(corner);
             }
         }
     }
@@ -195,18 +204,18 @@ impl<'a> Search<'a> {
         choice
     }
 
-    /// Halves a box where its bound loses most; false if it is too small for that.
-    fn branch(&mut self, node: &mut Node, wanted: f64) -> bool {
+    /// Halves a box where its bound, as taken for `whole`, loses most; false if it is too small for that.
+    fn branch(&mut self, node: &mut Node, whole: &Corner, wanted: f64) -> bool {
         let middle = |r: Range| [0.5 * (r[0] + r[1]); 2];
-        let placed = Node { position: Cell::at(&node.position.centre()), ..*node };
-        let turned = Node { roll: middle(node.roll), pitch: middle(node.pitch), ..*node };
-        let whole = self.rate(node, &self.rough).at([0.0; 2]);
-        let loss_place = whole - self.rate(&placed, &self.rough).at([0.0; 2]);
-        let loss_turn = whole - self.rate(&turned, &self.rough).at([0.0; 2]);
+        let corner = Node { s: whole.s, ..*node };
+        let placed = Node { position: Cell::at(&node.position.centre()), ..corner };
+        let turned = Node { roll: middle(node.roll), pitch: middle(node.pitch), ..corner };
+        let loss_place = whole.rate - self.rate(&placed, &self.rough).at([0.0; 2]);
+        let loss_turn = whole.rate - self.rate(&turned, &self.rough).at([0.0; 2]);
         let pose = if loss_place > loss_turn { (loss_place, 0) } else { (loss_turn, 1) };
         let mut choice = self.widest(node, pose);
         if choice.0 < FINE_BELOW {
-            if !self.tighten(node, Rule::Fine, wanted) {
+            if self.tighten(node, Rule::Fine, wanted).is_none() {
                 return true;
             }
             choice = self.widest(node, pose);
