@@ -15,8 +15,10 @@ use super::law::{Law, Range, line_angles};
 const NOISE: f64 = 2.5;
 /// The least power is found to this, nats, from below.
 const TOLERANCE: f64 = 0.02;
-/// Boxes for one least power.
+/// Boxes for one least power over all rolls, and over those of one class: near the edge of what positions allow, where few
+/// boxes hold any, the latter takes long to settle and decides little.
 const LIMIT: usize = 30_000;
+const ROLL_LIMIT: usize = 100;
 /// Cells of the logarithm of the ratio of what is wanted of both, nats.
 const RATIO_STEP: f64 = 0.02;
 /// Ratios beyond e^this count as one eavesdropper alone.
@@ -271,18 +273,19 @@ impl<'a> Jammer<'a> {
             return known;
         }
         let roll = roll.map(|roll| self.rolls[roll]);
+        let limit = if roll.is_some() { ROLL_LIMIT } else { LIMIT };
         self.heap.clear();
         self.heap.push(Node { position: self.region.bounds, power: f64::NEG_INFINITY });
         let (mut used, mut reached) = (0, f64::INFINITY);
         while let Some(node) = self.heap.pop() {
             used += 1;
             self.boxes += 1;
-            if used > LIMIT {
+            if used > limit {
                 return node.power / LN_2;
             }
             let centre = Cell::at(&node.position.centre());
             let here = self.power(&centre, off, wanted);
-            if here < reached {
+            if here < reached && roll.is_none_or(|roll| has_roll(&centre, roll)) {
                 reached = here;
                 self.found[place] = centre.lo;
             }

@@ -112,7 +112,7 @@ impl Prepared {
             shown
         };
         let _ = lower_bps > 0.0
-            && if shows(8.0, 0.25) {
+            && if shows(8.0, 0.3) {
                 shows(1.0, 0.7) || shows(4.0, 0.5) && shows(2.0, 1.0)
             } else {
                 shows(16.0, 0.4) || shows(32.0, 0.6) || shows(64.0, 1.0)
