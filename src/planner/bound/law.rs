@@ -290,6 +290,23 @@ pub(super) fn line_angles(lo: &Vector3<f64>, hi: &Vector3<f64>) -> Option<[Range
 pub(super) const ALL_ANGLES: Range = [-FRAC_PI_2, FRAC_PI_2];
 
 #[cfg(test)]
+/// The mean of an axis' angles by the trapezoidal rule on the Gaussian density, which converges faster than any power.
+pub(super) fn fine_mean(std: f64, scale: f64, axis: [f64; 2], line: &Vector3<f64>) -> f64 {
+    let step = 0.05;
+    let (mut sum, mut total) = (0.0, 0.0);
+    for a in -130..130 {
+        for b in -130..130 {
+            let at = [a, b].map(|k| (f64::from(k) + 0.5) * step);
+            let weight = (-0.5 * (at[0] * at[0] + at[1] * at[1])).exp();
+            let y = crate::radio::pattern::antenna_axis(axis[0] + std * at[0], axis[1] + std * at[1], 0.0);
+            sum += weight * (scale * y.cross(line).norm_squared()).ln_1p();
+            total += weight;
+        }
+    }
+    sum / total / LN_2
+}
+
+#[cfg(test)]
 mod tests {
     use super::*;
     use crate::planner::bound::decoupled::{QUADRATURE, ROUGH_POINTS, ROUGH_QUADRATURE};
@@ -297,22 +314,6 @@ mod tests {
     use crate::radio::pattern::antenna_axis;
     use rand::{RngExt, SeedableRng};
     use rand_chacha::ChaCha8Rng;
-
-    /// The mean by the trapezoidal rule on the Gaussian density, which converges faster than any power.
-    fn fine(std: f64, scale: f64, axis: [f64; 2], line: &Vector3<f64>) -> f64 {
-        let step = 0.05;
-        let (mut sum, mut total) = (0.0, 0.0);
-        for a in -130..130 {
-            for b in -130..130 {
-                let at = [a, b].map(|k| (f64::from(k) + 0.5) * step);
-                let weight = (-0.5 * (at[0] * at[0] + at[1] * at[1])).exp();
-                let y = antenna_axis(axis[0] + std * at[0], axis[1] + std * at[1], 0.0);
-                sum += weight * (scale * y.cross(line).norm_squared()).ln_1p();
-                total += weight;
-            }
-        }
-        sum / total / LN_2
-    }
 
     #[test]
     fn val_least_mean_is_the_mean_at_a_point_and_below_it_over_a_box() {
@@ -343,7 +344,7 @@ mod tests {
             });
             let scale = 10.0_f64.powf(rng.random_range(-0.5..2.5)) / (std * std);
             let u = antenna_axis(line[0], line[1], 0.0);
-            let truth = fine(std, scale, axis, &u);
+            let truth = fine_mean(std, scale, axis, &u);
             let at = |axis: [Range; 2], line: [Range; 2]| {
                 let offset = Offset {
                     roll: axis[0],
@@ -410,7 +411,7 @@ mod tests {
                     let u = antenna_axis(roll - off, 0.0, 0.0);
                     let mean = 1.0 - u.dot(&(law.second_moment(roll, 0.0) * u));
                     let scale = 1e12;
-                    let log = fine(std, scale, [roll, 0.0], &u) - scale.log2();
+                    let log = fine_mean(std, scale, [roll, 0.0], &u) - scale.log2();
                     worst = worst.max(mean / log.exp2());
                 }
             }

@@ -161,8 +161,8 @@ fn prop_false_thresholds_under_jitter_are_never_certified() {
     // The example tries many more: `--example certify -- false-thresholds`.
     for row in rows("jitter.csv").iter().filter(|r| r[0] == 2.0).step_by(13) {
         let p = problem(&scenario(2, row[1] as usize), 0.5, row[2].to_radians());
-        let budget = Budget { boxes: 800_000, resolution_m: 16.0, ..Budget::JITTER };
-        let answer = certify(&p, row[3] * 0.98e6, budget).unwrap();
+        let budget = Budget { boxes: 800_000, resolution_m: 4.0, ..Budget::JITTER };
+        let answer = certify(&p, row[3] * 0.999e6, budget).unwrap();
         let Certificate::NotCertified { reason, .. } = answer else { panic!("{row:?} {answer:?}") };
         // Not for want of boxes: the search met what it cannot exclude.
         assert_eq!(reason, Reason::Resolution, "{row:?}");
