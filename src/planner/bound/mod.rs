@@ -82,7 +82,9 @@
 //!    about a stationary point lose to second order only. Neighbouring ratios bound each other: the least `beta` rises
 //!    with the ratio, and by no more than it. `L` is the least over classes; classes that cannot be the least are never
 //!    refined. `l` is convex in `ln beta`, so that tangents interpolate from below; the circle of axes at angle `t` is cut
-//!    into arcs of roll offset, each taken at its least pitch offset.
+//!    into arcs of roll offset, each taken at its least pitch offset. Where that says little, about the pole, the circle is
+//!    taken at once: no axis is turned by more than `w`, `sin^2(w/2) = sin^2(x/2) + sin^2(y/2)` of the noise `x`, `y`, so
+//!    `l >= E log2(1 + beta sin^2((t - w)_+))`.
 //! 5. *Means over one vehicle's noise* (`law`). With roll and pitch as latitude and longitude,
 //!    `cos(psi) = sin(roll) sin(roll_line) + cos(roll) cos(roll_line) cos(y)`, `y` the difference of pitch with its noise.
 //!    A function that grows with the size of an angle has, under symmetric unimodal noise, a mean that grows with the
@@ -92,9 +94,7 @@
 //!    which is symmetric in `x` modulo half a turn: the least `|x|` over the box counts. That nearest roll lies beyond
 //!    the line's by an angle of tangent `s c (1 - cos y) / (1 - c^2 (1 - cos y))`, `s`, `c` of the line's roll. It so
 //!    comes nearer to an axis beyond the line, by the largest such angle of the box at most, and goes away from one on
-//!    the other side, by the least: the latter is used where all offsets and pitches stay within a right angle. Towards
-//!    a right angle of pitch that says nothing; past 60 deg off the line the larger of it and of `E f(psi - t)` is
-//!    taken, `sin^2(t/2) = sin^2(x/2) + sin^2(y/2)` of the noise: it turns no axis by more than `t`.
+//!    the other side, by the least: the latter is used where all offsets and pitches stay within a right angle.
 //! 6. *Floor.* Every axis has `psi_1 + psi_2 >=` the angle between the lines to both eavesdroppers, so
 //!    `max_j A_j >= log2(1 + z)` at every draw: each mean is taken of `max(1 + c_j G_j, 1 + z)`, which keeps most of the
 //!    maximum inside the expectation.
@@ -162,7 +162,7 @@ impl Budget {
     /// About a second without jitter: 0.1%.
     pub const STEADY: Self =
         Self { boxes: 800_000, relative_gap: 1e-3, resolution_m: 1e-3, exhaustive: false };
-    /// Ten to fifteen seconds under jitter: 2%.
+    /// Ten to fifteen seconds under jitter: 2% where the noise is of a degree or two.
     pub const JITTER: Self = Self { boxes: 1_200_000, relative_gap: 2e-2, ..Self::STEADY };
 }
 
