@@ -2,22 +2,16 @@
 
 use mavlink::dialects::ardupilotmega::MavSeverity;
 
-use crate::geo::Enu;
 use crate::pair::wire::VeilwingFlags;
-use crate::planner::problem::Airspace;
 use crate::planner::slots::Plan;
 use crate::preflight::{Check, Verdict, check};
-use crate::role::Role;
-use crate::schedule::geofence::Geofence;
 use crate::schedule::trajectory::Trajectory;
+use crate::schedule::transit::Router;
 use crate::time::Instant;
 
-use super::executive::{Executive, Motion};
+use super::executive::{Executive, Motion, Settings};
 use super::flight::Phase;
 use super::waiting::Waiting;
-
-/// A pose on the fence may lie outside it by rounding, metres.
-const ON_THE_FENCE_M: f64 = 1e-6;
 
 /// What the time on the ground leaves behind.
 #[derive(Debug, Default)]
@@ -67,7 +61,7 @@ impl Executive {
 
     /// Judges a plan that has just come.
     pub(super) fn check_plan(&mut self, plan: &Plan) {
-        self.preflight.geofence = Some(geofence(plan, self.settings.role, &self.settings.airspace));
+        self.preflight.geofence = Some(geofence(plan, &self.settings));
     }
 
     /// Our own checks.
@@ -125,20 +119,17 @@ impl Executive {
 }
 
 /// Whether the fence and the altitude band hold every pose that the plan has for us.
-fn geofence(plan: &Plan, role: Role, airspace: &Airspace) -> Check {
-    let Ok(fence) = Geofence::new(&airspace.area_enu_m) else {
-        return check("geofence", Verdict::Fail, "the mission's area is no polygon");
+fn geofence(plan: &Plan, settings: &Settings) -> Check {
+    let router = match Router::new(&settings.airspace, &settings.limits) {
+        Ok(router) => router,
+        Err(error) => return check("geofence", Verdict::Fail, error.to_string()),
     };
-    let [low_m, high_m] = airspace.altitude_m;
-    let is_inside = |at: &Enu| {
-        (fence.project(at.xy()) - at.xy()).norm() <= ON_THE_FENCE_M
-            && (low_m - ON_THE_FENCE_M..=high_m + ON_THE_FENCE_M).contains(&at.z)
-    };
-    let poses = plan.slots.iter().map(|slot| (slot, slot.plan.vehicles[role].pose.position_enu_m));
-    let outside = poses.into_iter().find(|(_, at)| !is_inside(at));
+    let poses = plan.slots.iter().map(|slot| (slot, slot.plan.vehicles[settings.role].pose.position_enu_m));
+    let outside = poses.into_iter().find(|(_, at)| !router.holds(at));
     match outside {
         None => check("geofence", Verdict::Pass, format!("holds all {} poses", plan.slots.len())),
         Some((slot, at)) => {
+            let [low_m, high_m] = settings.airspace.altitude_m;
             let detail = format!(
                 "the pose for {} at {:.1}, {:.1}, {:.1} m is outside; it should be within the area and {low_m} to {high_m} m",
                 slot.user, at.x, at.y, at.z

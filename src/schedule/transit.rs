@@ -111,6 +111,12 @@ impl Router {
         })
     }
 
+    /// Whether a planned position is within the airspace.
+    #[must_use]
+    pub fn holds(&self, position_enu_m: &Enu) -> bool {
+        self.corridor.contains(position_enu_m, GOAL_SLACK_M)
+    }
+
     /// Both vehicles to the poses of a slot. A start below the altitude band is left vertically and without turning.
     ///
     /// # Errors
