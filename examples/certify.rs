@@ -183,7 +183,9 @@ fn false_thresholds(boxes: usize, every: usize) {
         let p = problem(&nodes[row[1] as usize][1..], row[2], 0.0);
         // From 0.01% to 1% below.
         let share = 1e-4 * 100.0_f64.powf((k % 10) as f64 / 9.0);
-        let budget = Budget { boxes, resolution_m: 4.0, exhaustive: true, ..Budget::STEADY };
+        // What lies above a threshold is as wide as the root of its share: so every attempt has its last box.
+        let resolution_m = 4.0 * (share * 1e4).sqrt();
+        let budget = Budget { boxes, resolution_m, exhaustive: true, ..Budget::STEADY };
         attempts.add(&p, [row[3] * (1.0 - share) * 1e6], budget);
     }
     attempts.print("no jitter");
