@@ -56,6 +56,19 @@ fn val_the_story_of_a_fault_has_its_times_and_reasons() {
 }
 
 #[test]
+fn val_a_warning_given_again_and_again_is_told_once() {
+    let mut flown = flight();
+    let said = "its autopilot link is stale";
+    for at_s in (0..20).map(|k| 14.5 + 0.1 * f64::from(k)).chain([30.0]) {
+        flown.events.push(event(at_s, EventKind::Notice, Role::I, Severity::Warning, said));
+    }
+    flown.events.sort_by(|a, b| a.at_s.total_cmp(&b.at_s));
+    let seen = sound(&html(&flown));
+    assert!(seen.contains(&format!("\u{201c}{said}\u{201d}, 20 times until 16.4 s")), "{seen}");
+    assert_eq!(seen.matches(said).count(), 2, "the one after a while is told by itself\n{seen}");
+}
+
+#[test]
 fn val_violations_and_completion_head_the_page() {
     let mut broken = flight();
     broken.events.push(Event {

@@ -12,6 +12,8 @@ use crate::role::Role;
 const AFTERMATH_S: f64 = 30.0;
 /// What both vehicles do or say within this time is told once.
 const TOGETHER_S: f64 = 1.0;
+/// A warning that comes again within this time is told with the one before it.
+const AGAIN_S: f64 = 5.0;
 
 /// How something is to be taken.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -244,12 +246,35 @@ impl Teller<'_> {
                         Severity::Warning => Tone::Fault,
                         Severity::Error => Tone::Bad,
                     };
-                    let text = format!("{}: \u{201c}{}\u{201d}", sentence(&speaker(vehicle)), event.text);
+                    let mut text = format!("{}: \u{201c}{}\u{201d}", sentence(&speaker(vehicle)), event.text);
+                    if let Some((times, until_s)) = self.repeats(index) {
+                        text += &format!(", {times} times until {}", instant(until_s));
+                    }
                     self.say(event.at_s, tone, text);
                 }
                 EventKind::Fault | EventKind::Process | EventKind::Notice => {}
             }
         }
+    }
+
+    /// How often a vehicle gives a warning before it has been quiet about it for a while, and when last; told with that.
+    fn repeats(&mut self, index: usize) -> Option<(usize, f64)> {
+        let events = &self.facts.timeline.events;
+        let said = &events[index];
+        if said.severity < Severity::Warning {
+            return None;
+        }
+        let (mut times, mut last_s) = (1, said.at_s);
+        for (k, event) in events.iter().enumerate().skip(index + 1) {
+            if event.at_s - last_s > AGAIN_S {
+                break;
+            }
+            if event.kind == said.kind && event.vehicle == said.vehicle && event.text == said.text {
+                (times, last_s) = (times + 1, event.at_s);
+                self.told.push(k);
+            }
+        }
+        (times > 1).then_some((times, last_s))
     }
 
     /// A warning, or the first word of a phase worth telling.
