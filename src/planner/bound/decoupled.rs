@@ -113,6 +113,7 @@ impl<'a> Search<'a> {
             return Outcome::Stuck;
         }
         let wanted = threshold - allowance(threshold);
+        let roughly = wanted - (ROUGH_QUADRATURE - QUADRATURE);
         let reach = (self.links.rho.i / (power - 1.0)).sqrt() * (1.0 + 1e-9);
         self.stack.clear();
         let Some(position) = self.region.bounds.cut_to(reach) else { return Outcome::Excluded };
@@ -126,7 +127,6 @@ impl<'a> Search<'a> {
             if self.region.excludes(&node.position) {
                 continue;
             }
-            let roughly = wanted - (ROUGH_QUADRATURE - QUADRATURE);
             if let Some(whole) = self.tighten(&mut node, Rule::Rough, roughly)
                 && !self.branch(&mut node, &whole, wanted)
             {

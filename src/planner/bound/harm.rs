@@ -63,10 +63,10 @@ mod tests {
     fn val_least_harm_is_below_that_of_every_axis_of_its_class() {
         let mut rng = ChaCha8Rng::seed_from_u64(5);
         let laws = [1.0_f64, 2.0, 5.0, 10.0].map(|degrees| Law::new(degrees.to_radians(), POINTS));
-        let stds = [1.0_f64, 2.0, 5.0, 10.0].map(f64::to_radians);
         let (mut over, mut far) = (f64::NEG_INFINITY, Vec::new());
         for round in 0..600 {
-            let (law, std) = (&laws[round % 4], stds[round % 4]);
+            let law = &laws[round % 4];
+            let std = law.variance().sqrt();
             let from: f64 = rng.random_range(0.0..1.5);
             let class = [from, (from + rng.random_range(0.0..0.1)).min(FRAC_PI_2)];
             let line_roll: f64 = rng.random_range(class[0]..=class[1]);
