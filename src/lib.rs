@@ -28,6 +28,8 @@ pub mod pair;
 pub mod preflight;
 #[cfg(feature = "companion")]
 pub mod report;
+#[cfg(feature = "companion")]
+pub mod service;
 #[cfg(feature = "sitl")]
 pub mod simulation;
 #[cfg(feature = "companion")]

@@ -5,12 +5,12 @@ use std::time::Duration;
 use crate::autopilot;
 use crate::config::{self, Mission, TransmitterKind, Vehicle};
 use crate::link::Form;
-use crate::mission::interlock::Ceilings;
 use crate::mission::{Scene, Settings};
 use crate::pair;
 use crate::role::{PerVehicle, Role};
 use crate::schedule::table::Timing;
 use crate::schedule::trajectory::Limits;
+use crate::service::Ceilings;
 use crate::transmitter::{self, Kind, PowerParameter, Unit};
 
 /// The longest jam lease and transmitter lease: the time in which everything falls silent by itself.

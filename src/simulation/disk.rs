@@ -1,8 +1,5 @@
 //! The disk under a companion's telemetry logs, in virtual time.
 
-use mavlink::dialects::ardupilotmega::MavSeverity;
-
-use crate::link::tlog::{LOSING, TAKING_AGAIN};
 use crate::mission::Notice;
 
 /// Takes records, or is full. As the companion's own writer, it says so once, and the flight goes on.
@@ -21,8 +18,8 @@ impl Disk {
         self.lost += u64::from(self.full);
         let changed = std::mem::replace(&mut self.failing, self.full) != self.full;
         let notice = changed.then(|| match self.full {
-            true => Notice { severity: MavSeverity::MAV_SEVERITY_WARNING, text: LOSING.to_owned() },
-            false => Notice { severity: MavSeverity::MAV_SEVERITY_INFO, text: TAKING_AGAIN.to_owned() },
+            true => Notice::LosingLog,
+            false => Notice::LogTakenAgain,
         });
         (!self.full, notice)
     }
@@ -37,12 +34,10 @@ mod tests {
         let mut disk = Disk::default();
         assert_eq!(disk.write(), (true, None));
         disk.full = true;
-        let (written, notice) = disk.write();
-        assert!(!written && notice.unwrap().severity == MavSeverity::MAV_SEVERITY_WARNING);
+        assert_eq!(disk.write(), (false, Some(Notice::LosingLog)));
         assert_eq!(disk.write(), (false, None));
         disk.full = false;
-        let (written, notice) = disk.write();
-        assert!(written && notice.unwrap().text.contains("again"));
+        assert_eq!(disk.write(), (true, Some(Notice::LogTakenAgain)));
         assert_eq!((disk.write(), disk.lost), ((true, None), 2));
     }
 }

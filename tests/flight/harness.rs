@@ -289,7 +289,7 @@ impl Flight {
 
 impl Observer for Log {
     fn said(&mut self, at: Duration, role: Role, _phase: Option<&'static str>, notice: &Notice) {
-        self.notices.push((at, role, notice.text.clone()));
+        self.notices.push((at, role, notice.to_string()));
     }
 
     fn sent(&mut self, at: Duration, role: Role, message: &Outgoing) {

@@ -176,15 +176,15 @@ impl Logs {
 
 impl Observer for Logs {
     fn said(&mut self, at: Duration, role: Role, phase: Option<&'static str>, notice: &Notice) {
-        self.line(at, &format!("{role}  {}", notice.text));
-        let severity = match notice.severity {
+        self.line(at, &format!("{role}  {}", notice));
+        let severity = match notice.severity() {
             MavSeverity::MAV_SEVERITY_WARNING => Severity::Warning,
             MavSeverity::MAV_SEVERITY_NOTICE
             | MavSeverity::MAV_SEVERITY_INFO
             | MavSeverity::MAV_SEVERITY_DEBUG => Severity::Info,
             _ => Severity::Error,
         };
-        let text = notice.text.clone();
+        let text = notice.to_string();
         self.events.push(Event {
             at_s: at.as_secs_f64(),
             kind: EventKind::Notice,

@@ -17,7 +17,7 @@ const RENEW_EVERY: Duration = Duration::from_millis(100);
 /// radio counts its expiry from then. Beyond it the jam lease's own margin (pair::lease) covers.
 const COMMAND_LATENCY: Duration = Duration::from_millis(20);
 
-/// What the decision rests on, all as known at one instant.
+/// What the decision rests on beside the interlock's own state, all as known at one instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Facts {
     /// The committed slot's share of time in which this vehicle may radiate, and the plan's power for it.
@@ -28,7 +28,7 @@ pub struct Facts {
     pub in_control: bool,
     /// The autopilot's estimate is healthy.
     pub estimator_ok: bool,
-    /// Own pose inside tolerance.
+    /// Arrived, and own pose inside tolerance.
     pub pose_ok: bool,
     /// I: the end of the jam lease in force.
     pub jam_lease: Option<Instant>,
@@ -36,6 +36,25 @@ pub struct Facts {
     pub peer_on_station: bool,
     /// J: I may hold a lease.
     pub leases_outstanding: bool,
+}
+
+/// What the interlock itself knows.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Latches {
+    /// Which vehicle this is.
+    pub role: Role,
+    /// The operator's kill is latched.
+    pub killed: bool,
+    /// The transmitter is simulated, or the mission's `[emission]` table covers it.
+    pub authorised: bool,
+    /// J has just fallen silent out of turn.
+    pub resting: bool,
+    /// The smallest of all ceilings beside the plan's power, in watts.
+    pub power_limit_w: f64,
+    /// The longest permit.
+    pub lease: Duration,
+    /// Of a command to the transmitter, as last measured.
+    pub round_trip: Duration,
 }
 
 /// When a vehicle may radiate in the committed slot, and how strongly.
@@ -80,6 +99,9 @@ pub enum Silence {
     /// The mission does not authorise this transmitter.
     #[error("the mission file has no [emission] table that authorises this transmitter")]
     NotAuthorised,
+    /// J has just fallen silent out of turn.
+    #[error("the off may still be under way to the transmitter")]
+    Resting,
     /// No slot is agreed, or its time has not come or is over.
     #[error("not within a committed slot")]
     NoSlot,
@@ -95,9 +117,6 @@ pub enum Silence {
     /// Pose out of tolerance.
     #[error("own pose is out of tolerance")]
     Pose,
-    /// J has just fallen silent out of turn.
-    #[error("the off may still be under way to the transmitter")]
-    Resting,
     /// I without a lease.
     #[error("no jam lease in force")]
     NoLease,
@@ -109,18 +128,21 @@ pub enum Silence {
     NoPower,
 }
 
-/// The decision. `round_trip`: of a command to the transmitter, as last measured.
+/// The decision: a pure function of what is known at `now`.
 ///
 /// # Errors
-/// The first reason for silence.
-pub fn decide(
-    role: Role,
-    facts: &Facts,
-    power_limit_w: f64,
-    lease: Duration,
-    round_trip: Duration,
-    now: Instant,
-) -> Result<Permit, Silence> {
+/// The first reason for silence, in the order of [`Silence`]'s variants; but where nothing is agreed, or its time has
+/// not come, that is the reason, whatever the vehicle says of itself.
+pub fn decide(latches: &Latches, facts: &Facts, now: Instant) -> Result<Permit, Silence> {
+    if latches.killed {
+        return Err(Silence::Killed);
+    }
+    if !latches.authorised {
+        return Err(Silence::NotAuthorised);
+    }
+    if latches.resting {
+        return Err(Silence::Resting);
+    }
     let window = facts.window.filter(|w| w.from <= now && now < w.until).ok_or(Silence::NoSlot)?;
     if !facts.state_fresh {
         return Err(Silence::Stale);
@@ -134,11 +156,11 @@ pub fn decide(
     if !facts.pose_ok {
         return Err(Silence::Pose);
     }
-    let longest = (now + lease).min(window.until);
-    let expires_at = match role {
+    let longest = (now + latches.lease).min(window.until);
+    let expires_at = match latches.role {
         Role::I => {
             let lease_end = facts.jam_lease.ok_or(Silence::NoLease)?;
-            longest.min(lease_end - COMMAND_LATENCY.max(round_trip))
+            longest.min(lease_end - COMMAND_LATENCY.max(latches.round_trip))
         }
         Role::J if facts.peer_on_station || facts.leases_outstanding => longest,
         Role::J => return Err(Silence::NoPeer),
@@ -146,7 +168,7 @@ pub fn decide(
     if expires_at <= now {
         return Err(Silence::NoLease);
     }
-    let power_w = window.power_w.min(power_limit_w);
+    let power_w = window.power_w.min(latches.power_limit_w);
     if !(power_w > 0.0 && power_w.is_finite()) {
         return Err(Silence::NoPower);
     }
@@ -220,7 +242,7 @@ impl Interlock {
     /// # Errors
     /// Why the transmitter is (now) off.
     pub fn apply(&mut self, facts: &Facts, now: Instant) -> Result<Permit, Silence> {
-        let decision = self.decide(facts, now);
+        let decision = decide(&self.latches(now), facts, now);
         match decision {
             Ok(permit) => {
                 let renew = self.standing.is_none_or(|(standing, at)| {
@@ -240,19 +262,16 @@ impl Interlock {
         decision
     }
 
-    fn decide(&self, facts: &Facts, now: Instant) -> Result<Permit, Silence> {
-        if self.killed {
-            return Err(Silence::Killed);
+    fn latches(&self, now: Instant) -> Latches {
+        Latches {
+            role: self.role,
+            killed: self.killed,
+            authorised: self.authorised,
+            resting: self.rests_until.is_some_and(|until| now < until),
+            power_limit_w: self.ceiling().0,
+            lease: self.lease,
+            round_trip: self.round_trip(),
         }
-        if !self.authorised {
-            return Err(Silence::NotAuthorised);
-        }
-        if self.rests_until.is_some_and(|until| now < until) {
-            return Err(Silence::Resting);
-        }
-        let limit_w = self.transmitter.limit_w().unwrap_or(f64::INFINITY);
-        let limit_w = limit_w.min(self.ceilings.mission_w).min(self.ceilings.vehicle_w);
-        decide(self.role, facts, limit_w, self.lease, self.round_trip(), now)
     }
 
     /// Whether the transmitter is known to be off: never commanded on since it last acknowledged off, or every
@@ -321,7 +340,7 @@ impl Interlock {
         self.transmitter.handle_timeout(now);
     }
 
-    /// The smallest ceiling known, for the preflight's report.
+    /// The smallest ceiling known.
     #[must_use]
     pub fn ceiling(&self) -> Watts {
         let transmitter_w = self.transmitter.limit_w().unwrap_or(f64::INFINITY);

@@ -19,7 +19,7 @@ use mavlink::dialects::ardupilotmega::{MavMessage, NAMED_VALUE_FLOAT_DATA};
 
 use crate::geo::Enu;
 use crate::mission::executive::Executive;
-use crate::mission::face::information::boot_ms;
+use crate::mission::ground_station::information::boot_ms;
 use crate::pair::wire::VeilwingFlags;
 use crate::planner::problem::Radio;
 use crate::radio::link::{NEAREST_M, Transmitter, received_power_w};
@@ -75,23 +75,26 @@ impl Figures {
 impl Executive {
     /// The next figure, if one is due.
     pub(super) fn show_live(&mut self, now: Instant) {
-        if self.face.live_hz <= 0.0 || now < self.face.live_at || !self.phase.is_flying() {
+        if self.ground_station.live_hz <= 0.0
+            || now < self.ground_station.live_at
+            || !self.phase.is_in_service()
+        {
             return;
         }
-        self.face.live_at = now + Duration::from_secs_f64(1.0 / self.face.live_hz);
+        self.ground_station.live_at = now + Duration::from_secs_f64(1.0 / self.ground_station.live_hz);
         let figures = self.figures(now);
-        let next = figures.as_ref().and_then(|figures| figures.named(self.face.live_next));
+        let next = figures.as_ref().and_then(|figures| figures.named(self.ground_station.live_next));
         let (name, value) = match (next, &figures) {
             (Some(next), _) => next,
             // Round again.
             (None, Some(figures)) => {
-                self.face.live_next = 0;
+                self.ground_station.live_next = 0;
                 ("SEC_RATE".into(), figures.rate_bps)
             }
             // Between slots nothing is protected, for nothing is sent.
             (None, None) => ("SEC_RATE".into(), 0.0),
         };
-        self.face.live_next = if figures.is_some() { self.face.live_next + 1 } else { 0 };
+        self.ground_station.live_next = if figures.is_some() { self.ground_station.live_next + 1 } else { 0 };
         self.outbox.push_back(MavMessage::NAMED_VALUE_FLOAT(NAMED_VALUE_FLOAT_DATA {
             time_boot_ms: boot_ms(now),
             value: value as f32,
@@ -101,15 +104,15 @@ impl Executive {
 
     /// The model at what is known now; `None` outside slots, and while a position is unknown or old.
     fn figures(&self, now: Instant) -> Option<Figures> {
-        let slot = self.slot.as_ref()?;
-        let entry = self.entry(slot.course.commitment.slot)?;
+        let entry = self.itinerary.as_ref()?.entry(self.service.slot()?.commitment.slot)?;
         let planned = self.plan.as_ref()?.slots.get(entry.user_index)?.plan.vehicles;
-        let (role, peer) = (self.settings.role, self.pair.peer());
+        let (role, peer) = (self.settings.role, self.service.peer());
         if !self.autopilot.fresh(now) || !peer.heard_within(self.settings.pair.peer_timeout, now) {
             return None;
         }
-        let acknowledged = self.interlock.transmitter().acknowledged();
-        let lease = acknowledged.filter(|lease| self.interlock.is_on() && now < lease.expires_at);
+        let interlock = self.service.interlock();
+        let acknowledged = interlock.transmitter().acknowledged();
+        let lease = acknowledged.filter(|lease| interlock.is_on() && now < lease.expires_at);
         let own = Transmitter {
             position_enu_m: self.position()?,
             axis: self.autopilot.state().attitude?.value.antenna_axis(),

@@ -27,6 +27,8 @@ use nalgebra::Vector3;
 use crate::geo::{Attitude, Enu, Pose};
 use crate::time::Instant;
 
+use super::evidence::Vehicle;
+
 /// Time constants of the attitude filters.
 const FILTERS: [Duration; 2] = [Duration::from_millis(100), Duration::from_millis(400)];
 /// What is left of the jitter is shorter than so many of its deviations, but for 2.4e-9 of all samples.
@@ -123,6 +125,16 @@ impl PoseMonitor {
     #[must_use]
     pub fn new(target: Pose, tolerance: Tolerance) -> Self {
         Self { target, tolerance, errors: None, position_error_m: None }
+    }
+
+    /// Feeds the newest state.
+    pub fn feed(&mut self, vehicle: &Vehicle) {
+        if let Some(position) = vehicle.position_enu_m {
+            self.position(position);
+        }
+        if let Some((attitude, measured_at)) = vehicle.attitude {
+            self.attitude(&attitude, measured_at);
+        }
     }
 
     /// Feeds the measured position.

@@ -7,13 +7,13 @@
 
 use mavlink::MavHeader;
 use mavlink::dialects::ardupilotmega::{
-    MavMessage, MavParamError, MavParamType, MavSeverity, PARAM_ERROR_DATA, PARAM_SET_DATA, PARAM_VALUE_DATA,
+    MavMessage, MavParamError, MavParamType, PARAM_ERROR_DATA, PARAM_SET_DATA, PARAM_VALUE_DATA,
 };
 
 use crate::mission::executive::Executive;
-use crate::mission::flight::Phase;
-use crate::mission::pose_monitor::Tolerance;
+use crate::mission::notice::Notice;
 use crate::role::Role;
+use crate::service::Tolerance;
 
 /// One parameter.
 struct Parameter {
@@ -38,22 +38,22 @@ const TABLE: [Parameter; 12] = [
     },
     Parameter {
         name: "VW_PHASE",
-        get: |e| e.phase.number(),
+        get: |e| e.phase.number(e.service.slot().is_some()).into(),
         access: Access::ReadOnly("the flight: 0 connecting to 11 ended"),
     },
     Parameter {
         name: "VW_SLOT",
-        get: |e| e.slot.as_ref().map_or(e.next_slot, |slot| slot.course.commitment.slot).into(),
+        get: |e| e.service.slot_number().into(),
         access: Access::ReadOnly("the flight: the slot under way, or the next one"),
     },
     Parameter {
         name: "VW_SLOTS",
-        get: |e| e.table.as_ref().map_or(0.0, |table| table.entries.len() as f64),
+        get: |e| e.itinerary.as_ref().map_or(0.0, |itinerary| itinerary.slots() as f64),
         access: Access::ReadOnly("the plan both companions agreed on"),
     },
     Parameter {
         name: "VW_PMAX_W",
-        get: |e| e.interlock.ceiling().0.min(f64::from(f32::MAX)),
+        get: |e| e.service.interlock().ceiling().0.min(f64::from(f32::MAX)),
         access: Access::ReadOnly("the mission, the vehicle file and the radio: the least of their limits"),
     },
     Parameter {
@@ -73,44 +73,66 @@ const TABLE: [Parameter; 12] = [
     },
     Parameter {
         name: "VW_KILLED",
-        get: |e| f64::from(u8::from(e.interlock.is_killed())),
+        get: |e| f64::from(u8::from(e.service.interlock().is_killed())),
         access: Access::ReadOnly("command 31011, until the companion restarts"),
     },
     Parameter {
         name: "VW_POS_TOL_M",
-        get: |e| e.face.tolerance[0],
-        access: Access::Writable([0.1, Tolerance::widest()[0]], |e, metres| e.face.tolerance[0] = metres),
+        get: |e| e.ground_station.tolerance[0],
+        access: Access::Writable([0.1, Tolerance::widest()[0]], |e, metres| {
+            e.ground_station.tolerance[0] = metres;
+            e.retune();
+        }),
     },
     Parameter {
         name: "VW_ATT_TOL_DEG",
-        get: |e| e.face.tolerance[1].to_degrees(),
+        get: |e| e.ground_station.tolerance[1].to_degrees(),
         // In degrees: checked against the range before it is taken.
-        access: Access::Writable([0.5, 3.0], |e, degrees| e.face.tolerance[1] = degrees.to_radians()),
+        access: Access::Writable([0.5, 3.0], |e, degrees| {
+            e.ground_station.tolerance[1] = degrees.to_radians();
+            e.retune();
+        }),
     },
     Parameter {
         name: "VW_LIVE_HZ",
-        get: |e| e.face.live_hz,
-        access: Access::Writable([0.0, 20.0], |e, hertz| e.face.live_hz = hertz),
+        get: |e| e.ground_station.live_hz,
+        access: Access::Writable([0.0, 20.0], |e, hertz| e.ground_station.live_hz = hertz),
     },
 ];
 
-impl Phase {
-    /// Its place in the order of a flight.
-    fn number(&self) -> f64 {
-        f64::from(match self {
-            Self::Connecting => 0,
-            Self::Standby => 1,
-            Self::TakingControl => 2,
-            Self::Arming => 3,
-            Self::Climbing => 4,
-            Self::Ready { .. } => 5,
-            Self::Slot => 6,
-            Self::Holding { .. } => 7,
-            Self::Returning => 8,
-            Self::Landing => 9,
-            Self::Surrendered => 10,
-            Self::Ended => 11_u8,
-        })
+/// Why a parameter stays as it is.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum ParameterRefusal {
+    /// It comes from elsewhere.
+    #[error("{name} stays: it is given by {source_of_it}")]
+    ReadOnly {
+        /// The parameter.
+        name: &'static str,
+        /// From where.
+        source_of_it: &'static str,
+    },
+    /// It was sent as another type.
+    #[error("{0} stays: it is written as a float (REAL32)")]
+    NotAFloat(&'static str),
+    /// Not one of the values it may have.
+    #[error("{name} stays: {value} is not within {} to {}", range[0], range[1])]
+    OutOfRange {
+        /// The parameter.
+        name: &'static str,
+        /// What was asked for.
+        value: f64,
+        /// Least and greatest.
+        range: [f64; 2],
+    },
+}
+
+impl ParameterRefusal {
+    fn code(&self) -> MavParamError {
+        match self {
+            Self::ReadOnly { .. } => MavParamError::MAV_PARAM_ERROR_READ_ONLY,
+            Self::NotAFloat(_) => MavParamError::MAV_PARAM_ERROR_TYPE_MISMATCH,
+            Self::OutOfRange { .. } => MavParamError::MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE,
+        }
     }
 }
 
@@ -129,7 +151,7 @@ impl Executive {
                 if to_us(m.target_system, m.target_component)
                     || to_all(m.target_system, m.target_component) =>
             {
-                self.face.listing = (0..TABLE.len()).collect();
+                self.ground_station.listing = (0..TABLE.len()).collect();
             }
             MavMessage::PARAM_REQUEST_READ(m) => {
                 let named = m.param_id.to_str().ok().and_then(index_of);
@@ -166,33 +188,31 @@ impl Executive {
             let error = MavParamError::MAV_PARAM_ERROR_DOES_NOT_EXIST;
             return self.outbox.push_back(parameter_error(header, id, -1, error));
         };
+        let name = parameter.name;
         let refusal = match &parameter.access {
-            Access::ReadOnly(source) => Some((
-                MavParamError::MAV_PARAM_ERROR_READ_ONLY,
-                format!("{id} stays: it is given by {source}"),
-            )),
-            Access::Writable(..) if m.param_type != MavParamType::MAV_PARAM_TYPE_REAL32 => Some((
-                MavParamError::MAV_PARAM_ERROR_TYPE_MISMATCH,
-                format!("{id} stays: it is written as a float (REAL32)"),
-            )),
+            Access::ReadOnly(source) => Some(ParameterRefusal::ReadOnly { name, source_of_it: source }),
+            Access::Writable(..) if m.param_type != MavParamType::MAV_PARAM_TYPE_REAL32 => {
+                Some(ParameterRefusal::NotAFloat(name))
+            }
             // Not a number is in no range.
-            Access::Writable([least, greatest], _) if !(*least..=*greatest).contains(&value) => Some((
-                MavParamError::MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE,
-                format!("{id} stays: {value} is not within {least} to {greatest}"),
-            )),
+            Access::Writable(range, _) if !(range[0]..=range[1]).contains(&value) => {
+                Some(ParameterRefusal::OutOfRange { name, value, range: *range })
+            }
             Access::Writable(_, set) => {
                 set(self, value);
                 None
             }
         };
         self.outbox.extend(self.parameter_value(index));
-        match refusal {
-            Some((error, text)) => {
-                self.outbox.push_back(parameter_error(header, id, index as i16, error));
-                self.notice(MavSeverity::MAV_SEVERITY_WARNING, text);
-            }
-            None => self.notice(MavSeverity::MAV_SEVERITY_NOTICE, format!("{id} is now {value}")),
-        }
+        let Some(refusal) = refusal else { return self.notice(Notice::ParameterSet(name, value)) };
+        self.outbox.push_back(parameter_error(header, name, index as i16, refusal.code()));
+        self.notice(Notice::ParameterRefused(refusal));
+    }
+
+    /// The operator's tolerance, for the slots to come.
+    fn retune(&mut self) {
+        let tolerance = self.ground_station.tolerance(self.settings.jitter_rad);
+        self.service.set_tolerance(tolerance);
     }
 
     pub(super) fn parameter_value(&self, index: usize) -> Option<MavMessage> {

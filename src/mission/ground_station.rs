@@ -15,15 +15,16 @@ use mavlink::dialects::ardupilotmega::{MavMessage, MavState};
 use crate::autopilot;
 use crate::time::Instant;
 
-use super::executive::Executive;
-use super::flight::Phase;
-use super::pose_monitor::Tolerance;
+use super::executive::{Executive, Stopping};
+use super::phase::Phase;
+use crate::service::Tolerance;
 
 pub use live::Scene;
+pub use parameters::ParameterRefusal;
 
-/// What the face remembers.
+/// What is remembered of it.
 #[derive(Debug)]
-pub(super) struct Face {
+pub(super) struct GroundStation {
     /// Parameters still to be sent, by index.
     listing: VecDeque<usize>,
     /// Position tolerance in metres and attitude tolerance in radians before the jitter's share: the operator's.
@@ -35,7 +36,7 @@ pub(super) struct Face {
     live_next: usize,
 }
 
-impl Face {
+impl GroundStation {
     pub fn new(now: Instant) -> Self {
         let widest = Tolerance::widest();
         Self { listing: VecDeque::new(), tolerance: widest, live_hz: 10.0, live_at: now, live_next: 0 }
@@ -51,7 +52,7 @@ impl Face {
 impl Executive {
     /// At every tick: the next parameter of a list, or the next live figure.
     pub(super) fn show(&mut self, now: Instant) {
-        if let Some(index) = self.face.listing.pop_front() {
+        if let Some(index) = self.ground_station.listing.pop_front() {
             self.outbox.extend(self.parameter_value(index));
         } else {
             self.show_live(now);
@@ -59,9 +60,9 @@ impl Executive {
     }
 
     pub(super) fn heartbeat(&self) -> MavMessage {
-        let in_trouble = self.abort_cause.is_some() || self.interlock.is_killed();
+        let in_trouble = self.abort_cause.is_some() || self.service.interlock().is_killed();
         autopilot::heartbeat(match self.phase {
-            _ if self.shutting_down.is_some() => MavState::MAV_STATE_POWEROFF,
+            _ if matches!(self.stopping, Stopping::Since(_)) => MavState::MAV_STATE_POWEROFF,
             _ if in_trouble => MavState::MAV_STATE_CRITICAL,
             Phase::Connecting => MavState::MAV_STATE_BOOT,
             Phase::Standby | Phase::Ended => MavState::MAV_STATE_STANDBY,
