@@ -8,9 +8,9 @@ use serde::Serialize;
 use veilwing_sitl::FlightReport;
 
 use crate::config::Mission;
+use crate::desk::simulation::Excused;
 use crate::planner::problem::Uncertainty;
 use crate::role::{PerVehicle, Role};
-use crate::simulation::Excused;
 
 use super::host::Flight;
 use super::process::{End, describe_end};

@@ -3,10 +3,9 @@
 use rustix::process::{Pid, Resource, Rlimit, Signal};
 use veilwing_sitl as sim;
 
-use crate::config::FaultKind;
-use crate::report::flight::{EventKind, Severity};
+use crate::desk::report::{EventKind, Severity};
+use crate::desk::simulation::{Change, Fault, FaultKind, index};
 use crate::role::Role;
-use crate::simulation::{Change, Fault, index};
 
 use super::host::Host;
 use super::port::DIRECT;

@@ -10,11 +10,11 @@ use tokio::time::MissedTickBehavior;
 use veilwing_sitl::{self as sim, World};
 
 use crate::cli::progress;
-use crate::config::HostPort;
+use crate::desk::report::{Event, EventKind, Severity};
+use crate::desk::simulation::{Excused, Fault, Late, Schedule, index, judge};
+use crate::link::HostPort;
 use crate::link::clock::Clock;
-use crate::report::flight::{Event, EventKind, Severity};
 use crate::role::{PerVehicle, Role};
-use crate::simulation::{Excused, Fault, Late, Schedule, index, judge};
 
 use super::faults::Restart;
 use super::files::write_vehicle;

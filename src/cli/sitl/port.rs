@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use tokio::net::UdpSocket;
 
-use crate::simulation::{Path, Pipe};
+use crate::desk::simulation::{Path, Pipe};
 
 /// Loopback itself: nothing lost, and no delay beside the operating system's.
 pub(super) const DIRECT: Path = Path { delay: Duration::ZERO, ..Path::GOOD };

@@ -8,7 +8,7 @@ use tokio::process::{Child, Command};
 use tokio::sync::mpsc;
 
 use crate::cli::progress;
-use crate::report::flight::Severity;
+use crate::desk::report::Severity;
 use crate::role::Role;
 use crate::time::Instant;
 
