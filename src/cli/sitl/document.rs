@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
 use serde::Serialize;
-use veilwing_sitl::FlightReport;
+use veilwing_sitl::{FlightReport, Violation};
 
 use crate::config::Mission;
 use crate::desk::simulation::Excused;
@@ -154,19 +154,14 @@ impl FlightDocument {
                 writeln!(text, "vehicle {role}: companion {}", describe_end(end))?;
             }
         }
+        let told = |violation: &Violation| {
+            format!("{} at {:.3} s: {violation}", violation.invariant().name(), violation.at.as_secs_f64())
+        };
         for violation in &self.report.violations {
-            writeln!(
-                text,
-                "VIOLATION {} at {:.3} s: {}",
-                violation.invariant, violation.at_s, violation.detail
-            )?;
+            writeln!(text, "VIOLATION {}", told(violation))?;
         }
         for Excused { violation, why } in &self.excused {
-            writeln!(
-                text,
-                "not counted: {} at {:.3} s: {} ({why})",
-                violation.invariant, violation.at_s, violation.detail
-            )?;
+            writeln!(text, "not counted: {} ({why})", told(violation))?;
         }
         if let Some(WorldLate { steps, worst_ms }) = self.world_late.as_ref().filter(|late| late.steps > 0) {
             writeln!(

@@ -90,10 +90,10 @@ impl FlightLine {
     #[must_use]
     pub fn new(run: u64, seed: u64, flown: &Flown) -> Self {
         let line = |v: &veilwing_sitl::Violation| ViolationLine {
-            invariant: v.invariant.to_owned(),
+            invariant: v.invariant().name().to_owned(),
             seed,
-            at_s: v.at_s,
-            detail: v.detail.clone(),
+            at_s: v.at.as_secs_f64(),
+            detail: v.to_string(),
         };
         let faults = flown.faults.iter().map(|(at, fault)| FaultLine {
             at_s: at.as_secs_f64(),

@@ -8,11 +8,11 @@ use super::timeline::{
     Scene, Severity, Source, Timeline, VehicleState,
 };
 use crate::config::Mission;
-use crate::desk::simulation::Excused;
+use crate::desk::simulation::{Excused, index};
 use crate::geo::{Attitude, Pose};
 use crate::planner::document::VehicleDocument;
 use crate::planner::plan::VehiclePlan;
-use crate::role::{PerVehicle, Role};
+use crate::role::PerVehicle;
 
 /// The timeline of a flight that is over: what a [`sim::Recorder`] kept of `world`, and what the host knows of faults,
 /// notices and processes. `judged`: the violations that count, and those that do not.
@@ -31,20 +31,20 @@ pub fn timeline(
         summary: None,
     };
     let event = |kind, severity, violation: &sim::Violation, text| Event {
-        at_s: violation.at_s,
+        at_s: violation.at.as_secs_f64(),
         kind,
         vehicle: None,
         severity,
         phase: None,
-        code: Some(violation.invariant.to_owned()),
+        code: Some(violation.invariant().name().to_owned()),
         text,
     };
     let (violations, excused) = judged;
     timeline
         .events
-        .extend(violations.iter().map(|v| event(EventKind::Violation, Severity::Error, v, v.detail.clone())));
+        .extend(violations.iter().map(|v| event(EventKind::Violation, Severity::Error, v, v.to_string())));
     timeline.events.extend(excused.iter().map(|Excused { violation, why }| {
-        let text = format!("{}; {why}", violation.detail);
+        let text = format!("{violation}; {why}");
         event(EventKind::Excused, Severity::Warning, violation, text)
     }));
     timeline.events.sort_by(|a, b| a.at_s.total_cmp(&b.at_s));
@@ -117,14 +117,7 @@ fn slot(slot: &sim::PlannedSlot) -> PlannedSlot {
 
 fn sample(record: &sim::Record, bandwidth_hz: f64) -> Sample {
     let snapshot = &record.snapshot;
-    let vehicles = PerVehicle::from_fn(|role| {
-        Some(vehicle(
-            &snapshot.vehicles[match role {
-                Role::I => 0,
-                Role::J => 1,
-            }],
-        ))
-    });
+    let vehicles = PerVehicle::from_fn(|role| Some(vehicle(&snapshot.vehicles[index(role)])));
     let heard = record.heard.as_ref().map(|heard| {
         let strongest = heard.eavesdropper_sinr.iter().copied().fold(0.0, f64::max);
         let rate = (1.0 + heard.user_sinr).log2() - (1.0 + strongest).log2();

@@ -4,16 +4,17 @@
 use std::time::Duration;
 
 use serde::Serialize;
-use veilwing_sitl::Violation;
+use veilwing_sitl::{Invariant, Violation};
 
 use crate::role::Role;
 
-use super::Fault;
+use super::{Fault, index};
 
 /// What the world's lateness has upset is upset for this much longer: S4's reactions and the leases.
 const AFTERWARDS: Duration = Duration::from_secs(1);
 /// What depends on when something is heard. Powers, paths, and what a radio does by itself do not.
-const TIMED: [&str; 6] = ["S1", "S2", "S3", "S4", "F2", "F3"];
+const TIMED: [Invariant; 6] =
+    [Invariant::S1, Invariant::S2, Invariant::S3, Invariant::S4, Invariant::F2, Invariant::F3];
 
 /// A violation that does not count.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -56,32 +57,33 @@ pub fn judge(
 /// construction. The rest is held to the invariants as ever: a transmitter of I excuses nothing that J does, nor a
 /// vehicle's path (F), nor anything before it broke.
 fn broken_radio(violation: &Violation, faults: &[(Duration, Fault)]) -> Option<String> {
-    let of = if violation.detail.starts_with("J radiates") { Role::J } else { Role::I };
+    let of = Role::BOTH.into_iter().find(|role| violation.vehicle == Some(index(*role)))?;
     let broken = faults.iter().any(|(at, fault)| {
-        fault.kind.is_of_the_transmitter() && fault.roles.contains(&of) && at.as_secs_f64() <= violation.at_s
+        fault.kind.is_of_the_transmitter() && fault.roles.contains(&of) && *at <= violation.at
     });
-    (broken && violation.invariant.starts_with('S'))
+    (broken && violation.invariant().is_of_emission())
         .then(|| format!("vehicle {of}'s transmitter was out of order"))
 }
 
 /// State that comes late silences vehicles rightly, one before the other; that it came late was not their doing.
 fn late_world(violation: &Violation, late: &[Late]) -> Option<String> {
-    if !TIMED.contains(&violation.invariant) {
+    if !TIMED.contains(&violation.invariant()) {
         return None;
     }
-    let at = Duration::try_from_secs_f64(violation.at_s).ok()?;
-    let upset = |step: &&Late| step.from <= at && at <= step.from + step.by + AFTERWARDS;
+    let upset = |step: &&Late| step.from <= violation.at && violation.at <= step.from + step.by + AFTERWARDS;
     let worst = late.iter().filter(upset).max_by_key(|step| step.by)?;
     Some(format!("the world ran late by {} ms at {:.3} s", worst.by.as_millis(), worst.from.as_secs_f64()))
 }
 
 #[cfg(test)]
 mod tests {
+    use veilwing_sitl::Breach;
+
     use super::*;
     use crate::desk::simulation::FaultKind;
 
-    fn violation(invariant: &'static str, at_s: f64, detail: &str) -> Violation {
-        Violation { invariant, at_s, detail: detail.into() }
+    fn violation(vehicle: Option<usize>, at_s: f64, breach: Breach) -> Violation {
+        Violation { at: Duration::from_secs_f64(at_s), vehicle, breach }
     }
 
     #[test]
@@ -98,14 +100,22 @@ mod tests {
             };
             vec![(Duration::from_secs(30), fault)]
         };
-        let unprotected = violation("S1", 31.0, "I radiates while J does not jam its slot");
-        let jam = violation("S2", 31.0, "J radiates in no slot of the plan");
-        let near = violation("F1", 31.0, "the vehicles are 3.00 m apart; 5.00 m is the least");
-        let before = violation("S1", 29.0, "I radiates while J does not jam its slot");
-        for (violation, of_i, of_j) in
-            [(unprotected, true, false), (jam, false, true), (near, false, false), (before, false, false)]
-        {
-            let excused = |faults: &[_]| judge(vec![violation.clone()], faults, &[]).1.len() == 1;
+        let (i, j) = (Some(index(Role::I)), Some(index(Role::J)));
+        let unprotected = violation(i, 31.0, Breach::Unprotected);
+        let left = violation(i, 31.0, Breach::JamLeft);
+        let jam = violation(j, 31.0, Breach::NoSlot);
+        let near = violation(None, 31.0, Breach::Near { distance_m: 3.0, least_m: 5.0 });
+        let fence = violation(j, 31.0, Breach::Fence { beyond_m: 3.0, position_m: [0.0; 2] });
+        let before = violation(i, 29.0, Breach::Unprotected);
+        for (violation, of_i, of_j) in [
+            (unprotected, true, false),
+            (left, true, false),
+            (jam, false, true),
+            (near, false, false),
+            (fence, false, false),
+            (before, false, false),
+        ] {
+            let excused = |faults: &[_]| judge(vec![violation], faults, &[]).1.len() == 1;
             assert_eq!(excused(&broken(Role::I)), of_i, "{violation:?}");
             assert_eq!(excused(&broken(Role::J)), of_j, "{violation:?}");
             assert!(!excused(&[]));
@@ -119,21 +129,24 @@ mod tests {
             by: Duration::from_millis(by_ms),
         };
         let steps = [late(10, 40), late(30, 90), late(30, 60)];
-        for (invariant, at_s, expected) in [
-            ("S3", 30.5, Some("the world ran late by 90 ms at 30.000 s")),
-            ("S1", 31.05, Some("the world ran late by 90 ms at 30.000 s")),
-            ("F2", 10.2, Some("the world ran late by 40 ms at 10.000 s")),
-            ("S3", 29.9, None),
-            ("S3", 31.2, None),
-            ("S6", 30.5, None),
-            ("S5", 30.5, None),
-            ("F1", 30.5, None),
+        let (i, after) = (Some(index(Role::I)), Duration::ZERO);
+        for (invariant, breach, at_s, expected) in [
+            ("S3", Breach::JamLeft, 30.5, Some("the world ran late by 90 ms at 30.000 s")),
+            ("S1", Breach::NoSlot, 31.05, Some("the world ran late by 90 ms at 30.000 s")),
+            ("F2", Breach::TakesBack, 10.2, Some("the world ran late by 40 ms at 10.000 s")),
+            ("S3", Breach::InfoFirst, 29.9, None),
+            ("S3", Breach::InfoFirst, 31.2, None),
+            ("S6", Breach::Power { power_w: 2.0, allowed_w: 1.0 }, 30.5, None),
+            ("S5", Breach::Outlives { after }, 30.5, None),
+            ("F1", Breach::Near { distance_m: 1.0, least_m: 2.0 }, 30.5, None),
         ] {
-            let (count, excused) = judge(vec![violation(invariant, at_s, "x")], &[], &steps);
+            let violation = violation(i, at_s, breach);
+            assert_eq!(violation.invariant().name(), invariant);
+            let (count, excused) = judge(vec![violation], &[], &steps);
             assert_eq!(excused.first().map(|excused| excused.why.as_str()), expected, "{invariant} {at_s}");
             assert_eq!(count.len() + excused.len(), 1);
             // Where lateness cannot be, nothing hides behind it.
-            assert_eq!(judge(vec![violation(invariant, at_s, "x")], &[], &[]).0.len(), 1);
+            assert_eq!(judge(vec![violation], &[], &[]).0.len(), 1);
         }
     }
 }
