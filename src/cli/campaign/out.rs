@@ -6,7 +6,6 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use mavlink::dialects::ardupilotmega::MavSeverity;
 use serde::Serialize;
 use veilwing_sitl::{Recorder, World};
 
@@ -177,19 +176,12 @@ impl Logs {
 impl Observer for Logs {
     fn said(&mut self, at: Duration, role: Role, phase: Option<&'static str>, notice: &Notice) {
         self.line(at, &format!("{role}  {}", notice.text));
-        let severity = match notice.severity {
-            MavSeverity::MAV_SEVERITY_WARNING => Severity::Warning,
-            MavSeverity::MAV_SEVERITY_NOTICE
-            | MavSeverity::MAV_SEVERITY_INFO
-            | MavSeverity::MAV_SEVERITY_DEBUG => Severity::Info,
-            _ => Severity::Error,
-        };
         let text = notice.text.clone();
         self.events.push(Event {
             at_s: at.as_secs_f64(),
             kind: EventKind::Notice,
             vehicle: Some(role),
-            severity,
+            severity: notice.severity.into(),
             phase: phase.map(str::to_owned),
             code: None,
             text,

@@ -2,6 +2,8 @@
 
 use std::str::FromStr;
 
+use crate::desk::campaign::part_file_name;
+
 /// Part `index`, from 1, of `of`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Shard {
@@ -36,7 +38,7 @@ impl Shard {
 
     /// The name of the part's document.
     pub fn file_name(self) -> String {
-        format!("shard-{}-of-{}.json", self.index, self.of)
+        part_file_name(self.index, self.of)
     }
 }
 

@@ -54,6 +54,21 @@ pub enum MergeError {
     Nothing,
 }
 
+/// What the names of parts' documents begin and end with.
+const PART: [&str; 2] = ["shard-", ".json"];
+
+/// The file name of the document of part `index`, from 1, of `of`.
+#[must_use]
+pub fn part_file_name(index: u64, of: u64) -> String {
+    let [begin, end] = PART;
+    format!("{begin}{index}-of-{of}{end}")
+}
+
+fn is_part(file_name: &str) -> bool {
+    let [begin, end] = PART;
+    file_name.starts_with(begin) && file_name.ends_with(end)
+}
+
 /// The documents that `paths` name: files, and of a directory its `shard-*.json`.
 fn documents(paths: &[PathBuf]) -> Result<Vec<PathBuf>, MergeError> {
     let mut all = Vec::new();
@@ -66,7 +81,7 @@ fn documents(paths: &[PathBuf]) -> Result<Vec<PathBuf>, MergeError> {
         let mut found = Vec::new();
         for entry in std::fs::read_dir(path).map_err(unreadable)? {
             let name = entry.map_err(unreadable)?.file_name();
-            if name.to_string_lossy().starts_with("shard-") && name.to_string_lossy().ends_with(".json") {
+            if is_part(&name.to_string_lossy()) {
                 found.push(path.join(name));
             }
         }

@@ -14,6 +14,7 @@ mod charts;
 pub mod directory;
 pub mod facts;
 mod page;
+mod said;
 pub mod simulated;
 pub mod story;
 pub mod table;

@@ -3,9 +3,11 @@
 //! Times and powers are those of the record; what a companion said is quoted as said.
 
 use super::facts::{AFTERWARDS_S, Emission, Facts, SlotRun};
+use super::said::Said;
 use super::timeline::{Event, EventKind, Severity, Source};
 use super::verdict::{headline, lead};
 use super::words::{clause, gloss, instant, power, sentence, span, speaker};
+use crate::desk::simulation::FaultKind;
 use crate::role::Role;
 
 /// A beat this long after a mark tells how long after.
@@ -77,6 +79,15 @@ pub fn tell(facts: &Facts) -> Story {
     Story { tone, headline, lead: lead(facts), beats }
 }
 
+/// What a vehicle was seen to do.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Motion<'a> {
+    TookOff,
+    Landed,
+    /// Its autopilot's mode, before and after.
+    Mode(&'a str, &'a str),
+}
+
 struct Teller<'a> {
     facts: &'a Facts<'a>,
     beats: Vec<Beat>,
@@ -137,23 +148,25 @@ impl Teller<'_> {
         let Emission { role, until_s, .. } = *emission;
         let after = span(until_s - emission.from_s);
         let mut events = self.facts.timeline.events.iter().enumerate();
-        let reason = events.find(|(_, event)| {
-            event.kind == EventKind::Notice
-                && event.vehicle == Some(role)
-                && event.text.starts_with("silent")
-                && (event.at_s - until_s).abs() <= AFTERWARDS_S
+        let reason = events.find_map(|(index, event)| match Said::of(&event.text) {
+            Said::Silent(why)
+                if event.kind == EventKind::Notice
+                    && event.vehicle == Some(role)
+                    && (event.at_s - until_s).abs() <= AFTERWARDS_S =>
+            {
+                Some((index, why))
+            }
+            _ => None,
         });
-        if let Some((index, event)) = reason {
+        if let Some((index, why)) = reason {
             self.told.push(index);
-            let why = event.text.split_once(": ").map_or(event.text.as_str(), |(_, why)| why);
             let why = gloss(why);
             return (Tone::Good, format!("Vehicle {role} fell silent after {after} on the air: {why}."));
         }
         let events = &self.facts.timeline.events;
         let lost = events.iter().find(|event| {
-            let kill = event.kind == EventKind::Fault
-                && event.code.as_deref().is_some_and(|code| code.starts_with("companion"));
-            kill && event.vehicle == Some(role) && event.at_s <= until_s && event.at_s >= emission.from_s
+            let gone = event.fault().is_some_and(FaultKind::is_of_the_companion);
+            gone && event.vehicle == Some(role) && event.at_s <= until_s && event.at_s >= emission.from_s
         });
         match lost {
             Some(event) => {
@@ -177,29 +190,31 @@ impl Teller<'_> {
             for pair in known.windows(2) {
                 let [(_, before), (at_s, now)] = [pair[0], pair[1]];
                 if before.landed != now.landed {
-                    let what = if now.landed { "landed" } else { "took off" };
-                    seen.push((at_s, role, what.to_owned(), Tone::Good));
+                    let what = if now.landed { Motion::Landed } else { Motion::TookOff };
+                    seen.push((at_s, role, what));
                 }
                 if before.mode != now.mode && !(before.landed && now.landed) {
-                    let what = format!("went from {} to {}", before.mode, now.mode);
-                    seen.push((at_s, role, what, Tone::Plain));
+                    seen.push((at_s, role, Motion::Mode(&before.mode, &now.mode)));
                 }
             }
         }
         seen.sort_by(|a, b| a.0.total_cmp(&b.0));
         while !seen.is_empty() {
-            let (at_s, role, what, tone) = seen.remove(0);
+            let (at_s, role, what) = seen.remove(0);
             let twin = seen
                 .iter()
                 .position(|other| other.2 == what && other.1 != role && other.0 - at_s <= TOGETHER_S);
-            let who = match (twin, what.starts_with("went")) {
-                (Some(_), true) => "Both autopilots".to_owned(),
-                (Some(_), false) => "Both vehicles".to_owned(),
-                (None, true) => format!("Vehicle {role}'s autopilot"),
-                (None, false) => format!("Vehicle {role}"),
-            };
+            let both = twin.is_some();
             twin.map(|index| seen.remove(index));
-            self.say(at_s, tone, format!("{who} {what}."));
+            let whose =
+                if both { "Both autopilots".to_owned() } else { format!("Vehicle {role}'s autopilot") };
+            let who = if both { "Both vehicles".to_owned() } else { format!("Vehicle {role}") };
+            let (tone, text) = match what {
+                Motion::TookOff => (Tone::Good, format!("{who} took off.")),
+                Motion::Landed => (Tone::Good, format!("{who} landed.")),
+                Motion::Mode(from, to) => (Tone::Plain, format!("{whose} went from {from} to {to}.")),
+            };
+            self.say(at_s, tone, text);
         }
     }
 
@@ -287,8 +302,7 @@ impl Teller<'_> {
         let told_otherwise = ["connecting", "standby", "ended"];
         if self.facts.timeline.scene.source == Source::Telemetry {
             // Texts on the wire carry no phase; what the states show is told from them.
-            return !["waiting: ", "landed"].iter().any(|start| event.text.starts_with(start))
-                && !event.text.contains(": on, ");
+            return !matches!(Said::of(&event.text), Said::Waiting(_) | Said::Landed | Said::OnAir);
         }
         let Some(phase) = event.phase.as_deref().filter(|phase| !told_otherwise.contains(phase)) else {
             return false;
@@ -300,9 +314,8 @@ impl Teller<'_> {
 
     fn follows_a_kill(&self, event: &Event) -> bool {
         self.facts.timeline.events.iter().any(|fault| {
-            fault.kind == EventKind::Fault
+            fault.fault() == Some(FaultKind::CompanionKill)
                 && fault.vehicle == event.vehicle
-                && fault.code.as_deref() == Some("companion-kill")
                 && (0.0..TOGETHER_S).contains(&(event.at_s - fault.at_s))
         })
     }

@@ -1,7 +1,9 @@
 //! A flight as data.
 
+use mavlink::dialects::ardupilotmega::MavSeverity;
 use serde::{Deserialize, Serialize};
 
+use crate::desk::simulation::FaultKind;
 use crate::geo::Attitude;
 use crate::planner::document::VehicleDocument;
 use crate::role::{PerVehicle, Role};
@@ -191,6 +193,15 @@ pub struct Event {
     pub text: String,
 }
 
+impl Event {
+    /// The fault that begins, if that is what happens, and if its kind is known.
+    #[must_use]
+    pub fn fault(&self) -> Option<FaultKind> {
+        let code = self.code.as_deref().filter(|_| self.kind == EventKind::Fault)?;
+        FaultKind::named(code)
+    }
+}
+
 /// Sorts of events.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -220,6 +231,21 @@ pub enum Severity {
     Warning,
     /// The mission suffers.
     Error,
+}
+
+impl From<MavSeverity> for Severity {
+    fn from(severity: MavSeverity) -> Self {
+        match severity {
+            MavSeverity::MAV_SEVERITY_EMERGENCY
+            | MavSeverity::MAV_SEVERITY_ALERT
+            | MavSeverity::MAV_SEVERITY_CRITICAL
+            | MavSeverity::MAV_SEVERITY_ERROR => Self::Error,
+            MavSeverity::MAV_SEVERITY_WARNING => Self::Warning,
+            MavSeverity::MAV_SEVERITY_NOTICE
+            | MavSeverity::MAV_SEVERITY_INFO
+            | MavSeverity::MAV_SEVERITY_DEBUG => Self::Info,
+        }
+    }
 }
 
 /// The flight document as far as a report needs it (`veilwing-flight/1`); more keys are welcome.

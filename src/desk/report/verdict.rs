@@ -4,6 +4,7 @@ use super::facts::{Emission, Facts, SlotRun};
 use super::story::Tone;
 use super::timeline::{EventKind, Severity, Source};
 use super::words::{clause, count, instant, sentence, span, speaker};
+use crate::desk::simulation::FaultKind;
 use crate::role::Role;
 
 /// A vehicle that falls silent this soon after a mark does so because of it.
@@ -128,8 +129,8 @@ fn homecoming(facts: &Facts, role: Role) -> Option<String> {
     }
     if !last.landed {
         let marks = || facts.marks.iter().map(|mark| facts.event(mark));
-        let befell = |code| marks().any(|e| e.vehicle == Some(role) && e.code.as_deref() == Some(code));
-        let why = match (befell("companion-kill"), befell("pilot-mode")) {
+        let befell = |kind| marks().any(|e| e.vehicle == Some(role) && e.fault() == Some(kind));
+        let why = match (befell(FaultKind::CompanionKill), befell(FaultKind::PilotMode)) {
             (true, _) => ": it had no companion left to bring it down",
             (false, true) => ": the pilot had it",
             (false, false) => "",

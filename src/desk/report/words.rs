@@ -1,6 +1,8 @@
 //! Numbers as a reader wants them.
 
+use super::said::{Silence, lasting};
 use super::timeline::{Event, EventKind};
+use crate::desk::simulation::FaultKind;
 use crate::role::Role;
 use crate::time::Utc;
 
@@ -47,11 +49,13 @@ pub fn sentence(text: &str) -> String {
 
 /// A companion's reason for silence, for readers who do not know its words.
 #[must_use]
-pub fn gloss(why: &str) -> String {
+pub fn gloss(why: Silence<'_>) -> String {
     match why {
-        "no jam lease in force" => format!("{why}, for vehicle J had not renewed its promise to jam"),
-        "vehicle I is not on station" => format!("{why}, or is not heard"),
-        _ => why.to_owned(),
+        Silence::NoLease => {
+            "no jam lease in force, for vehicle J had not renewed its promise to jam".to_owned()
+        }
+        Silence::OffStation => "vehicle I is not on station, or is not heard".to_owned(),
+        Silence::Plain(why) => why.to_owned(),
     }
 }
 
@@ -59,24 +63,27 @@ pub fn gloss(why: &str) -> String {
 #[must_use]
 pub fn clause(event: &Event) -> String {
     let whose = event.vehicle.map_or("both vehicles'".to_owned(), |role| format!("vehicle {role}'s"));
-    let lasting = event.text.rsplit_once(" for ").map_or(String::new(), |(_, time)| format!(" for {time}"));
-    let fault = event.kind == EventKind::Fault;
-    match event.code.as_deref().filter(|_| fault) {
-        Some("companion-kill") => format!("{whose} companion was killed"),
-        Some("companion-stop") => format!("{whose} companion was frozen{lasting}"),
-        Some("link-loss") => format!("the link between {whose} autopilot and companion was cut{lasting}"),
-        Some("pair-loss") => format!("the link between the two companions was cut{lasting}"),
-        Some("companion-restart") => format!("{whose} companion was killed, to be started again"),
-        Some("link-degraded") => {
+    let lasting = lasting(&event.text).map_or(String::new(), |time| format!(" for {time}"));
+    match event.fault() {
+        Some(FaultKind::CompanionKill) => format!("{whose} companion was killed"),
+        Some(FaultKind::CompanionStop) => format!("{whose} companion was frozen{lasting}"),
+        Some(FaultKind::LinkLoss) => {
+            format!("the link between {whose} autopilot and companion was cut{lasting}")
+        }
+        Some(FaultKind::PairLoss) => format!("the link between the two companions was cut{lasting}"),
+        Some(FaultKind::CompanionRestart) => format!("{whose} companion was killed, to be started again"),
+        Some(FaultKind::LinkDegraded) => {
             format!("the link between {whose} autopilot and companion became poor{lasting}")
         }
-        Some("pair-degraded") => format!("the link between the two companions became poor{lasting}"),
-        Some("disk-full") => format!("the disk under {whose} logs was full{lasting}"),
-        Some("wind-step") => format!("the wind at {} changed", whom(event.vehicle)),
-        Some("transmitter-stuck") => format!("{whose} transmitter stuck"),
-        Some("pilot-mode") => format!("{whose} pilot took over"),
-        Some("estimator-failure") => format!("{whose} position estimate failed"),
-        _ if fault => format!("a fault struck {}: {}", whom(event.vehicle), event.text),
+        Some(FaultKind::PairDegraded) => format!("the link between the two companions became poor{lasting}"),
+        Some(FaultKind::DiskFull) => format!("the disk under {whose} logs was full{lasting}"),
+        Some(FaultKind::WindStep) => format!("the wind at {} changed", whom(event.vehicle)),
+        Some(FaultKind::TransmitterStuck) => format!("{whose} transmitter stuck"),
+        Some(FaultKind::PilotMode) => format!("{whose} pilot took over"),
+        Some(FaultKind::EstimatorFailure) => format!("{whose} position estimate failed"),
+        _ if event.kind == EventKind::Fault => {
+            format!("a fault struck {}: {}", whom(event.vehicle), event.text)
+        }
         _ => format!("{} said: \u{201c}{}\u{201d}", speaker(event.vehicle), event.text),
     }
 }

@@ -2,6 +2,7 @@
 
 use crate::desk::drawing::svg::escape;
 use crate::desk::report::facts::Facts;
+use crate::desk::report::said::Said;
 use crate::desk::report::timeline::{EventKind, Source};
 use crate::desk::report::words::{instant, power, utc};
 use crate::role::Role;
@@ -123,32 +124,31 @@ pub fn slots(facts: &Facts) -> String {
     table(caption, &head, 2, &rows)
 }
 
-/// How a companion's notice of what it flies with all the same begins.
-const WARNING: &str = "preflight warning: ";
-
 /// What the companions waited for, what they warned of, and when they were content.
 pub fn preflight(facts: &Facts) -> String {
     let mut rows = Vec::new();
     for role in Role::BOTH {
         let own = || {
-            facts
-                .timeline
-                .events
-                .iter()
-                .filter(move |e| e.vehicle == Some(role) && e.kind == EventKind::Notice)
+            let events = facts.timeline.events.iter();
+            let notices = events.filter(move |e| e.vehicle == Some(role) && e.kind == EventKind::Notice);
+            notices.map(|event| (event, Said::of(&event.text)))
         };
-        let passed = own().find(|event| event.text.contains("preflight passed"));
+        let passed = own().find_map(|(event, said)| (said == Said::Passed).then_some(event));
         let before = |at_s: f64| passed.is_none_or(|passed| at_s <= passed.at_s);
         // Each reason for waiting, with the first and the last time at which it was named.
         let mut reasons: Vec<(String, f64, f64)> = Vec::new();
-        let waits: Vec<_> = own().filter(|e| e.text.starts_with("waiting: ") && before(e.at_s)).collect();
-        for (k, wait) in waits.iter().enumerate() {
-            let until_s = waits.get(k + 1).map(|next| next.at_s).or(passed.map(|event| event.at_s));
+        let waits = own().filter_map(|(event, said)| match said {
+            Said::Waiting(why) if before(event.at_s) => Some((event.at_s, why)),
+            _ => None,
+        });
+        let waits: Vec<(f64, &str)> = waits.collect();
+        for (k, (at_s, why)) in waits.iter().enumerate() {
+            let until_s = waits.get(k + 1).map(|(next_s, _)| *next_s).or(passed.map(|event| event.at_s));
             let until_s = until_s.unwrap_or(facts.end_s);
-            for reason in wait.text.trim_start_matches("waiting: ").split("; ") {
+            for reason in why.split("; ") {
                 match reasons.iter_mut().find(|(known, ..)| known == reason) {
                     Some(known) => known.2 = until_s,
-                    None => reasons.push((reason.to_owned(), wait.at_s, until_s)),
+                    None => reasons.push((reason.to_owned(), *at_s, until_s)),
                 }
             }
         }
@@ -160,11 +160,12 @@ pub fn preflight(facts: &Facts) -> String {
                 Cell::Figure(instant(until_s)),
             ]
         }));
-        for warned in own().filter(|event| event.text.starts_with(WARNING)) {
+        for (event, said) in own() {
+            let Said::Warned(warning) = said else { continue };
             rows.push(vec![
                 Cell::Text(role.to_string()),
-                Cell::Wrapped(format!("flown all the same: {}", warned.text.trim_start_matches(WARNING))),
-                Cell::Figure(instant(warned.at_s)),
+                Cell::Wrapped(format!("flown all the same: {warning}")),
+                Cell::Figure(instant(event.at_s)),
                 Cell::Figure("\u{2013}".into()),
             ]);
         }

@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use mavlink::MavHeader;
 use mavlink::dialects::ardupilotmega::{
     COMMAND_ACK_DATA, COMMAND_INT_DATA, HEARTBEAT_DATA, MavCmd, MavLandedState, MavMessage, MavModeFlag,
-    MavResult, MavSeverity,
+    MavResult,
 };
 
 use crate::autopilot::Firmware;
@@ -127,7 +127,7 @@ impl Tracker {
             MavMessage::COMMAND_ACK(m) if m.command == MavCmd::MAV_CMD_USER_1 => self.answered(m),
             MavMessage::STATUSTEXT(m) => {
                 let text = self.texts[usize::from(by_autopilot)].handle(m)?;
-                let severity = severity(m.severity);
+                let severity = Severity::from(m.severity);
                 return match by_autopilot {
                     false => Some((severity, text)),
                     // An autopilot talks much; its warnings matter.
@@ -216,16 +216,5 @@ impl Tracker {
         let seen = |on: Option<On>| on.map(|on| (on.power_w, on.slot));
         self.changed |= seen(on) != seen(self.on);
         self.on = on;
-    }
-}
-
-fn severity(severity: MavSeverity) -> Severity {
-    match severity {
-        MavSeverity::MAV_SEVERITY_EMERGENCY
-        | MavSeverity::MAV_SEVERITY_ALERT
-        | MavSeverity::MAV_SEVERITY_CRITICAL
-        | MavSeverity::MAV_SEVERITY_ERROR => Severity::Error,
-        MavSeverity::MAV_SEVERITY_WARNING => Severity::Warning,
-        _ => Severity::Info,
     }
 }

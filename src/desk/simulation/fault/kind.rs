@@ -96,6 +96,12 @@ impl FaultKind {
         NAMES.iter().find(|(_, kind)| *kind == self).map_or("", |(name, _)| name)
     }
 
+    /// The kind that files and documents spell so.
+    #[must_use]
+    pub fn named(name: &str) -> Option<Self> {
+        NAMES.iter().find(|(known, _)| *known == name).map(|(_, kind)| *kind)
+    }
+
     /// What happens, in words.
     #[must_use]
     pub const fn describe(self) -> &'static str {
@@ -158,6 +164,12 @@ impl FaultKind {
     #[must_use]
     pub const fn must_end(self) -> bool {
         matches!(self, Self::CompanionRestart)
+    }
+
+    /// Whether it stops the companion, for a while or for good.
+    #[must_use]
+    pub const fn is_of_the_companion(self) -> bool {
+        matches!(self, Self::CompanionKill | Self::CompanionRestart | Self::CompanionStop)
     }
 
     /// Whether it leaves the transmitter to itself: nobody can silence it any more.
