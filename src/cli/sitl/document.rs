@@ -87,9 +87,9 @@ impl FlightDocument {
             false => FlightResult::Aborted,
         };
         let messages = Messages {
-            sent: flight.sent,
-            received: flight.received,
-            rejected: BTreeMap::from([("swallowed-by-fault", flight.swallowed)]),
+            sent: flight.traffic.sent,
+            received: flight.traffic.received,
+            rejected: BTreeMap::from([("swallowed-by-fault", flight.traffic.swallowed)]),
         };
         let excused = flight.excused.clone();
         let document = Self::new(result, flight.report.clone(), excused, plan_digest, wall_s, messages);

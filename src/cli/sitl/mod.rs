@@ -2,10 +2,10 @@
 //! processes of their own, MAVLink over loopback UDP between them.
 
 pub(super) mod document;
-mod faults;
 pub(super) mod files;
 mod ground;
 mod host;
+mod links;
 mod port;
 mod process;
 

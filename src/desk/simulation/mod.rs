@@ -3,8 +3,8 @@
 //!
 //! `world` tells the world of a mission and its plan; `path` is a link that may lose, delay, repeat and reorder;
 //! `process` is one companion as its operating system would run it; `flight` moves all of them from event to event;
-//! `fault` draws what goes wrong; `excuse` tells what is nobody's aboard; `scenario` flies a mission again and again, each
-//! time with a seed and its faults.
+//! `fault` draws what goes wrong; `supervisor` lets it befall the companions, and gives them up; `excuse` tells what is
+//! nobody's aboard; `scenario` flies a mission again and again, each time with a seed and its faults.
 
 mod disk;
 mod excuse;
@@ -14,6 +14,7 @@ mod observer;
 mod path;
 mod process;
 mod scenario;
+mod supervisor;
 mod vehicle;
 mod world;
 
@@ -25,6 +26,7 @@ pub use path::Path;
 pub(crate) use path::Pipe;
 pub use process::Given;
 pub use scenario::{Flown, LONGEST, Scenario, ScenarioError, Witness};
+pub use supervisor::{Host, Supervisor};
 pub use vehicle::{VehicleText, actuation, vehicle};
 pub use world::world_config;
 

@@ -12,17 +12,14 @@ use crate::planner::slots::Plan;
 use crate::role::{PerVehicle, Role};
 
 use super::excuse::{Excused, judge};
-use super::fault::{Change, Fault, FaultKind, Lengths, Schedule};
+use super::fault::{Change, Fault, FaultKind, Lengths};
 use super::flight::{Flight, FlightError, Setup};
 use super::observer::Observer;
 use super::path::Path;
 use super::process::Given;
+use super::supervisor::{Host, Supervisor};
 use super::{index, vehicle, world_config};
 
-/// A companion whose peer has ended may take this much longer before it is asked to stop ...
-const LAST_ONE: Duration = Duration::from_secs(300);
-/// ... and this much if its vehicle neither obeys it nor comes down: it has nothing left to do.
-const LAST_ONE_IDLE: Duration = Duration::from_secs(15);
 /// After being asked to stop, a companion has this long before it is killed.
 const STOP_WITHIN: Duration = Duration::from_secs(5);
 /// What is on the air when the last companion ends has this long to fall silent.
@@ -157,15 +154,8 @@ impl Scenario {
         let world = World::new(sim::WorldConfig { seed, ..self.world.clone() })?;
         let given = PerVehicle::from_fn(|role| Arc::clone(&self.given[role]));
         let setup = Setup { given, start_unasked: true, autopilot: Path::GOOD, pair: Path::GOOD, seed };
-        let mut run = Run {
-            flight: Flight::new(world, setup),
-            schedule: Schedule::new(faults),
-            happened: Vec::new(),
-            restarts: PerVehicle::default(),
-            first_end: None,
-            asked_to_stop: PerVehicle::default(),
-            longest: self.longest(),
-        };
+        let supervisor = Supervisor::new(faults, self.longest());
+        let mut run = Run { flight: Flight::new(world, setup), supervisor };
         run.fly(witness)?;
         Ok(run.finish())
     }
@@ -174,24 +164,21 @@ impl Scenario {
 /// A flight under way.
 struct Run {
     flight: Flight,
-    schedule: Schedule,
-    happened: Vec<(Duration, Fault)>,
-    /// Killed, to be started again.
-    restarts: PerVehicle<bool>,
-    first_end: Option<Duration>,
-    asked_to_stop: PerVehicle<Option<Duration>>,
-    longest: Duration,
+    supervisor: Supervisor,
 }
 
 impl Run {
     fn fly(&mut self, witness: &mut impl Witness) -> Result<(), FlightError> {
         loop {
-            self.change(witness);
-            if Role::BOTH.into_iter().all(|role| self.has_ended(role)) {
+            while let Some(change) = self.supervisor.due(&self.flight.world) {
+                witness.fault(self.flight.now(), &change);
+                self.supervisor.apply(change, &mut self.flight);
+            }
+            if Role::BOTH.into_iter().all(|role| self.supervisor.has_ended(role, &self.flight)) {
                 break;
             }
-            self.watch_companions();
-            let limit = self.schedule.next().unwrap_or(Duration::MAX);
+            self.supervisor.watch(&mut self.flight);
+            let limit = self.supervisor.next().unwrap_or(Duration::MAX);
             self.flight.step(limit, witness)?;
         }
         let end = self.flight.now() + SETTLE;
@@ -201,107 +188,17 @@ impl Run {
         Ok(())
     }
 
-    fn has_ended(&self, role: Role) -> bool {
-        !self.flight.lives(role) && !self.restarts[role]
-    }
-
-    /// Lets faults begin and end.
-    fn change(&mut self, witness: &mut impl Witness) {
-        let now = self.flight.now();
-        if !self.schedule.waits_for_no_slot() {
-            self.schedule.watch(now, &self.flight.world.snapshot());
-        }
-        while let Some(change) = self.schedule.poll(now) {
-            witness.fault(now, &change);
-            match change {
-                Change::Begins(fault) => {
-                    self.apply(&fault, true);
-                    self.happened.push((now, fault));
-                }
-                Change::Ends(fault) => self.apply(&fault, false),
-            }
-        }
-    }
-
-    fn apply(&mut self, fault: &Fault, on: bool) {
-        for &role in &fault.roles {
-            match fault.kind {
-                FaultKind::CompanionKill if on => {
-                    self.flight.kill(role);
-                    self.restarts[role] = false;
-                }
-                FaultKind::CompanionRestart if on => {
-                    self.restarts[role] |= self.flight.lives(role);
-                    self.flight.kill(role);
-                }
-                FaultKind::CompanionRestart if self.restarts[role] => {
-                    self.restarts[role] = false;
-                    self.flight.start(role);
-                }
-                FaultKind::CompanionStop => {
-                    let frozen = self.schedule.runs(FaultKind::CompanionStop, role);
-                    self.flight.freeze(role, frozen);
-                }
-                FaultKind::PairLoss | FaultKind::PairDegraded => {
-                    let path = self.schedule.path(&[FaultKind::PairLoss, FaultKind::PairDegraded], role);
-                    self.flight.set_pair_path(role, path.unwrap_or(Path::GOOD));
-                }
-                FaultKind::LinkDegraded => {
-                    let path = self.schedule.path(&[FaultKind::LinkDegraded], role);
-                    self.flight.set_autopilot_path(role, path.unwrap_or(Path::GOOD));
-                }
-                FaultKind::LinkLoss | FaultKind::GpsLoss if !on && self.schedule.runs(fault.kind, role) => {}
-                FaultKind::DiskFull => {
-                    let full = self.schedule.runs(FaultKind::DiskFull, role);
-                    self.flight.fill_disk(role, full);
-                }
-                _ => {
-                    if let Some(fault) = fault.in_the_world(role, on) {
-                        self.flight.world.inject(fault);
-                    }
-                }
-            }
-        }
-    }
-
-    /// Ends what would not end by itself, as the host of a simulated flight in real time does.
-    fn watch_companions(&mut self) {
-        let now = self.flight.now();
-        if self.first_end.is_none() && Role::BOTH.into_iter().any(|role| self.has_ended(role)) {
-            self.first_end = Some(now);
-        }
-        if self.first_end.is_none() && now <= self.longest {
-            return;
-        }
-        let snapshot = self.flight.world.snapshot();
-        for role in Role::BOTH {
-            let vehicle = &snapshot.vehicles[index(role)];
-            let coming_down = ["LAND", "RTL"].iter().any(|mode| vehicle.mode.contains(mode));
-            let patience = if vehicle.companion_controlled || coming_down { LAST_ONE } else { LAST_ONE_IDLE };
-            let too_late = self.first_end.is_some_and(|at| now > at + patience) || now > self.longest;
-            match self.asked_to_stop[role] {
-                None if too_late => {
-                    self.asked_to_stop[role] = Some(now);
-                    self.flight.freeze(role, false);
-                    self.flight.stop(role);
-                    self.restarts[role] = false;
-                }
-                Some(at) if now > at + STOP_WITHIN => self.flight.kill(role),
-                _ => {}
-            }
-        }
-    }
-
     fn finish(self) -> Flown {
         let mut report = self.flight.world.report();
-        let (violations, excused) = judge(std::mem::take(&mut report.violations), &self.happened, &[]);
+        let (violations, excused) =
+            judge(std::mem::take(&mut report.violations), self.supervisor.happened(), &[]);
         report.violations = violations;
         let (sent, received, lost) = self.flight.datagrams();
         Flown {
             report,
             excused,
             outcomes: PerVehicle::from_fn(|role| self.flight.outcomes[role].clone()),
-            faults: self.happened,
+            faults: self.supervisor.happened().to_vec(),
             sent,
             received,
             lost,
@@ -309,5 +206,51 @@ impl Run {
             counters: PerVehicle::from_fn(|role| self.flight.counters(role).clone()),
             world: self.flight.world,
         }
+    }
+}
+
+impl Host for Flight {
+    /// A cut is the world's.
+    const LINK: &'static [FaultKind] = &[FaultKind::LinkDegraded];
+
+    fn world(&mut self) -> &mut World {
+        &mut self.world
+    }
+
+    fn lives(&self, role: Role) -> bool {
+        Self::lives(self, role)
+    }
+
+    fn kill(&mut self, role: Role) {
+        Self::kill(self, role);
+    }
+
+    fn start(&mut self, role: Role) -> bool {
+        Self::start(self, role);
+        true
+    }
+
+    fn freeze(&mut self, role: Role, frozen: bool) {
+        Self::freeze(self, role, frozen);
+    }
+
+    fn stop(&mut self, role: Role) {
+        Self::stop(self, role);
+    }
+
+    fn stop_within(&self) -> Duration {
+        STOP_WITHIN
+    }
+
+    fn fill_disk(&mut self, role: Role, full: bool) {
+        Self::fill_disk(self, role, full);
+    }
+
+    fn set_pair_path(&mut self, from: Role, path: Option<Path>) {
+        Self::set_pair_path(self, from, path.unwrap_or(Path::GOOD));
+    }
+
+    fn set_autopilot_path(&mut self, role: Role, path: Option<Path>) {
+        Self::set_autopilot_path(self, role, path.unwrap_or(Path::GOOD));
     }
 }
