@@ -325,7 +325,7 @@ fn val_the_planner_library_has_no_tokio_mavlink_or_toml() {
 fn val_the_onboard_build_has_no_desk() {
     let onboard = packages(&["--no-default-features", "--features", "companion,serial"]);
     let program = packages(&[]);
-    for foreign in ["veilwing-sitl"] {
+    for foreign in ["veilwing-sitl", "csv"] {
         assert!(!onboard.contains(foreign), "{foreign} in {onboard:?}");
         assert!(program.contains(foreign), "{foreign} is not even in the program: {program:?}");
     }

@@ -2,6 +2,7 @@
 //! figures. The onboard build leaves the whole room out.
 
 pub mod campaign;
+mod csv_text;
 mod drawing;
 pub mod figures;
 pub mod report;

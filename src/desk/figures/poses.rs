@@ -1,11 +1,10 @@
 //! Figure 3: where each method puts the vehicles and how it turns their antennas, in one scenario.
 
-use std::fmt::Write as _;
-
 use nalgebra::Vector3;
 
 use super::scenario::{self, Conditions, per_hz};
 use super::{Failure, Progress, Settings, Work};
+use crate::desk::csv_text::CsvText;
 use crate::planner::expectation::sobol::mix;
 use crate::planner::plan::VehiclePlan;
 use crate::planner::problem::Method;
@@ -90,39 +89,47 @@ impl Panel {
 impl Poses {
     /// Every number of the figure: a row for each node, vehicle, and point where J's null line meets the ground.
     pub fn csv(&self) -> String {
-        let mut text = String::from(
-            "method,secrecy_rate_bit_s_hz,item,east_m,north_m,up_m,axis_east,axis_north,axis_up,roll_rad,pitch_rad,tx_power_w\n",
-        );
+        let mut text = CsvText::new([
+            "method",
+            "secrecy_rate_bit_s_hz",
+            "item",
+            "east_m",
+            "north_m",
+            "up_m",
+            "axis_east",
+            "axis_north",
+            "axis_up",
+            "roll_rad",
+            "pitch_rad",
+            "tx_power_w",
+        ]);
         for panel in &self.panels {
-            // Writing to a String cannot fail.
-            let mut row = |item: &str, p: &Vector3<f64>, rest: &str| {
-                let _ = writeln!(
-                    text,
-                    "{},{:.6},{item},{:.3},{:.3},{:.3},{rest}",
-                    panel.name, panel.rate_bit_s_hz, p.x, p.y, p.z
-                );
+            let mut row = |item: &str, p: &Vector3<f64>, vehicle: Option<&VehiclePlan>| {
+                let mut cells =
+                    vec![panel.name.to_owned(), format!("{:.6}", panel.rate_bit_s_hz), item.into()];
+                cells.extend([p.x, p.y, p.z].map(|metres| format!("{metres:.3}")));
+                cells.extend(match vehicle {
+                    Some(vehicle) => {
+                        let axis = vehicle.pose.antenna_axis();
+                        let (roll, pitch) = (vehicle.pose.roll_rad, vehicle.pose.pitch_rad);
+                        [axis.x, axis.y, axis.z, roll, pitch, vehicle.tx_power_w].map(|v| format!("{v:.6}"))
+                    }
+                    None => [const { String::new() }; 6],
+                });
+                text.row(cells);
             };
-            row("user", &self.user_enu_m, ",,,,,");
+            row("user", &self.user_enu_m, None);
             for (k, p) in self.eavesdroppers_enu_m.iter().enumerate() {
-                row(&format!("eavesdropper-{}", k + 1), p, ",,,,,");
+                row(&format!("eavesdropper-{}", k + 1), p, None);
             }
-            for role in Role::BOTH {
+            for (role, item) in [(Role::I, "vehicle-i"), (Role::J, "vehicle-j")] {
                 let vehicle = &panel.vehicles[role];
-                let axis = vehicle.pose.antenna_axis();
-                let rest = format!(
-                    "{:.6},{:.6},{:.6},{:.6},{:.6},{:.6}",
-                    axis.x, axis.y, axis.z, vehicle.pose.roll_rad, vehicle.pose.pitch_rad, vehicle.tx_power_w
-                );
-                row(
-                    if role == Role::I { "vehicle-i" } else { "vehicle-j" },
-                    &vehicle.pose.position_enu_m,
-                    &rest,
-                );
+                row(item, &vehicle.pose.position_enu_m, Some(vehicle));
             }
             if let Some(p) = panel.null_on_ground_enu_m() {
-                row("null-line-of-j-on-ground", &p, ",,,,,");
+                row("null-line-of-j-on-ground", &p, None);
             }
         }
-        text
+        text.finish()
     }
 }

@@ -1,9 +1,8 @@
 //! Figures 4a to 4c: mean secrecy rate over maximum transmit power.
 
-use std::fmt::Write as _;
-
 use super::scenario::{self, Conditions, Summary, per_hz};
 use super::{Failure, Progress, Settings, Work};
+use crate::desk::csv_text::CsvText;
 use crate::planner::expectation::samples::Sequence;
 use crate::planner::expectation::sobol::mix;
 use crate::planner::problem::{Method, Problem};
@@ -187,23 +186,32 @@ pub fn rate(source: Source, problem: &Problem, seed: u64) -> Result<f64, PlanErr
 impl Rates {
     /// Every number of the figure. Rates in bit/s/Hz, powers in W; the gap is that to [`Study::gap_to`].
     pub fn csv(&self) -> String {
-        let mut text = format!(
-            "method,max_power_w,scenarios,mean_bit_s_hz,standard_error_bit_s_hz,lower_quartile_bit_s_hz,median_bit_s_hz,upper_quartile_bit_s_hz,below_{0}_mean_bit_s_hz,below_{0}_standard_error_bit_s_hz\n",
-            self.study.gap_to()
-        );
+        let below = |what: &str| format!("below_{}_{what}", self.study.gap_to());
+        let names = [
+            "method",
+            "max_power_w",
+            "scenarios",
+            "mean_bit_s_hz",
+            "standard_error_bit_s_hz",
+            "lower_quartile_bit_s_hz",
+            "median_bit_s_hz",
+            "upper_quartile_bit_s_hz",
+        ];
+        let gap = [below("mean_bit_s_hz"), below("standard_error_bit_s_hz")];
+        let mut text = CsvText::new(names.map(str::to_owned).into_iter().chain(gap));
         for CurveRates { curve, rates, gaps } in &self.curves {
             for (k, (power, s)) in MAX_POWERS_W.iter().zip(rates).enumerate() {
                 let [lower, median, upper] = s.quartiles;
-                let gap =
-                    gaps.get(k).map_or(",".to_owned(), |g| format!("{:.6},{:.6}", g.mean, g.standard_error));
-                // Writing to a String cannot fail.
-                let _ = writeln!(
-                    text,
-                    "{},{power},{},{:.6},{:.6},{lower:.6},{median:.6},{upper:.6},{gap}",
-                    curve.name, self.scenarios, s.mean, s.standard_error
-                );
+                let mut cells = vec![curve.name.to_owned(), power.to_string(), self.scenarios.to_string()];
+                let all = [s.mean, s.standard_error, lower, median, upper];
+                cells.extend(all.map(|rate| format!("{rate:.6}")));
+                cells.extend(match gaps.get(k) {
+                    Some(gap) => [gap.mean, gap.standard_error].map(|rate| format!("{rate:.6}")),
+                    None => [const { String::new() }; 2],
+                });
+                text.row(cells);
             }
         }
-        text
+        text.finish()
     }
 }

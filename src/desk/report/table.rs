@@ -13,11 +13,12 @@
 //! | `user_sinr`, `secrecy_rate_bps` | at the slot's user, linear; empty while I is silent |
 //! | `sinr_0`, `sinr_1`, ... | at the eavesdroppers, in the order of `scene.json`, linear |
 //!
-//! A vehicle of which nothing is known yet has an empty position. No cell holds a comma or a quote.
+//! A vehicle of which nothing is known yet has an empty position.
 
-use std::fmt::Write as _;
+use csv::{ReaderBuilder, StringRecord};
 
 use super::timeline::{Heard, Sample, VehicleState};
+use crate::desk::csv_text::CsvText;
 use crate::geo::Attitude;
 use crate::role::{PerVehicle, Role};
 
@@ -45,8 +46,11 @@ const RADIO: usize = 1 + 2 * VEHICLE.len();
 const EAVESDROPPERS: usize = RADIO + 2;
 
 /// Why a table cannot be read.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[derive(Debug, thiserror::Error)]
 pub enum TableError {
+    /// No table at all.
+    #[error(transparent)]
+    Csv(#[from] csv::Error),
     /// The first line is not a header of ours.
     #[error("line 1: column {column} is {found:?}, should be {expected:?}: this is no flight's timeline")]
     Header {
@@ -61,7 +65,7 @@ pub enum TableError {
     #[error("line {line}: {found} cells where the header has {expected}: the file is cut off or damaged")]
     Cells {
         /// From 1.
-        line: usize,
+        line: u64,
         /// How many it has.
         found: usize,
         /// How many it should have.
@@ -71,7 +75,7 @@ pub enum TableError {
     #[error("line {line}, column {column}: {value:?} is not {expected}: the file is damaged")]
     Cell {
         /// From 1.
-        line: usize,
+        line: u64,
         /// The column's name.
         column: String,
         /// The cell.
@@ -83,7 +87,7 @@ pub enum TableError {
     #[error("line {line}: at_s = {at_s} is before the line above: the file is damaged")]
     Order {
         /// From 1.
-        line: usize,
+        line: u64,
         /// The cell.
         at_s: String,
     },
@@ -102,59 +106,41 @@ fn header(eavesdroppers: usize) -> Vec<String> {
 /// The table of a flight with this many eavesdroppers.
 #[must_use]
 pub fn write(samples: &[Sample], eavesdroppers: usize) -> String {
-    let mut text = header(eavesdroppers).join(",");
-    text.push('\n');
+    let mut text = CsvText::new(header(eavesdroppers));
     for sample in samples {
-        // Writing to a String cannot fail.
-        let _ = write!(text, "{:.4}", sample.at_s);
+        let mut cells = vec![format!("{:.4}", sample.at_s)];
         for role in Role::BOTH {
-            write_vehicle(&mut text, sample.vehicles[role].as_ref());
-        }
-        let heard = sample.heard.as_ref();
-        let _ = match heard {
-            Some(heard) => write!(text, ",{:.6e},{:.1}", heard.user_sinr, heard.secrecy_rate_bps),
-            None => write!(text, ",,"),
-        };
-        for k in 0..eavesdroppers {
-            text.push(',');
-            if let Some(sinr) = heard.and_then(|heard| heard.eavesdropper_sinr.get(k)) {
-                let _ = write!(text, "{sinr:.6e}");
+            match sample.vehicles[role].as_ref() {
+                Some(state) => vehicle(&mut cells, state),
+                None => cells.extend([const { String::new() }; VEHICLE.len()]),
             }
         }
-        text.push('\n');
+        let heard = sample.heard.as_ref();
+        cells.push(heard.map_or(String::new(), |heard| format!("{:.6e}", heard.user_sinr)));
+        cells.push(heard.map_or(String::new(), |heard| format!("{:.1}", heard.secrecy_rate_bps)));
+        cells.extend((0..eavesdroppers).map(|k| {
+            let sinr = heard.and_then(|heard| heard.eavesdropper_sinr.get(k));
+            sinr.map_or(String::new(), |sinr| format!("{sinr:.6e}"))
+        }));
+        text.row(cells);
     }
-    text
+    text.finish()
 }
 
-fn write_vehicle(text: &mut String, state: Option<&VehicleState>) {
-    let Some(state) = state else {
-        text.push_str(&",".repeat(VEHICLE.len()));
-        return;
-    };
-    for metres in state.position_enu_m {
-        let _ = write!(text, ",{metres:.4}");
-    }
-    write_angles(text, Some(&state.attitude));
-    write_angles(text, state.held.as_ref());
-    let mode: String = state.mode.chars().filter(|c| !matches!(c, ',' | '"' | '\n' | '\r')).collect();
-    let _ = write!(text, ",{mode},{},{}", u8::from(state.armed), u8::from(state.landed));
-    for (value, decimals) in [(state.battery, 4), (state.tx_power_w, 9), (state.slot.map(f64::from), 0)] {
-        text.push(',');
-        if let Some(value) = value {
-            let _ = write!(text, "{value:.decimals$}");
-        }
-    }
+fn vehicle(cells: &mut Vec<String>, state: &VehicleState) {
+    cells.extend(state.position_enu_m.map(|metres| format!("{metres:.4}")));
+    cells.extend(angles(Some(&state.attitude)));
+    cells.extend(angles(state.held.as_ref()));
+    cells.push(state.mode.clone());
+    cells.extend([state.armed, state.landed].map(|flag| u8::from(flag).to_string()));
+    let rest = [(state.battery, 4), (state.tx_power_w, 9), (state.slot.map(f64::from), 0)];
+    cells.extend(rest.map(|(value, decimals)| value.map_or(String::new(), |v| format!("{v:.decimals$}"))));
 }
 
-fn write_angles(text: &mut String, attitude: Option<&Attitude>) {
-    let Some(attitude) = attitude else {
-        text.push_str(",,,");
-        return;
-    };
+fn angles(attitude: Option<&Attitude>) -> [String; 3] {
+    let Some(attitude) = attitude else { return Default::default() };
     let (roll, pitch, yaw) = attitude.euler();
-    for angle in [roll, pitch, yaw] {
-        let _ = write!(text, ",{:.4}", angle.to_degrees());
-    }
+    [roll, pitch, yaw].map(|angle| format!("{:.4}", angle.to_degrees()))
 }
 
 /// Reads a table; the samples and the number of eavesdroppers.
@@ -162,29 +148,29 @@ fn write_angles(text: &mut String, attitude: Option<&Attitude>) {
 /// # Errors
 /// [`TableError`], with line and column.
 pub fn read(text: &str) -> Result<(Vec<Sample>, usize), TableError> {
-    let mut lines = text.lines();
-    let found: Vec<&str> =
-        lines.next().unwrap_or_default().trim_start_matches('\u{feff}').split(',').collect();
+    let text = text.trim_start_matches('\u{feff}');
+    let mut records = ReaderBuilder::new().has_headers(false).flexible(true).from_reader(text.as_bytes());
+    let mut found = StringRecord::new();
+    records.read_record(&mut found)?;
     let expected = header(found.len().saturating_sub(EAVESDROPPERS));
     for (k, name) in expected.iter().enumerate() {
-        let cell = found.get(k).copied().unwrap_or_default();
+        let cell = found.get(k).unwrap_or_default();
         if cell != name {
             return Err(TableError::Header { column: k + 1, found: cell.into(), expected: name.clone() });
         }
     }
     let mut samples: Vec<Sample> = Vec::new();
-    for (k, line) in lines.enumerate() {
-        if line.is_empty() {
-            continue;
-        }
-        let row = Row { line: k + 2, cells: line.split(',').collect(), names: &expected };
+    for record in records.records() {
+        let cells = record?;
+        let line = cells.position().map_or(0, csv::Position::line);
+        let row = Row { line, cells, names: &expected };
         if row.cells.len() != expected.len() {
             let (found, expected) = (row.cells.len(), expected.len());
-            return Err(TableError::Cells { line: row.line, found, expected });
+            return Err(TableError::Cells { line, found, expected });
         }
         let sample = row.sample()?;
         if samples.last().is_some_and(|last| last.at_s > sample.at_s) {
-            return Err(TableError::Order { line: row.line, at_s: row.cells[0].into() });
+            return Err(TableError::Order { line, at_s: row.cells[0].into() });
         }
         samples.push(sample);
     }
@@ -193,8 +179,8 @@ pub fn read(text: &str) -> Result<(Vec<Sample>, usize), TableError> {
 
 /// One line, cut up.
 struct Row<'a> {
-    line: usize,
-    cells: Vec<&'a str>,
+    line: u64,
+    cells: StringRecord,
     names: &'a [String],
 }
 
@@ -217,8 +203,7 @@ impl Row<'_> {
             return Ok(None);
         }
         let attitude = self.attitude(at + 3)?.ok_or_else(|| self.bad(at + 3, "a finite number"))?;
-        let slot = self.cells[at + 14];
-        let slot = match slot {
+        let slot = match &self.cells[at + 14] {
             "" => None,
             text => Some(text.parse().map_err(|_| self.bad(at + 14, "a slot number"))?),
         };
@@ -246,7 +231,7 @@ impl Row<'_> {
     }
 
     fn number(&self, at: usize) -> Result<Option<f64>, TableError> {
-        match self.cells[at] {
+        match &self.cells[at] {
             "" => Ok(None),
             text => {
                 let value = text.parse().ok().filter(|value: &f64| value.is_finite());
@@ -260,7 +245,7 @@ impl Row<'_> {
     }
 
     fn flag(&self, at: usize) -> Result<bool, TableError> {
-        match self.cells[at] {
+        match &self.cells[at] {
             "0" => Ok(false),
             "1" => Ok(true),
             _ => Err(self.bad(at, "0 or 1")),
