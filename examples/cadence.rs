@@ -21,6 +21,7 @@ use mavlink::dialects::ardupilotmega::MavMessage;
 use veilwing::companion::Companion;
 use veilwing::companion::settings::{pair_form, settings, transmitter_settings};
 use veilwing::config::{Mission, Vehicle};
+use veilwing::desk::simulation::{VehicleText, actuation, index, world_config};
 use veilwing::link::codec::Decoder;
 use veilwing::link::counters::Counters;
 use veilwing::link::tlog::TlogWriter;
@@ -28,7 +29,6 @@ use veilwing::link::{Clock, LinkConfig};
 use veilwing::planner::slots::{Plan, PlannedSlot};
 use veilwing::planner::{Options, plan_slot};
 use veilwing::role::Role;
-use veilwing::simulation::{VehicleText, actuation, index, world_config};
 use veilwing::transmitter::Transmitter;
 use veilwing_sitl::World;
 

@@ -9,10 +9,10 @@ mod reaction_table;
 use std::process::ExitCode;
 
 use veilwing::config::Mission;
+use veilwing::desk::simulation::{Given, vehicle};
 use veilwing::planner::slots::{Plan, PlannedSlot};
 use veilwing::planner::{Options, plan_slot};
 use veilwing::role::Role;
-use veilwing::simulation::{Given, vehicle};
 
 use reaction_table::{Base, table};
 

@@ -12,7 +12,7 @@ use mavlink::dialects::ardupilotmega::MavSeverity;
 use tokio::sync::oneshot;
 use tracing::{debug, error, info, warn};
 
-use crate::config::LinkAddress;
+use crate::link::LinkAddress;
 use crate::link::{Clock, Form, Link, LinkConfig, LinkError, PairLink};
 use crate::mission::{Executive, Notice, Outcome, Outgoing, Settings};
 use crate::planner::slots::Plan;

@@ -18,6 +18,8 @@ pub mod cli;
 pub mod companion;
 #[cfg(feature = "companion")]
 pub mod config;
+#[cfg(feature = "desk")]
+pub mod desk;
 #[cfg(feature = "companion")]
 pub mod link;
 #[cfg(feature = "companion")]
@@ -27,10 +29,6 @@ pub mod pair;
 #[cfg(feature = "companion")]
 pub mod preflight;
 #[cfg(feature = "companion")]
-pub mod report;
-#[cfg(feature = "companion")]
 pub mod service;
-#[cfg(feature = "sitl")]
-pub mod simulation;
 #[cfg(feature = "companion")]
 pub mod transmitter;

@@ -1,5 +1,7 @@
 //! The pair protocol under every fault: two real companions' state machines, simulated in virtual time.
 
+#![cfg(feature = "companion")]
+
 #[path = "pair/clocks.rs"]
 mod clocks;
 #[path = "pair/companion.rs"]

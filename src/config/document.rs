@@ -11,17 +11,17 @@ use super::reader::Section;
 
 /// A file that has been read: kept for what is said about it later, and for its digest.
 #[derive(Debug, Clone)]
-pub(super) struct Document {
-    pub(super) file: String,
-    pub(super) text: Arc<str>,
+pub(crate) struct Document {
+    pub(crate) file: String,
+    pub(crate) text: Arc<str>,
     /// Where each setting was read, by path (`tdma.slot_s`, `user[0].enu_m`); absent ones are absent here.
     spans: BTreeMap<String, Span>,
     /// Settings that were given but could not be used, and tables that hold one.
     failed: BTreeSet<String>,
     /// Every setting that holds a value, defaults included, with its canonical form, in reading order.
-    pub(super) settings: Vec<(String, Json)>,
+    pub(crate) settings: Vec<(String, Json)>,
     /// The same file is read without a document, to collect the schema.
-    pub(super) describing: bool,
+    pub(crate) describing: bool,
     findings: Vec<Finding>,
 }
 
@@ -50,7 +50,7 @@ impl Document {
     }
 
     /// Reads `text` by `describe`, then checks what it gave by `check`.
-    pub(super) fn read<T>(
+    pub(crate) fn read<T>(
         file: &str,
         text: &str,
         describe: impl FnOnce(&mut Section<'_, '_>) -> T,
@@ -80,17 +80,17 @@ impl Document {
     }
 
     /// The JSON Schema of what `describe` reads.
-    pub(super) fn schema<T>(describe: impl FnOnce(&mut Section<'_, '_>) -> T) -> Json {
+    pub(crate) fn schema<T>(describe: impl FnOnce(&mut Section<'_, '_>) -> T) -> Json {
         let mut document = Self::new("", "".into(), true);
         Section::root(&mut document, None).describe(describe).1
     }
 
-    pub(super) fn place(&mut self, path: &str, span: Span) {
+    pub(crate) fn place(&mut self, path: &str, span: Span) {
         self.spans.insert(path.to_owned(), span);
     }
 
     /// Marks a setting and the tables around it as unusable.
-    pub(super) fn fail(&mut self, path: &str) {
+    pub(crate) fn fail(&mut self, path: &str) {
         let mut path = path;
         loop {
             self.failed.insert(path.to_owned());
@@ -102,17 +102,17 @@ impl Document {
     }
 
     /// Whether all of these were read without an error (or are defaults), so that they can be compared.
-    pub(super) fn sound(&self, paths: &[&str]) -> bool {
+    pub(crate) fn sound(&self, paths: &[&str]) -> bool {
         paths.iter().all(|path| !self.failed.contains(*path))
     }
 
     /// Whether the file says something about this setting.
-    pub(super) fn given(&self, path: &str) -> bool {
+    pub(crate) fn given(&self, path: &str) -> bool {
         self.spans.contains_key(path)
     }
 
     /// Where a setting is, or the nearest table around it, or the start of the file.
-    pub(super) fn at(&self, path: &str) -> Span {
+    pub(crate) fn at(&self, path: &str) -> Span {
         let mut path = path;
         loop {
             if let Some(span) = self.spans.get(path) {
@@ -125,16 +125,16 @@ impl Document {
         }
     }
 
-    pub(super) fn error(&mut self, span: Span, message: String, help: String) {
+    pub(crate) fn error(&mut self, span: Span, message: String, help: String) {
         self.findings.push(Finding { severity: Severity::Error, span, message, help, absence: false });
     }
 
-    pub(super) fn warning(&mut self, span: Span, message: String, help: String) {
+    pub(crate) fn warning(&mut self, span: Span, message: String, help: String) {
         self.findings.push(Finding { severity: Severity::Warning, span, message, help, absence: false });
     }
 
     /// An error about something that is not there.
-    pub(super) fn missing(&mut self, span: Span, message: String, help: String) {
+    pub(crate) fn missing(&mut self, span: Span, message: String, help: String) {
         self.findings.push(Finding { severity: Severity::Error, span, message, help, absence: true });
     }
 }

@@ -8,22 +8,22 @@ use serde_json::Value as Json;
 use toml::Spanned;
 use toml::de::DeValue;
 
-pub(super) use compound::{Each, Extent, List, Numbers};
-pub(super) use scalar::{Choice, Flag, Integer, Moment, Number, Parsed, Text};
+pub(crate) use compound::{Each, List, Numbers};
+pub(crate) use scalar::{Choice, Flag, Integer, Moment, Number, Parsed, Text};
 
 use super::diagnostic::Span;
 
 /// What is wrong with a value, and which part of it: a clause that continues the setting's name.
-pub(super) struct Fault {
-    pub(super) at: Span,
-    pub(super) clause: String,
+pub(crate) struct Fault {
+    pub(crate) at: Span,
+    pub(crate) clause: String,
 }
 
 /// A value with its place in the text.
-pub(super) type Item<'d> = Spanned<DeValue<'d>>;
+pub(crate) type Item<'d> = Spanned<DeValue<'d>>;
 
 /// One kind of value.
-pub(super) trait Kind {
+pub(crate) trait Kind {
     /// What it is read into.
     type Out;
 
@@ -64,7 +64,7 @@ fn wrong_type(kind: &impl Kind, item: &Item<'_>, faults: &mut Vec<Fault>) {
 const PART_OF_THE_OTHER: f64 = 0.8;
 
 /// The word most like `text`, if any is like it at all: alike from the start, or one holding the other.
-pub(super) fn nearest<'w>(text: &str, words: impl Iterator<Item = &'w str>) -> Option<&'w str> {
+pub(crate) fn nearest<'w>(text: &str, words: impl Iterator<Item = &'w str>) -> Option<&'w str> {
     let text = text.to_lowercase();
     words
         .map(|word| {
@@ -78,7 +78,7 @@ pub(super) fn nearest<'w>(text: &str, words: impl Iterator<Item = &'w str>) -> O
 }
 
 /// What is wrong with the length of a list, as a clause that continues its name.
-pub(super) fn miscount(entries: usize, at_least: usize, at_most: usize) -> Option<String> {
+pub(crate) fn miscount(entries: usize, at_least: usize, at_most: usize) -> Option<String> {
     if entries < at_least {
         Some(format!("has {entries} entries, fewer than the {at_least} it needs"))
     } else if entries > at_most {

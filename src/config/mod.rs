@@ -1,27 +1,23 @@
-//! Mission, vehicle and fault files: TOML to validated settings, or every error with line, column and remedy.
+//! Mission and vehicle files: TOML to validated settings, or every error with line, column and remedy.
 //!
-//! Each setting is declared once (`mission_file`, `vehicle_file`, `fault_file`): key, kind, range, unit, default, sentence. Reading,
-//! range checks, defaults, the JSON Schema and the digest all follow from the declaration.
+//! Each setting is declared once (`mission_file`, `vehicle_file`): key, kind, range, unit, default, sentence. Reading, range
+//! checks, defaults, the JSON Schema and the digest all follow from the declaration. `document`, `reader` and `kind` serve
+//! other files of this form too.
 
-mod address;
 mod diagnostic;
-mod document;
-mod fault_file;
-mod faults;
+pub(crate) mod document;
 pub(crate) mod file;
-mod kind;
+pub(crate) mod kind;
 mod mission;
 mod mission_checks;
 mod mission_file;
 mod polygon;
-mod reader;
+pub(crate) mod reader;
 mod schema;
 mod vehicle;
 mod vehicle_file;
 
-pub use address::{AddressError, HostPort, LinkAddress};
 pub use diagnostic::{Diagnostic, Diagnostics, Severity};
-pub use faults::{FaultKind, FaultLaw, Faults, Frequency, Magnitude, Whom};
 pub use mission::{
     Difference, Emission, Mission, NamedEavesdropper, PlannerSettings, PowerLimit, Tdma, User,
     VehicleSettings,

@@ -12,7 +12,7 @@ use super::kind::{Fault, Item, Kind, miscount, nearest};
 const MOST_TABLES: usize = 1000;
 
 /// One table of a file while it is read.
-pub(super) struct Section<'c, 'd> {
+pub(crate) struct Section<'c, 'd> {
     document: &'c mut Document,
     table: Option<&'d DeTable<'d>>,
     path: String,
@@ -24,7 +24,7 @@ pub(super) struct Section<'c, 'd> {
 }
 
 impl<'c, 'd> Section<'c, 'd> {
-    pub(super) fn root(document: &'c mut Document, table: Option<&'d DeTable<'d>>) -> Self {
+    pub(crate) fn root(document: &'c mut Document, table: Option<&'d DeTable<'d>>) -> Self {
         Self::at_path(document, table, String::new())
     }
 
@@ -41,7 +41,7 @@ impl<'c, 'd> Section<'c, 'd> {
     }
 
     /// Runs `f` on this table, refuses the keys it did not ask for, and gives what it made and the table's schema.
-    pub(super) fn describe<T>(mut self, f: impl FnOnce(&mut Self) -> T) -> (T, Json) {
+    pub(crate) fn describe<T>(mut self, f: impl FnOnce(&mut Self) -> T) -> (T, Json) {
         let value = f(&mut self);
         self.refuse_unknown();
         let mut schema =
@@ -56,7 +56,7 @@ impl<'c, 'd> Section<'c, 'd> {
     }
 
     /// A setting with a default.
-    pub(super) fn read<K: Kind>(
+    pub(crate) fn read<K: Kind>(
         &mut self,
         key: &'static str,
         sentence: &str,
@@ -73,7 +73,7 @@ impl<'c, 'd> Section<'c, 'd> {
     }
 
     /// A setting that may be left unset.
-    pub(super) fn optional<K: Kind>(&mut self, key: &'static str, sentence: &str, kind: K) -> Option<K::Out> {
+    pub(crate) fn optional<K: Kind>(&mut self, key: &'static str, sentence: &str, kind: K) -> Option<K::Out> {
         let value = self.value(key, &kind, None);
         self.record(key, &kind, value.as_ref());
         self.property(key, sentence, kind.schema());
@@ -81,7 +81,7 @@ impl<'c, 'd> Section<'c, 'd> {
     }
 
     /// A setting that must be given.
-    pub(super) fn required<K: Kind>(&mut self, key: &'static str, sentence: &str, kind: K) -> Option<K::Out> {
+    pub(crate) fn required<K: Kind>(&mut self, key: &'static str, sentence: &str, kind: K) -> Option<K::Out> {
         self.required.push(key);
         if self.item(key).is_none() {
             let help = format!("add `{key} = ...`: {}", kind.expected());
@@ -91,7 +91,7 @@ impl<'c, 'd> Section<'c, 'd> {
     }
 
     /// A table whose settings all have defaults, unless `f` asks for more.
-    pub(super) fn table<T>(
+    pub(crate) fn table<T>(
         &mut self,
         key: &'static str,
         sentence: &str,
@@ -105,7 +105,7 @@ impl<'c, 'd> Section<'c, 'd> {
     }
 
     /// A table that must be there, even if it is empty.
-    pub(super) fn required_table<T>(
+    pub(crate) fn required_table<T>(
         &mut self,
         key: &'static str,
         sentence: &str,
@@ -120,7 +120,7 @@ impl<'c, 'd> Section<'c, 'd> {
     }
 
     /// A table that means something by being there.
-    pub(super) fn optional_table<T>(
+    pub(crate) fn optional_table<T>(
         &mut self,
         key: &'static str,
         sentence: &str,
@@ -131,7 +131,7 @@ impl<'c, 'd> Section<'c, 'd> {
     }
 
     /// `[[key]]` tables, from `at_least` to [`MOST_TABLES`] of them; `f` is given each one's index.
-    pub(super) fn tables<T>(
+    pub(crate) fn tables<T>(
         &mut self,
         key: &'static str,
         sentence: &str,
@@ -202,7 +202,7 @@ impl<'c, 'd> Section<'c, 'd> {
     }
 
     /// Of these groups of keys at most one may be given, and exactly one if it is `needed`.
-    pub(super) fn alternatives(&mut self, groups: &[&[&'static str]], needed: bool) {
+    pub(crate) fn alternatives(&mut self, groups: &[&[&'static str]], needed: bool) {
         let mut choices: Vec<Json> = groups.iter().map(|keys| json!({ "required": keys })).collect();
         if !needed {
             choices.push(json!({ "not": { "anyOf": choices.clone() } }));
@@ -227,7 +227,7 @@ impl<'c, 'd> Section<'c, 'd> {
     }
 
     /// These two keys may not both be given.
-    pub(super) fn excludes(&mut self, second: &'static str, first: &'static str) {
+    pub(crate) fn excludes(&mut self, second: &'static str, first: &'static str) {
         self.rules.push(json!({ "not": { "required": [first, second] } }));
         if self.item(first).is_some() && self.item(second).is_some() {
             self.refuse_second(&[first], &[second]);

@@ -4,7 +4,6 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value as Json;
 
-use super::address::LinkAddress;
 use super::diagnostic::{Diagnostics, Severity};
 use super::document::Document;
 use super::file::{MAX_BYTES, read_text};
@@ -12,6 +11,7 @@ use super::mission::Mission;
 use super::mission_checks::{ORIGIN, ORIGIN_HELP};
 use super::vehicle_file;
 use crate::autopilot::{Actuation, FirmwareChoice};
+use crate::link::LinkAddress;
 use crate::role::Role;
 use crate::transmitter::{Level, Protocol};
 

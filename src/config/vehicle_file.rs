@@ -1,6 +1,5 @@
 //! Every setting of the vehicle file, declared once: key, kind, range, unit, default, sentence.
 
-use super::address::LinkAddress;
 use super::kind::{Choice, Flag, Integer, Number, Numbers, Parsed, Text};
 use super::mission_file::{climb, power, speed, tilt, tilt_rate};
 use super::reader::Section;
@@ -8,6 +7,7 @@ use super::vehicle::{
     Autopilot, Draft, Limits, PairLink, PowerParameter, PowerUnit, Transmitter, TransmitterKind,
 };
 use crate::autopilot::{Actuation, FirmwareChoice};
+use crate::link::LinkAddress;
 use crate::role::Role;
 use crate::transmitter::{Level, Protocol};
 
@@ -74,8 +74,7 @@ const NEWTONS: Number = Number::within("N", 0.01, 1e5);
 const ID: Integer = Integer { min: 1, max: 255 };
 
 fn autopilot(s: &mut Section<'_, '_>) -> Autopilot {
-    let default_link =
-        LinkAddress::UdpIn(super::address::HostPort { host: "0.0.0.0".to_owned(), port: 14540 });
+    let default_link = LinkAddress::UdpIn(crate::link::HostPort { host: "0.0.0.0".to_owned(), port: 14540 });
     let firmware = Choice(&[
         ("auto", FirmwareChoice::Auto),
         ("px4", FirmwareChoice::Px4),

@@ -11,6 +11,7 @@
 pub mod baseline;
 pub mod bound;
 mod cap;
+pub mod document;
 pub mod expectation;
 mod model;
 pub(crate) mod parallel;

@@ -1,4 +1,4 @@
-//! Flights of the tests: the pair in the simulated world, in virtual time (`veilwing::simulation`), with a log of
+//! Flights of the tests: the pair in the simulated world, in virtual time (`veilwing::desk::simulation`), with a log of
 //! everything that the tests look at.
 
 use std::ops::{Deref, DerefMut};
@@ -8,13 +8,13 @@ use std::time::Duration;
 use mavlink::MavHeader;
 use mavlink::dialects::ardupilotmega::{COMMAND_LONG_DATA, MavCmd, MavMessage};
 use veilwing::config::{Mission, Vehicle};
+use veilwing::desk::simulation::{self, Given, Observer, VehicleText, actuation, world_config};
+pub use veilwing::desk::simulation::{Path, index};
 use veilwing::link::codec::Encoder;
 use veilwing::mission::{Notice, Outgoing};
 use veilwing::planner::slots::{Plan, PlannedSlot};
 use veilwing::planner::{Options, plan_slot};
 use veilwing::role::{PerVehicle, Role};
-use veilwing::simulation::{self, Given, Observer, VehicleText, actuation, world_config};
-pub use veilwing::simulation::{Path, index};
 use veilwing_sitl::{FlightReport, Slip, World};
 
 /// No flight of the small mission takes longer, faults included.

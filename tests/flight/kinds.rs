@@ -3,10 +3,10 @@
 use std::sync::Arc;
 
 use veilwing::config::{Mission, Vehicle};
+use veilwing::desk::simulation::{Flight, Given, Path, Setup, VehicleText, world_config};
 use veilwing::mission::Outcome;
 use veilwing::planner::slots::Plan;
 use veilwing::role::{PerVehicle, Role};
-use veilwing::simulation::{Flight, Given, Path, Setup, VehicleText, world_config};
 use veilwing_sitl::{FlightReport, World};
 
 use crate::harness::{LONGEST, MISSION, planned, yard};

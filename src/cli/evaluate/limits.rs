@@ -1,8 +1,8 @@
 //! What of an edited plan no transmitter could do, and what in it the mission does not allow.
 
 use crate::config::Mission;
+use crate::planner::document::{EditedPlan, EditedSlot, VehicleDocument};
 use crate::planner::plan::VehiclePlan;
-use crate::report::plan_document::{EditedPlan, EditedSlot, VehicleDocument};
 use crate::role::Role;
 use crate::schedule::geofence::Geofence;
 use crate::units::Watts;

@@ -5,11 +5,11 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 use crate::config::file::{unwritable, usable_directory, write_whole};
-use crate::report::flight::{self, Timeline};
+use crate::desk::report::{self, Timeline};
 use crate::role::Role;
 
-use crate::cli::report;
-use crate::simulation::VehicleText;
+use crate::cli::report::{REPORT, write};
+use crate::desk::simulation::VehicleText;
 
 /// Kept where the operator said, or temporary and removed at the end.
 pub(in crate::cli) struct Directory {
@@ -49,10 +49,10 @@ impl Directory {
         if !same(mission, &kept) {
             std::fs::copy(mission, &kept).map_err(|error| unwritable(&kept, &error))?;
         }
-        flight::store(&self.path, timeline).map_err(|error| error.to_string())?;
+        report::store(&self.path, timeline).map_err(|error| error.to_string())?;
         // From what has just been written, so that `veilwing report` gives the same.
-        let recorded = flight::load(&self.path).map_err(|error| error.to_string())?;
-        report::write(&self.path.join(report::REPORT), &recorded)
+        let recorded = report::load(&self.path).map_err(|error| error.to_string())?;
+        write(&self.path.join(REPORT), &recorded)
     }
 }
 
