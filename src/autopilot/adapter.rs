@@ -138,7 +138,7 @@ impl Autopilot {
         if let Some(found) = self.discovery.advance(now) {
             self.adopt(found, now);
         }
-        let Some((firmware, address)) = self.peer else { return self.stream.stop() };
+        let Some((firmware, address)) = self.peer else { return };
         if self.link.advance(now, &mut self.out) {
             self.drop_control();
             self.commands.clear();
@@ -148,7 +148,6 @@ impl Autopilot {
             self.advance_goals(now);
             self.guard_land_detector(now);
             self.parameters.refresh(!self.telemetry.state.is_armed(), now);
-            self.tick(firmware, address, now);
         }
         self.pump(firmware, address, now);
     }
@@ -174,7 +173,6 @@ impl Autopilot {
             (alive(self.parameters.timeout()), "parameter"),
             (alive(self.streams.timeout()), "telemetry"),
             (alive(self.control.timeout()), "control"),
-            (alive(self.stream.timeout()), "setpoint"),
         ]
         .into_iter()
         .filter_map(|(at, reason)| at.map(|at| (at, reason)))
@@ -202,9 +200,13 @@ impl Autopilot {
         self.flush(now);
     }
 
-    /// Sets where the vehicle should be now. It is streamed for the setpoint's lifetime and not a tick longer (F3).
+    /// Sets where the vehicle should be at `now`. It goes out at once, stamped with that instant, and once: what is not
+    /// set again is not sent again (F3), so the caller's pace is the stream's.
     pub fn set_setpoint(&mut self, setpoint: Setpoint, now: Instant) {
-        self.stream.set(setpoint, now);
+        let Some((firmware, address)) = self.peer.filter(|_| !self.link.is_lost()) else { return };
+        self.guard_land_detector(now);
+        self.stream(&setpoint, firmware, address, now);
+        self.pump(firmware, address, now);
     }
 
     /// Stops the setpoints and whatever else is pursued; the autopilot stays in its mode.

@@ -7,7 +7,7 @@ use super::firmware::{Firmware, rotors};
 use super::guard::{self, LandDetectorGuard};
 use super::position_control::Measured;
 use super::setpoint::Surroundings;
-use super::settings::Actuation;
+use super::settings::{Actuation, Setpoint};
 use crate::time::Instant;
 
 impl Autopilot {
@@ -48,9 +48,8 @@ impl Autopilot {
         self.flown || self.telemetry.state.is_airborne() == Some(true)
     }
 
-    /// Streams the setpoint if one is due and the phase allows it.
-    pub(super) fn tick(&mut self, firmware: Firmware, target: Address, now: Instant) {
-        let Some(setpoint) = self.stream.due(now) else { return };
+    /// Sends the setpoint if the phase allows it.
+    pub(super) fn stream(&mut self, setpoint: &Setpoint, firmware: Firmware, target: Address, now: Instant) {
         let allowed = match self.control.phase {
             Phase::Taking { .. } => firmware.wants_stream_first(),
             Phase::Held => firmware == Firmware::Px4 || (self.control.climb.is_none() && self.is_flying()),
@@ -59,9 +58,8 @@ impl Autopilot {
         };
         self.note_lift_off();
         let around = allowed.then(|| self.surroundings(firmware, target, now)).flatten();
-        let Some(around) = around else { return self.stream.skip() };
-        let commanded = self.stream.send(&setpoint, &around, now, &mut self.out);
-        if self.is_bridged() {
+        let commanded = self.stream.set(setpoint, around.as_ref(), now, &mut self.out);
+        if let Some(commanded) = commanded.filter(|_| self.is_bridged()) {
             self.drive_offsets(commanded, target, now);
         }
     }

@@ -1,4 +1,4 @@
-//! The stream of setpoints: when one is due, and what it looks like on the wire.
+//! The stream of setpoints: each goes out once, at the instant that it is for, and what it looks like on the wire.
 
 use std::time::Duration;
 
@@ -38,21 +38,27 @@ pub(super) struct Surroundings {
     pub(super) may_tilt: bool,
 }
 
-/// The current setpoint and its stream.
+/// The stream of setpoints. It has no clock of its own: who sets setpoints sets the pace.
 #[derive(Debug)]
 pub(super) struct Stream {
     actuation: Actuation,
+    /// Time that the first setpoint of a stream stands for.
     period: Duration,
     lifetime: Duration,
     tilt_rate_rad_s: f64,
-    setpoint: Option<(Setpoint, Instant)>,
-    tick_at: Option<Instant>,
-    /// Since when setpoints have gone out at every tick.
-    since: Option<Instant>,
-    commanded: Option<Attitude>,
+    set_at: Option<Instant>,
+    run: Option<Run>,
     control: PositionControl,
     /// The thrust that rises until the vehicle leaves the ground.
     spool: Option<f64>,
+}
+
+/// Setpoints that have gone out without a gap.
+#[derive(Debug, Clone, Copy)]
+struct Run {
+    since: Instant,
+    sent_at: Instant,
+    commanded: Attitude,
 }
 
 impl Stream {
@@ -62,57 +68,48 @@ impl Stream {
             period: settings.period(),
             lifetime: settings.setpoint_lifetime,
             tilt_rate_rad_s: settings.tilt_rate_rad_s,
-            setpoint: None,
-            tick_at: None,
-            since: None,
-            commanded: None,
+            set_at: None,
+            run: None,
             control: PositionControl::new(settings.position_control),
             spool: None,
         }
     }
 
-    /// A new setpoint, good for its lifetime. One that is not finite is none at all.
-    pub(super) fn set(&mut self, setpoint: Setpoint, now: Instant) {
-        if !setpoint.is_finite() {
-            return;
-        }
-        self.setpoint = Some((setpoint, now + self.lifetime));
-        self.tick_at.get_or_insert(now);
-    }
-
-    /// Forgets the setpoint: nothing is streamed until there is a new one.
+    /// Ends the stream: the next one begins anew, with what the controller had integrated forgotten.
     pub(super) fn stop(&mut self) {
-        self.setpoint = None;
-        self.tick_at = None;
-        self.interrupt();
+        self.set_at = None;
+        self.run = None;
         self.spool = None;
         self.control.reset();
     }
 
-    fn interrupt(&mut self) {
-        self.since = None;
-        self.commanded = None;
-    }
-
     /// How long setpoints have gone out without a gap.
     pub(super) fn streamed_for(&self, now: Instant) -> Duration {
-        self.since.map_or(Duration::ZERO, |since| now.saturating_since(since))
+        let run = self.run.filter(|run| now.saturating_since(run.sent_at) <= self.lifetime);
+        run.map_or(Duration::ZERO, |run| now.saturating_since(run.since))
     }
 
-    pub(super) fn timeout(&self) -> Option<Instant> {
-        self.tick_at
-    }
-
-    /// The setpoint of this tick if one is due and alive. Ticks keep to their deadlines; missed ones are left out.
-    pub(super) fn due(&mut self, now: Instant) -> Option<Setpoint> {
-        let at = self.tick_at.filter(|at| *at <= now)?;
-        let Some((setpoint, _)) = self.setpoint.filter(|(_, expires_at)| now < *expires_at) else {
+    /// Takes a setpoint for `now` and sends it in the form that actuation and firmware ask for. The attitude that it
+    /// commands; `None` if nothing went out: without surroundings none may, and what is not finite is no setpoint.
+    pub(super) fn set(
+        &mut self,
+        setpoint: &Setpoint,
+        around: Option<&Surroundings>,
+        now: Instant,
+        out: &mut Outbox,
+    ) -> Option<Attitude> {
+        if !setpoint.is_finite() {
+            return None;
+        }
+        if self.set_at.is_some_and(|at| now.saturating_since(at) > self.lifetime) {
             self.stop();
+        }
+        self.set_at = Some(now);
+        let Some(around) = around else {
+            self.run = None;
             return None;
         };
-        let next = at + self.period;
-        self.tick_at = Some(if next > now { next } else { now + self.period });
-        Some(setpoint)
+        Some(self.send(setpoint, around, now, out))
     }
 
     /// Takes the scales of the thrust axes from the rotors.
@@ -125,23 +122,19 @@ impl Stream {
         self.control.hover_thrust()
     }
 
-    /// Nothing may be sent at this tick: the stream has a gap.
-    pub(super) fn skip(&mut self) {
-        self.interrupt();
-    }
-
-    /// Sends one setpoint in the form that actuation and firmware ask for. The attitude that it commands.
-    pub(super) fn send(
+    fn send(
         &mut self,
         setpoint: &Setpoint,
         around: &Surroundings,
         now: Instant,
         out: &mut Outbox,
     ) -> Attitude {
-        self.since.get_or_insert(now);
-        let attitude = self.ramp(setpoint.attitude, around);
+        let dt_s = self.run.map_or(self.period, |run| now.saturating_since(run.sent_at)).as_secs_f64();
+        let attitude = self.ramp(setpoint.attitude, around, dt_s);
+        let since = self.run.map_or(now, |run| run.since);
+        self.run = Some(Run { since, sent_at: now, commanded: attitude });
         match self.actuation {
-            Actuation::ThrustVector => out.send(self.thrust_vector(setpoint, attitude, around, now)),
+            Actuation::ThrustVector => out.send(self.thrust_vector(setpoint, attitude, around, dt_s, now)),
             Actuation::Position => out.send(position(setpoint, Some(attitude), around, now)),
             Actuation::Pose => match around.firmware {
                 Firmware::Px4 => {
@@ -161,15 +154,13 @@ impl Stream {
     }
 
     /// The commanded attitude follows the wanted one at no more than the tilt rate, starting from the measured one.
-    fn ramp(&mut self, wanted: Attitude, around: &Surroundings) -> Attitude {
+    fn ramp(&self, wanted: Attitude, around: &Surroundings, dt_s: f64) -> Attitude {
         let level = Attitude::from_euler(0.0, 0.0, wanted.euler().2);
         let wanted = if around.may_tilt { wanted } else { level };
-        let from = self.commanded.unwrap_or(around.measured.attitude);
+        let from = self.run.map_or(around.measured.attitude, |run| run.commanded);
         let angle = from.angle_to(&wanted);
-        let step = self.tilt_rate_rad_s * self.period.as_secs_f64();
-        let commanded = if angle <= step { wanted } else { from.slerp(&wanted, step / angle) };
-        self.commanded = Some(commanded);
-        commanded
+        let step = self.tilt_rate_rad_s * dt_s;
+        if angle <= step { wanted } else { from.slerp(&wanted, step / angle) }
     }
 
     fn thrust_vector(
@@ -177,9 +168,9 @@ impl Stream {
         wanted: &Setpoint,
         attitude: Attitude,
         around: &Surroundings,
+        dt_s: f64,
         now: Instant,
     ) -> MavMessage {
-        let dt_s = self.period.as_secs_f64();
         let thrust = if around.lifting {
             let spool = self.spool.unwrap_or(IDLE_THRUST) + SPOOL_RATE_S * dt_s;
             Vector3::new(0.0, 0.0, -*self.spool.insert(spool.min(1.0)))

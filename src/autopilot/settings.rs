@@ -55,7 +55,7 @@ pub struct Settings {
     pub firmware: FirmwareChoice,
     /// How poses are given to the autopilot.
     pub actuation: Actuation,
-    /// Rate of setpoints, and of the position and attitude asked for, in Hz.
+    /// Rate of the position and attitude asked for, in Hz, and the one at which setpoints are to be set.
     pub rate_hz: f64,
     /// Origin of the mission frame.
     pub mission_origin: Geodetic,
@@ -63,7 +63,7 @@ pub struct Settings {
     pub planned_tilt_rad: f64,
     /// Largest rate at which a commanded attitude turns, in rad/s.
     pub tilt_rate_rad_s: f64,
-    /// How long a setpoint is streamed unless it is renewed (F3).
+    /// How long after a setpoint the next one still belongs to the same stream; later ones begin it anew.
     pub setpoint_lifetime: Duration,
     /// Age at which position and attitude are no longer fresh.
     pub freshness: Duration,
@@ -107,7 +107,7 @@ impl Settings {
         }
     }
 
-    /// Time between two setpoints. Rates outside [2, 400] Hz are taken at the nearest end.
+    /// Time between two setpoints, as they are to be set. Rates outside [2, 400] Hz are taken at the nearest end.
     pub(super) fn period(&self) -> Duration {
         let rate_hz = if self.rate_hz.is_finite() { self.rate_hz.clamp(2.0, 400.0) } else { 50.0 };
         Duration::from_secs_f64(1.0 / rate_hz)
