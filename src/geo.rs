@@ -102,6 +102,13 @@ impl Attitude {
         [sign * q.w, sign * q.i, sign * q.j, sign * q.k]
     }
 
+    /// Roll, pitch and heading of the quaternion MAVLink carries, in radians: about FRD's x, y and z from NED.
+    #[must_use]
+    pub fn to_mavlink_euler(&self) -> (f64, f64, f64) {
+        let [w, x, y, z] = self.to_mavlink();
+        UnitQuaternion::new_normalize(nalgebra::Quaternion::new(w, x, y, z)).euler_angles()
+    }
+
     /// From the quaternion MAVLink carries. `None` if it is not a rotation (zero, not finite).
     #[must_use]
     pub fn from_mavlink(wxyz: [f64; 4]) -> Option<Self> {
@@ -229,6 +236,17 @@ mod tests {
                     && (pitch + theta).abs() < 1e-12
                     && (yaw - FRAC_PI_2).abs() < 1e-12
             );
+        }
+    }
+
+    #[test]
+    fn val_mavlinks_angles_at_any_yaw() {
+        // The paper's roll is about body x, which FLU and FRD share; pitch and heading change their sign and zero.
+        for (roll, pitch, yaw) in [(0.3, 0.0, 0.0), (0.0, 0.4, 0.0), (-0.7, 0.9, 1.1), (1.2, -1.3, -2.0)] {
+            let (r, p, h) = Attitude::from_euler(roll, pitch, yaw).to_mavlink_euler();
+            assert!((r - roll).abs() < 1e-9 && (p + pitch).abs() < 1e-9, "{r} {p}");
+            let turn = (h - (FRAC_PI_2 - yaw)).rem_euclid(2.0 * PI);
+            assert!(turn.min(2.0 * PI - turn) < 1e-9, "{h}");
         }
     }
 

@@ -18,7 +18,7 @@ use veilwing_sitl::{Airframe, Firmware, JitterConfig, Origin, Role, SensorConfig
 const MISSION: Geodetic = Geodetic { lat_deg: 50.0755, lon_deg: 14.4378, alt_m: 200.0 };
 const OWN: (u8, u8) = (1, 191);
 const STEP: Duration = Duration::from_millis(5);
-/// Between two setpoints, which fall between the instants of the vehicle's telemetry.
+/// Between two setpoints, which fall half-way between two instants of the vehicle's telemetry.
 const TICK_MS: u128 = 20;
 const EPOCH_US: u64 = 1_790_000_000_000_000;
 
@@ -107,9 +107,7 @@ impl World {
         while self.autopilot.poll_timeout().is_some_and(|(at, _)| at <= now) {
             self.autopilot.handle_timeout(now);
         }
-        if let Some(setpoint) =
-            self.setpoint.filter(|_| (self.now + STEP).as_millis().is_multiple_of(TICK_MS))
-        {
+        if let Some(setpoint) = self.setpoint.filter(|_| self.now.as_millis() % TICK_MS == TICK_MS / 2) {
             self.autopilot.set_setpoint(setpoint, now);
         }
         while self.transmitter.poll_timeout().is_some_and(|(at, _)| at <= now) {

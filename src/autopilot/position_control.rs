@@ -110,15 +110,14 @@ impl PositionControl {
         self.hover_thrust
     }
 
-    /// The thrust command along body FRD axes (up is negative z) after a step of `dt_s`. Always finite and within
-    /// the limit. With `learn` off (on the ground) integral and hover thrust stay as they are.
+    /// The thrust command along body FRD axes (up is negative z) after a step of `dt_s` in the air. Always finite and
+    /// within the limit.
     pub fn step(
         &mut self,
         position_enu_m: Enu,
         velocity_enu_m_s: Vector3<f64>,
         measured: &Measured,
         dt_s: f64,
-        learn: bool,
     ) -> Vector3<f64> {
         let s = self.settings;
         let axes = |[horizontal, vertical]: [f64; 2]| Vector3::new(horizontal, horizontal, vertical);
@@ -137,7 +136,7 @@ impl PositionControl {
         let command = if saturated { scaled * (s.thrust_limit / largest) } else { scaled };
 
         let limited_force = wanted.norm() + 1e-9 >= s.acceleration_limit_m_s2;
-        if learn && dt_s > 0.0 && !far && !saturated && !limited_force {
+        if dt_s > 0.0 && !far && !saturated && !limited_force {
             let step = axes(s.integral_s3).component_mul(&error) * dt_s;
             self.integral_m_s2 = limited(self.integral_m_s2 + step, s.integral_limit_m_s2);
             self.learn_hover(dt_s);
@@ -217,7 +216,7 @@ mod tests {
         ] {
             let mut control = PositionControl::new(settings);
             let at = plant(roll, pitch).measured;
-            let thrust = control.step(Enu::zeros(), Vector3::zeros(), &at, 0.02, true);
+            let thrust = control.step(Enu::zeros(), Vector3::zeros(), &at, 0.02);
             assert!((thrust - expected).norm() < 1e-9, "roll {roll} pitch {pitch}: {thrust}");
         }
     }
@@ -229,7 +228,7 @@ mod tests {
             plant.wind_n = Vector3::new(3.0, -2.0, 1.0);
             let mut control = PositionControl::new(Settings { hover_thrust: 0.3, ..omnicopter() });
             for _ in 0..3000 {
-                let thrust = control.step(Enu::zeros(), Vector3::zeros(), &plant.measured, 0.02, true);
+                let thrust = control.step(Enu::zeros(), Vector3::zeros(), &plant.measured, 0.02);
                 assert!(thrust.amax() <= 1.0);
                 plant.step(thrust, 0.02);
             }
@@ -252,7 +251,7 @@ mod tests {
             });
             let mut sum = 0.0;
             for _ in 0..500 {
-                let thrust = control.step(Enu::zeros(), Vector3::zeros(), &plant.measured, 0.02, true);
+                let thrust = control.step(Enu::zeros(), Vector3::zeros(), &plant.measured, 0.02);
                 plant.step(thrust, 0.02);
                 sum += plant.measured.position_enu_m.norm_squared();
             }
@@ -268,7 +267,7 @@ mod tests {
         let mut control = PositionControl::new(settings);
         let below = plant(0.0, 0.0).measured;
         for _ in 0..1000 {
-            let thrust = control.step(Enu::new(0.0, 0.0, 50.0), Vector3::zeros(), &below, 0.02, true);
+            let thrust = control.step(Enu::new(0.0, 0.0, 50.0), Vector3::zeros(), &below, 0.02);
             assert!(thrust.amax() <= 0.35 + 1e-12);
         }
         assert_eq!(control, PositionControl::new(settings));
@@ -279,7 +278,7 @@ mod tests {
         let mut control = PositionControl::new(Settings::default());
         let mut at = plant(0.0, 0.0).measured;
         at.position_enu_m.x = f64::NAN;
-        let thrust = control.step(Enu::new(f64::INFINITY, 0.0, 0.0), Vector3::zeros(), &at, 0.02, true);
+        let thrust = control.step(Enu::new(f64::INFINITY, 0.0, 0.0), Vector3::zeros(), &at, 0.02);
         assert!(thrust.iter().all(|c| c.is_finite()));
     }
 }

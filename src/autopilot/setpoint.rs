@@ -6,13 +6,12 @@ use mavlink::dialects::ardupilotmega::{
     AttitudeTargetTypemask, MavFrame, MavMessage, PositionTargetTypemask, SET_ATTITUDE_TARGET_DATA,
     SET_POSITION_TARGET_LOCAL_NED_DATA,
 };
-use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use nalgebra::Vector3;
 
-use super::firmware::Firmware;
+use super::outbox::{Address, Outbox};
 use super::position_control::{Measured, PositionControl};
-use super::settings::{Actuation, Setpoint, Settings};
-use super::{Address, Outbox};
-use crate::geo::{Attitude, LocalFrame, swap_enu_ned};
+use super::settings::{Actuation, Settings};
+use crate::geo::{Attitude, Enu, LocalFrame, swap_enu_ned};
 use crate::time::Instant;
 
 /// Thrust while armed on the ground.
@@ -20,20 +19,51 @@ const IDLE_THRUST: f64 = 0.05;
 /// How fast thrust rises to find the one that lifts the vehicle, 1/s.
 const SPOOL_RATE_S: f64 = 0.2;
 
-/// What the stream needs to know of the vehicle at a tick.
+/// Where the vehicle should be at an instant, in the mission frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Setpoint {
+    /// Position in metres, ENU.
+    pub position_enu_m: Enu,
+    /// Velocity feed-forward in m/s, ENU.
+    pub velocity_enu_m_s: Vector3<f64>,
+    /// Attitude. [`Actuation::Position`] uses its yaw alone.
+    pub attitude: Attitude,
+}
+
+impl Setpoint {
+    /// Whether every number is finite; others are never streamed.
+    #[must_use]
+    pub fn is_finite(&self) -> bool {
+        let q = self.attitude.rotation();
+        self.position_enu_m
+            .iter()
+            .chain(self.velocity_enu_m_s.iter())
+            .chain(q.coords.iter())
+            .all(|c| c.is_finite())
+    }
+}
+
+/// How the vehicle stands to the ground.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Footing {
+    /// On the ground and not taking off: no more than idle thrust.
+    Standing,
+    /// Taking off and still on the ground: thrust rises until the vehicle leaves it.
+    Lifting,
+    /// Off the ground: what the controller learns means something.
+    Airborne,
+}
+
+/// What the stream needs to know of the vehicle.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Surroundings {
-    pub(super) firmware: Firmware,
     pub(super) target: Address,
+    /// A pose goes out as two targets, one of them an attitude.
+    pub(super) takes_attitude_targets: bool,
     pub(super) frame: LocalFrame,
     /// Fresh position, velocity and attitude.
     pub(super) measured: Measured,
-    /// On the ground and not taking off: no more than idle thrust.
-    pub(super) idle: bool,
-    /// Taking off and still on the ground: thrust rises until the vehicle leaves it.
-    pub(super) lifting: bool,
-    /// Off the ground: what the controller learns means something.
-    pub(super) flying: bool,
+    pub(super) footing: Footing,
     /// Whether the attitude may leave the level.
     pub(super) may_tilt: bool,
 }
@@ -136,19 +166,15 @@ impl Stream {
         match self.actuation {
             Actuation::ThrustVector => out.send(self.thrust_vector(setpoint, attitude, around, dt_s, now)),
             Actuation::Position => out.send(position(setpoint, Some(attitude), around, now)),
-            Actuation::Pose => match around.firmware {
-                Firmware::Px4 => {
-                    out.send(position(setpoint, None, around, now));
-                    out.send(MavMessage::SET_ATTITUDE_TARGET(SET_ATTITUDE_TARGET_DATA {
-                        type_mask: rates_ignored()
-                            | AttitudeTargetTypemask::ATTITUDE_TARGET_TYPEMASK_THROTTLE_IGNORE,
-                        ..attitude_target(attitude, around.target, now)
-                    }));
-                }
-                // Never a quaternion: the 6DoF frame panics on it. The heading goes with the position, roll and pitch
-                // through the bridge script.
-                Firmware::ArduPilot => out.send(position(setpoint, Some(attitude), around, now)),
-            },
+            Actuation::Pose if around.takes_attitude_targets => {
+                out.send(position(setpoint, None, around, now));
+                out.send(MavMessage::SET_ATTITUDE_TARGET(SET_ATTITUDE_TARGET_DATA {
+                    type_mask: rates_ignored()
+                        | AttitudeTargetTypemask::ATTITUDE_TARGET_TYPEMASK_THROTTLE_IGNORE,
+                    ..attitude_target(attitude, around.target, now)
+                }));
+            }
+            Actuation::Pose => out.send(position(setpoint, Some(attitude), around, now)),
         }
         attitude
     }
@@ -171,22 +197,18 @@ impl Stream {
         dt_s: f64,
         now: Instant,
     ) -> MavMessage {
-        let thrust = if around.lifting {
-            let spool = self.spool.unwrap_or(IDLE_THRUST) + SPOOL_RATE_S * dt_s;
-            Vector3::new(0.0, 0.0, -*self.spool.insert(spool.min(1.0)))
-        } else if around.idle {
-            Vector3::new(0.0, 0.0, -IDLE_THRUST)
-        } else {
-            if let Some(lifts) = self.spool.take() {
-                self.control.lifted_off(lifts);
+        let thrust = match around.footing {
+            Footing::Standing => Vector3::new(0.0, 0.0, -IDLE_THRUST),
+            Footing::Lifting => {
+                let spool = self.spool.unwrap_or(IDLE_THRUST) + SPOOL_RATE_S * dt_s;
+                Vector3::new(0.0, 0.0, -*self.spool.insert(spool.min(1.0)))
             }
-            self.control.step(
-                wanted.position_enu_m,
-                wanted.velocity_enu_m_s,
-                &around.measured,
-                dt_s,
-                around.flying,
-            )
+            Footing::Airborne => {
+                if let Some(lifts) = self.spool.take() {
+                    self.control.lifted_off(lifts);
+                }
+                self.control.step(wanted.position_enu_m, wanted.velocity_enu_m_s, &around.measured, dt_s)
+            }
         };
         MavMessage::SET_ATTITUDE_TARGET(SET_ATTITUDE_TARGET_DATA {
             type_mask: rates_ignored() | AttitudeTargetTypemask::ATTITUDE_TARGET_TYPEMASK_THRUST_BODY_SET,
@@ -200,12 +222,6 @@ fn rates_ignored() -> AttitudeTargetTypemask {
     AttitudeTargetTypemask::ATTITUDE_TARGET_TYPEMASK_BODY_ROLL_RATE_IGNORE
         | AttitudeTargetTypemask::ATTITUDE_TARGET_TYPEMASK_BODY_PITCH_RATE_IGNORE
         | AttitudeTargetTypemask::ATTITUDE_TARGET_TYPEMASK_BODY_YAW_RATE_IGNORE
-}
-
-/// Roll, pitch and heading of the quaternion that MAVLink carries, in radians.
-pub(super) fn frd_euler(attitude: Attitude) -> (f64, f64, f64) {
-    let [w, x, y, z] = attitude.to_mavlink();
-    UnitQuaternion::new_normalize(Quaternion::new(w, x, y, z)).euler_angles()
 }
 
 /// The attitude alone; mask and thrust are the caller's.
@@ -251,7 +267,7 @@ fn position(
         afx: 0.0,
         afy: 0.0,
         afz: 0.0,
-        yaw: heading_of.map_or(0.0, |attitude| frd_euler(attitude).2 as f32),
+        yaw: heading_of.map_or(0.0, |attitude| attitude.to_mavlink_euler().2 as f32),
         yaw_rate: 0.0,
         type_mask,
         target_system: around.target.0,
@@ -268,16 +284,123 @@ fn boot_ms(now: Instant) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::autopilot::context::tests::settings;
+    use crate::geo::Projection;
+
+    const PERIOD: Duration = Duration::from_millis(20);
+
+    fn around(footing: Footing) -> Surroundings {
+        let origin = settings().mission_origin;
+        Surroundings {
+            target: (1, 1),
+            takes_attitude_targets: true,
+            frame: LocalFrame { mission: origin, autopilot: origin, projection: Projection::Tangent },
+            measured: Measured {
+                position_enu_m: Enu::new(1.0, 2.0, 10.0),
+                velocity_enu_m_s: Vector3::zeros(),
+                attitude: Attitude::level(),
+            },
+            footing,
+            may_tilt: true,
+        }
+    }
+
+    fn setpoint(roll_rad: f64) -> Setpoint {
+        Setpoint {
+            position_enu_m: Enu::new(1.0, 2.0, 10.0),
+            velocity_enu_m_s: Vector3::zeros(),
+            attitude: Attitude::from_euler(roll_rad, 0.0, 0.0),
+        }
+    }
+
+    fn stream(actuation: Actuation) -> Stream {
+        let mut settings = settings();
+        settings.actuation = actuation;
+        settings.tilt_rate_rad_s = 0.5;
+        Stream::new(&settings)
+    }
+
+    fn thrust(out: &mut Outbox) -> f64 {
+        match out.next_message() {
+            Some(MavMessage::SET_ATTITUDE_TARGET(target)) => f64::from(-target.thrust_body[2]),
+            other => panic!("{other:?}"),
+        }
+    }
 
     #[test]
-    fn val_body_offsets_turn_the_antenna_as_the_quaternion_does() {
-        use std::f64::consts::FRAC_PI_2;
-        // The paper's roll is about body x, which FLU and FRD share; pitch and heading change their sign and zero.
-        for (roll, pitch, yaw) in [(0.3, 0.0, 0.0), (0.0, 0.4, 0.0), (-0.7, 0.9, 1.1), (1.2, -1.3, -2.0)] {
-            let (r, p, h) = frd_euler(Attitude::from_euler(roll, pitch, yaw));
-            assert!((r - roll).abs() < 1e-9 && (p + pitch).abs() < 1e-9, "{r} {p}");
-            let turn = (h - (FRAC_PI_2 - yaw)).rem_euclid(std::f64::consts::TAU);
-            assert!(turn.min(std::f64::consts::TAU - turn) < 1e-9, "{h}");
+    fn val_a_pause_within_the_lifetime_is_one_stream_and_a_longer_one_ends_it() {
+        let mut stream = stream(Actuation::Position);
+        let (mut out, around) = (Outbox::default(), around(Footing::Airborne));
+        let mut now = Instant::from_start(Duration::from_secs(1));
+        assert!(stream.set(&setpoint(0.0), Some(&around), now, &mut out).is_some());
+        now = now + settings().setpoint_lifetime;
+        assert_eq!(stream.streamed_for(now), settings().setpoint_lifetime);
+        assert!(stream.set(&setpoint(0.0), Some(&around), now, &mut out).is_some());
+        now = now + settings().setpoint_lifetime + Duration::from_millis(1);
+        assert_eq!(stream.streamed_for(now), Duration::ZERO);
+        assert!(stream.set(&setpoint(0.0), Some(&around), now, &mut out).is_some());
+        assert_eq!(stream.streamed_for(now + PERIOD), PERIOD);
+        // A setpoint that may not go out is a gap.
+        assert!(stream.set(&setpoint(0.0), None, now + PERIOD, &mut out).is_none());
+        assert_eq!(stream.streamed_for(now + PERIOD), Duration::ZERO);
+    }
+
+    #[test]
+    fn val_what_is_not_finite_is_no_setpoint() {
+        let mut stream = stream(Actuation::Pose);
+        let (mut out, around) = (Outbox::default(), around(Footing::Airborne));
+        let mut broken = setpoint(0.0);
+        broken.velocity_enu_m_s.y = f64::NAN;
+        assert!(stream.set(&broken, Some(&around), Instant::ZERO, &mut out).is_none());
+        assert!(out.next_message().is_none());
+    }
+
+    #[test]
+    fn val_the_attitude_turns_by_the_rate_times_the_time_that_passed() {
+        let mut stream = stream(Actuation::Pose);
+        let (mut out, around) = (Outbox::default(), around(Footing::Airborne));
+        let mut now = Instant::from_start(Duration::from_secs(1));
+        let mut expected_rad = 0.0;
+        for passed in [PERIOD, PERIOD, 2 * PERIOD, PERIOD / 4, PERIOD] {
+            // The first of a stream stands for a period.
+            expected_rad += 0.5 * passed.as_secs_f64();
+            now = now + passed;
+            let commanded = stream.set(&setpoint(1.0), Some(&around), now, &mut out).unwrap();
+            assert!((commanded.tilt_rad() - expected_rad).abs() < 1e-9, "{}", commanded.tilt_rad());
+        }
+    }
+
+    #[test]
+    fn val_thrust_rises_from_idle_and_what_lifted_is_the_hover_thrust() {
+        let mut stream = stream(Actuation::ThrustVector);
+        let mut out = Outbox::default();
+        let mut now = Instant::from_start(Duration::from_secs(1));
+        let mut fly = |stream: &mut Stream, footing| {
+            now = now + PERIOD;
+            _ = stream.set(&setpoint(0.0), Some(&around(footing)), now, &mut out);
+            thrust(&mut out)
+        };
+        assert!((fly(&mut stream, Footing::Standing) - IDLE_THRUST).abs() < 1e-6);
+        let mut lifting = 0.0;
+        for tick in 1..=50 {
+            lifting = fly(&mut stream, Footing::Lifting);
+            let expected = IDLE_THRUST + SPOOL_RATE_S * 0.02 * f64::from(tick);
+            assert!((lifting - expected).abs() < 1e-6, "{lifting}");
+        }
+        // At its place and at rest, the controller asks for what hovers.
+        assert!((fly(&mut stream, Footing::Airborne) - lifting).abs() < 1e-6);
+        assert!((stream.hover_thrust() - lifting).abs() < 1e-6);
+    }
+
+    #[test]
+    fn val_a_pose_is_two_targets_or_one_without_a_quaternion() {
+        for (takes_attitude_targets, forms) in [(true, 2), (false, 1)] {
+            let around = Surroundings { takes_attitude_targets, ..around(Footing::Airborne) };
+            let mut out = Outbox::default();
+            _ = stream(Actuation::Pose).set(&setpoint(0.3), Some(&around), Instant::ZERO, &mut out);
+            let sent: Vec<_> = std::iter::from_fn(|| out.next_message()).collect();
+            assert_eq!(sent.len(), forms);
+            assert!(matches!(sent[0], MavMessage::SET_POSITION_TARGET_LOCAL_NED(_)));
         }
     }
 }

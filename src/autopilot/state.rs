@@ -97,6 +97,11 @@ impl VehicleState {
         self.armed.is_some_and(|armed| armed.value)
     }
 
+    /// When the older of position and attitude was received; `None` while one is unknown.
+    pub(super) fn pose_since(&self) -> Option<Instant> {
+        Some(self.position_enu_m?.received_at.min(self.attitude?.received_at))
+    }
+
     /// The mode of the last heartbeat.
     #[must_use]
     pub fn mode(&self) -> Option<Mode> {

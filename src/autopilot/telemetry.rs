@@ -7,9 +7,9 @@ use mavlink::dialects::ardupilotmega::{
 };
 use nalgebra::Vector3;
 
-use super::Outbox;
 use super::clock::UtcEstimate;
-use super::settings::{EstimatorFault, Event};
+use super::event::{EstimatorFault, Event};
+use super::outbox::Outbox;
 use super::state::{Battery, Landed, Timed, VehicleState};
 use crate::geo::{Attitude, Enu, Geodetic, LocalFrame, Ned, swap_enu_ned};
 use crate::time::Instant;

@@ -8,7 +8,7 @@ use rand_chacha::ChaCha8Rng;
 use nalgebra::{UnitQuaternion, Vector3};
 
 use super::*;
-use crate::autopilot::firmware::rotors::tests::OMNICOPTER;
+use crate::autopilot::firmware::OMNICOPTER;
 
 const MASS_KG: f64 = 3.2;
 const NEWTONS: [f64; 3] = [133.9, 133.9, 115.9];
