@@ -10,7 +10,7 @@ use mavlink::dialects::ardupilotmega::{MavMessage, MavSeverity};
 use mavlink::{MavHeader, MavlinkVersion, Message};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use veilwing::autopilot::{Actuation, Autopilot, Event, Mode, Setpoint, Settings, Verdict};
-use veilwing::geo::{Attitude, Enu, Geodetic};
+use veilwing::geo::{Attitude, Enu, EnuVelocity, Geodetic};
 use veilwing::time::Instant;
 use veilwing::transmitter::{self, Transmitter};
 use veilwing_sitl::{Airframe, Firmware, JitterConfig, Origin, Role, SensorConfig, Vehicle, VehicleConfig};
@@ -141,7 +141,7 @@ impl World {
     }
 
     fn place(&mut self, position_enu_m: Enu, attitude: Attitude) {
-        self.setpoint = Some(Setpoint { position_enu_m, velocity_enu_m_s: Vector3::zeros(), attitude });
+        self.setpoint = Some(Setpoint { position_enu_m, velocity_enu_m_s: EnuVelocity::ZERO, attitude });
     }
 
     /// Found, ready, in control, armed, at 20 m.

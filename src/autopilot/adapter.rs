@@ -208,7 +208,7 @@ impl Autopilot {
         }
         self.advance_specifics(now);
         if let Some((position_enu_m, velocity_enu_m_s)) = self.telemetry.motion() {
-            self.control.note_lift_off(position_enu_m, velocity_enu_m_s.z);
+            self.control.note_lift_off(position_enu_m, velocity_enu_m_s);
         }
         let around = self.surroundings(now);
         if let Some(commanded) = self.stream.set(&setpoint, around.as_ref(), now, &mut self.out) {

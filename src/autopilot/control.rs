@@ -12,7 +12,7 @@ use super::pursuit::{Aim, Progress, Pursuit};
 use super::setpoint::Footing;
 use super::settings::Actuation;
 use super::state::{Landed, VehicleState};
-use crate::geo::Enu;
+use crate::geo::{Enu, EnuVelocity};
 use crate::time::Instant;
 
 /// How long setpoints stream before a firmware that wants to see them is asked for its mode.
@@ -124,9 +124,10 @@ impl Control {
     }
 
     /// Ends the search for the thrust that lifts once the vehicle has left the ground.
-    pub(super) fn note_lift_off(&mut self, position_enu_m: Enu, up_m_s: f64) {
+    pub(super) fn note_lift_off(&mut self, position_enu_m: Enu, velocity_enu_m_s: EnuVelocity) {
         if let Phase::Held { climb: Some(climb) } = &mut self.phase {
-            let left = position_enu_m.z > climb.from.z + LEFT_GROUND_M || up_m_s > LEFT_GROUND_M_S;
+            let left = position_enu_m.z > climb.from.z + LEFT_GROUND_M
+                || velocity_enu_m_s.vector().z > LEFT_GROUND_M_S;
             climb.lifting &= !left;
         }
     }
@@ -544,9 +545,9 @@ mod tests {
         flight.beat(Mode::Companion, true);
         flight.see(0.0, Landed::OnGround);
         flight.control.take_off(10.0, &mut flight.bench.context());
-        flight.control.note_lift_off(Enu::new(0.0, 0.0, 0.05), 0.1);
+        flight.control.note_lift_off(Enu::new(0.0, 0.0, 0.05), EnuVelocity::new(0.0, 0.0, 0.1));
         assert_eq!(flight.control.footing(&flight.bench.state), Footing::Lifting);
-        flight.control.note_lift_off(Enu::new(0.0, 0.0, 0.05), 0.3);
+        flight.control.note_lift_off(Enu::new(0.0, 0.0, 0.05), EnuVelocity::new(0.0, 0.0, 0.3));
         assert_eq!(flight.control.footing(&flight.bench.state), Footing::Airborne);
     }
 

@@ -11,7 +11,7 @@ use nalgebra::Vector3;
 use super::outbox::{Address, Outbox};
 use super::position_control::{Measured, PositionControl};
 use super::settings::{Actuation, Settings};
-use crate::geo::{Attitude, Enu, LocalFrame, swap_enu_ned};
+use crate::geo::{Attitude, Enu, EnuVelocity, LocalFrame, NedVelocity};
 use crate::time::Instant;
 
 /// Thrust while armed on the ground.
@@ -25,7 +25,7 @@ pub struct Setpoint {
     /// Position in metres, ENU.
     pub position_enu_m: Enu,
     /// Velocity feed-forward in m/s, ENU.
-    pub velocity_enu_m_s: Vector3<f64>,
+    pub velocity_enu_m_s: EnuVelocity,
     /// Attitude. [`Actuation::Position`] uses its yaw alone.
     pub attitude: Attitude,
 }
@@ -37,7 +37,7 @@ impl Setpoint {
         let q = self.attitude.rotation();
         self.position_enu_m
             .iter()
-            .chain(self.velocity_enu_m_s.iter())
+            .chain(self.velocity_enu_m_s.vector().iter())
             .chain(q.coords.iter())
             .all(|c| c.is_finite())
     }
@@ -247,8 +247,8 @@ fn position(
     around: &Surroundings,
     now: Instant,
 ) -> MavMessage {
-    let local = around.frame.position_to_ned(setpoint.position_enu_m);
-    let velocity = swap_enu_ned(setpoint.velocity_enu_m_s);
+    let local = around.frame.position_to_ned(setpoint.position_enu_m).vector();
+    let velocity = NedVelocity::from(setpoint.velocity_enu_m_s).vector();
     let mut type_mask = PositionTargetTypemask::POSITION_TARGET_TYPEMASK_AX_IGNORE
         | PositionTargetTypemask::POSITION_TARGET_TYPEMASK_AY_IGNORE
         | PositionTargetTypemask::POSITION_TARGET_TYPEMASK_AZ_IGNORE
@@ -297,7 +297,7 @@ mod tests {
             frame: LocalFrame { mission: origin, autopilot: origin, projection: Projection::Tangent },
             measured: Measured {
                 position_enu_m: Enu::new(1.0, 2.0, 10.0),
-                velocity_enu_m_s: Vector3::zeros(),
+                velocity_enu_m_s: EnuVelocity::ZERO,
                 attitude: Attitude::level(),
             },
             footing,
@@ -308,7 +308,7 @@ mod tests {
     fn setpoint(roll_rad: f64) -> Setpoint {
         Setpoint {
             position_enu_m: Enu::new(1.0, 2.0, 10.0),
-            velocity_enu_m_s: Vector3::zeros(),
+            velocity_enu_m_s: EnuVelocity::ZERO,
             attitude: Attitude::from_euler(roll_rad, 0.0, 0.0),
         }
     }
@@ -350,7 +350,7 @@ mod tests {
         let mut stream = stream(Actuation::Pose);
         let (mut out, around) = (Outbox::default(), around(Footing::Airborne));
         let mut broken = setpoint(0.0);
-        broken.velocity_enu_m_s.y = f64::NAN;
+        broken.velocity_enu_m_s = EnuVelocity::new(0.0, f64::NAN, 0.0);
         assert!(stream.set(&broken, Some(&around), Instant::ZERO, &mut out).is_none());
         assert!(out.next_message().is_none());
     }

@@ -3,10 +3,9 @@
 use std::time::Duration;
 
 use mavlink::dialects::ardupilotmega::MavType;
-use nalgebra::Vector3;
 
 use super::firmware::{Firmware, Mode};
-use crate::geo::{Attitude, Enu, Geodetic, LocalFrame};
+use crate::geo::{Attitude, Enu, EnuVelocity, Geodetic, LocalFrame};
 use crate::time::Instant;
 
 /// A value and when it was received.
@@ -65,7 +64,7 @@ pub struct VehicleState {
     /// The estimator's position in the mission frame, in metres.
     pub position_enu_m: Option<Timed<Enu>>,
     /// The estimator's velocity in m/s, ENU.
-    pub velocity_enu_m_s: Option<Timed<Vector3<f64>>>,
+    pub velocity_enu_m_s: Option<Timed<EnuVelocity>>,
     /// The estimator's attitude.
     pub attitude: Option<Timed<Attitude>>,
     /// Whether the motors are armed.

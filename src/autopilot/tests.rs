@@ -19,7 +19,7 @@ use rand_chacha::ChaCha8Rng;
 use world::*;
 
 use super::*;
-use crate::geo::{Attitude, Enu};
+use crate::geo::{Attitude, Enu, EnuVelocity, Ned};
 
 const BOTH: [Firmware; 2] = [Firmware::Px4, Firmware::ArduPilot];
 
@@ -30,11 +30,11 @@ fn val_both_firmwares_take_off_fly_to_a_pose_in_the_missions_frame_and_land() {
         world.launch();
         let attitude = Attitude::from_euler(0.5, -0.2, 0.0);
         let position_enu_m = Enu::new(30.0, -20.0, 25.0);
-        world.setpoint = Some(Setpoint { position_enu_m, velocity_enu_m_s: Vector3::zeros(), attitude });
+        world.setpoint = Some(Setpoint { position_enu_m, velocity_enu_m_s: EnuVelocity::ZERO, attitude });
         world.run(130.0);
         // Where it really is, by the autopilot's own origin.
         let frame = world.fake.frame();
-        let there = frame.position_to_enu(world.fake.position);
+        let there = frame.position_to_enu(Ned::from_vector(world.fake.position));
         assert!((there - position_enu_m).norm() < 0.01, "{firmware}: {there}");
         let known = world.autopilot.state().position_enu_m.unwrap().value;
         assert!((known - position_enu_m).norm() < 0.01, "{firmware}: {known}");
@@ -88,7 +88,7 @@ fn val_a_setpoint_goes_out_once_at_the_instant_that_it_is_for() {
                 let boot_ms = match message {
                     MavMessage::SET_POSITION_TARGET_LOCAL_NED(target) => {
                         let there = [target.x, target.y, target.z].map(f64::from);
-                        let wanted = frame.position_to_ned(moving.position_enu_m);
+                        let wanted = frame.position_to_ned(moving.position_enu_m).vector();
                         assert!((wanted - Vector3::from(there)).norm() < 1e-4, "{there:?}");
                         target.time_boot_ms
                     }
@@ -217,7 +217,7 @@ fn random_setpoint(rng: &mut ChaCha8Rng) -> Setpoint {
         |scale: f64| if rng.random_bool(0.01) { f64::NAN } else { scale * (rng.random::<f64>() - 0.5) };
     Setpoint {
         position_enu_m: Enu::new(number(1e3), number(1e3), number(1e3)),
-        velocity_enu_m_s: Vector3::new(number(10.0), number(10.0), number(10.0)),
+        velocity_enu_m_s: EnuVelocity::new(number(10.0), number(10.0), number(10.0)),
         attitude: Attitude::from_euler(number(6.0), number(6.0), number(6.0)),
     }
 }

@@ -10,7 +10,7 @@ use mavlink::dialects::ardupilotmega::{
 use veilwing::autopilot::Firmware;
 use veilwing::companion::settings::settings;
 use veilwing::config::Vehicle;
-use veilwing::geo::{Attitude, Enu, Geodetic, LocalFrame, Ned, swap_enu_ned};
+use veilwing::geo::{Attitude, Enu, EnuVelocity, Geodetic, LocalFrame, Ned, NedVelocity};
 use veilwing::mission::{Notice, Outgoing};
 use veilwing::pair::wire;
 use veilwing::role::{PerVehicle, Role};
@@ -156,12 +156,12 @@ fn val_each_setpoint_of_a_transit_is_the_trajectory_at_its_own_time() {
             let t = when(*at, m.time_boot_ms);
             let (wanted, a_moment_later) = (way.sample(t), way.sample(t + MILLISECOND));
             let there = frame.position_to_enu(Ned::new(m.x.into(), m.y.into(), m.z.into()));
-            let speeds = [wanted, a_moment_later].map(|sample| sample.velocity_enu_m_s.norm());
+            let speeds = [wanted, a_moment_later].map(|sample| sample.velocity_enu_m_s.vector().norm());
             let speed_m_s = speeds[0].max(speeds[1]);
             let off_m = (there - wanted.position_enu_m).norm();
             assert!(off_m <= speed_m_s * 1e-3 + WIRE_M, "{role} at {at:?}: {off_m} m at {speed_m_s} m/s");
-            let velocity = swap_enu_ned(Ned::new(m.vx.into(), m.vy.into(), m.vz.into()));
-            let off_m_s = (velocity - wanted.velocity_enu_m_s).norm();
+            let velocity = EnuVelocity::from(NedVelocity::new(m.vx.into(), m.vy.into(), m.vz.into()));
+            let off_m_s = (velocity.vector() - wanted.velocity_enu_m_s.vector()).norm();
             assert!(
                 off_m_s <= limits[role].acceleration_m_s2 * 1e-3 + 1e-5,
                 "{role} at {at:?}: {off_m_s} m/s"

@@ -133,7 +133,7 @@ fn airborne(wind_ned_m_s: Vector3<f64>) -> World {
 fn errors(world: &mut World, seconds: f64) -> (f64, f64, f64) {
     let setpoint = world.setpoint.unwrap();
     let frame = world.fake.frame();
-    let wanted = frame.position_to_ned(setpoint.position_enu_m);
+    let wanted = frame.position_to_ned(setpoint.position_enu_m).vector();
     let (mut position, mut attitude, mut largest, mut count) = (0.0, 0.0, 0.0f64, 0.0);
     let end = world.now + Duration::from_secs_f64(seconds);
     while world.now < end {

@@ -9,7 +9,7 @@ use nalgebra::Vector3;
 
 use super::super::*;
 use super::fake::*;
-use crate::geo::Attitude;
+use crate::geo::{Attitude, EnuVelocity};
 use crate::time::Instant;
 
 /// An adapter, a scripted autopilot and the wire between them.
@@ -124,7 +124,7 @@ impl World {
         let state = self.autopilot.state();
         self.setpoint = Some(Setpoint {
             position_enu_m: state.position_enu_m.unwrap().value,
-            velocity_enu_m_s: Vector3::zeros(),
+            velocity_enu_m_s: EnuVelocity::ZERO,
             attitude: Attitude::from_euler(0.0, 0.0, 0.0),
         });
     }
