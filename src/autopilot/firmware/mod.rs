@@ -1,6 +1,6 @@
 //! Whatever PX4 and ArduCopter do differently: what a [`Firmware`] asks of its companion is answered here, and what it
 //! needs besides (PX4's land detector and rotors, ArduPilot's bridge script, the checks of each one's parameters) is
-//! kept by [`specifics`]. Nowhere else is one told from the other.
+//! kept by `specifics`. Nowhere else is one told from the other.
 
 mod ardupilot;
 mod mode;
