@@ -119,7 +119,8 @@ fn regress_j_off_before_i_is_found() {
 
 fn slot_model(bug: model::Bug) -> model::SlotModel {
     let step = Duration::from_millis(250);
-    model::SlotModel { bug, step, copies: 1, crashes: 1, losses: None }
+    let slot = Duration::from_millis(1500);
+    model::SlotModel { bug, step, slot, copies: 1, crashes: 1, losses: None }
 }
 
 /// `cargo test --test pair model -- --nocapture` prints the states, the properties and the time of each exploration.
@@ -138,6 +139,8 @@ fn prop_model_a_slot_is_served_when_the_losses_end() {
         crashes: 0,
         losses: Some(3),
         step: Duration::from_millis(200),
+        // Time for one lease more than can be lost.
+        slot: Duration::from_millis(2000),
         ..slot_model(model::Bug::None)
     };
     let explored = model::explore(model);

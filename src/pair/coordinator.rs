@@ -3,6 +3,7 @@
 //!
 //! Nothing here raises a power: that is the interlock's (`service::interlock`), which reads `lease` and `peer`.
 
+mod acquaintance;
 mod follower;
 mod leader;
 mod orders;
@@ -10,6 +11,7 @@ mod shared_time;
 mod terms;
 #[cfg(test)]
 mod tests;
+mod timer;
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -18,57 +20,19 @@ use crate::role::Role;
 use crate::time::{Instant, Utc};
 
 use super::clock::Offset;
-use super::peer::{Boot, Peer};
-use super::wire::{
-    self, MavMessage, VeilwingAnswer, VeilwingFlags, VeilwingOrder, VeilwingRole, VeilwingSilence,
-};
+use super::peer::Peer;
+use super::wire::{self, MavMessage, VeilwingAnswer, VeilwingOrder, VeilwingSilence};
+use acquaintance::{Acquaintance, Meeting};
 use follower::Follower;
 use leader::Leader;
 use orders::Orders;
 use shared_time::SharedTime;
 pub use terms::{Commitment, Event, Local, PlanTerms, Settings, SlotTerms, Vouch};
+pub use timer::Timer;
 
-const HELLO_EVERY: Duration = Duration::from_millis(500);
 const STATUS_EVERY: Duration = Duration::from_millis(100);
-/// A hello that calls for an answer gets it at once, but no more often than this.
-const HELLO_AT_MOST: Duration = Duration::from_millis(50);
 /// After its transit should have begun, the peer gets this long to say that it is committed as well.
 const PEER_LATE: Duration = Duration::from_secs(1);
-
-/// What the coordinator has to do by itself at some instant.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Timer {
-    /// Say hello: mission, plan, home.
-    Hello,
-    /// Say how we stand.
-    Status,
-    /// Ask for the peer's clock.
-    Clock,
-    /// I: repeat the proposal or the commit, or withdraw what was not agreed on in time.
-    Proposal,
-    /// Repeat an order that is not acknowledged.
-    Order,
-    /// I: ask for a lease.
-    LeaseRequest,
-    /// The peer has been silent for too long.
-    PeerLost,
-}
-
-impl Timer {
-    /// For logs.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Hello => "hello",
-            Self::Status => "status",
-            Self::Clock => "clock exchange",
-            Self::Proposal => "proposal",
-            Self::Order => "order",
-            Self::LeaseRequest => "lease request",
-            Self::PeerLost => "peer lost",
-        }
-    }
-}
 
 /// What only one of the two does.
 #[derive(Debug, Clone)]
@@ -97,17 +61,13 @@ pub struct Coordinator {
     settings: Settings,
     plan: Option<PlanTerms>,
     local: Local,
-    peer: Peer,
+    acquaintance: Acquaintance,
     time: SharedTime,
     part: Part,
     agreed: Option<Agreed>,
     orders: Orders,
     silences: u32,
     status_sequence: u32,
-    lost_reported: bool,
-    mismatch_reported: bool,
-    hello_sent: Option<Instant>,
-    next_hello: Instant,
     next_status: Instant,
     transmit: VecDeque<MavMessage>,
     events: VecDeque<Event>,
@@ -120,7 +80,7 @@ impl Coordinator {
         Self {
             plan: None,
             local: Local::default(),
-            peer: Peer::default(),
+            acquaintance: Acquaintance::new(&settings, now),
             time: SharedTime::new(settings.clock_tolerance, now),
             part: match settings.role {
                 Role::I => Part::I(Leader::new(settings.boot_id)),
@@ -130,10 +90,6 @@ impl Coordinator {
             orders: Orders::new(settings.boot_id),
             silences: 0,
             status_sequence: 0,
-            lost_reported: false,
-            mismatch_reported: false,
-            hello_sent: None,
-            next_hello: now,
             next_status: now,
             transmit: VecDeque::new(),
             events: VecDeque::new(),
@@ -144,7 +100,7 @@ impl Coordinator {
     /// Our plan, once it is made.
     pub fn set_plan(&mut self, plan: PlanTerms) {
         self.plan = Some(plan);
-        self.mismatch_reported = false;
+        self.acquaintance.compare_again();
     }
 
     /// Local facts; a change of what the peer acts on is told at once.
@@ -274,7 +230,7 @@ impl Coordinator {
     /// The other side.
     #[must_use]
     pub fn peer(&self) -> &Peer {
-        &self.peer
+        self.acquaintance.peer()
     }
 
     /// The terms of a slot of the plan.
@@ -292,8 +248,7 @@ impl Coordinator {
     /// Whether mission and plan are known to be the same on both sides.
     #[must_use]
     pub fn agrees(&self) -> bool {
-        self.peer.mission_digest == Some(self.settings.mission_digest)
-            && self.plan.as_ref().is_some_and(|plan| self.peer.plan_digest == Some(plan.digest))
+        self.plan.as_ref().is_some_and(|plan| self.acquaintance.agrees(&plan.digest))
     }
 
     /// The next event.
@@ -314,25 +269,26 @@ impl Coordinator {
             Part::J(_) => None,
         };
         let request = leader.filter(|_| self.agreed.is_some()).and_then(Leader::request_due);
-        let heard = self.peer.last_heard.filter(|_| !self.lost_reported);
         let others = [
             (Some(self.next_status), Timer::Status),
             (Some(self.time.due), Timer::Clock),
             (leader.and_then(Leader::proposal_due), Timer::Proposal),
             (self.orders.due(), Timer::Order),
             (request, Timer::LeaseRequest),
-            (heard.map(|at| at + self.settings.peer_timeout + Duration::from_nanos(1)), Timer::PeerLost),
+            (self.acquaintance.lost_due(), Timer::PeerLost),
         ];
         let due = others.into_iter().filter_map(|(at, timer)| at.map(|at| (at, timer)));
-        due.fold((self.next_hello, Timer::Hello), |first, next| if next.0 < first.0 { next } else { first })
+        due.fold(
+            (self.acquaintance.due, Timer::Hello),
+            |first, next| if next.0 < first.0 { next } else { first },
+        )
     }
 
     /// Sends what is due.
     pub fn handle_timeout(&mut self, now: Instant) {
-        if self.next_hello <= now {
-            self.next_hello = now + HELLO_EVERY;
-            self.hello_sent = Some(now);
-            let hello = self.hello(now);
+        if self.acquaintance.due <= now {
+            let plan_digest = self.plan.as_ref().map(|plan| plan.digest);
+            let hello = self.acquaintance.hello(&self.local, self.agreed.is_some(), plan_digest, now);
             self.transmit.push_back(hello);
         }
         if self.next_status <= now {
@@ -346,13 +302,7 @@ impl Coordinator {
         if let (Part::I(leader), Some(agreed)) = (&mut self.part, self.agreed) {
             self.transmit.extend(leader.request(agreed.commitment, now));
         }
-        if let Some(heard) = self.peer.last_heard {
-            let silent_for = now.saturating_since(heard);
-            if silent_for > self.settings.peer_timeout && !self.lost_reported {
-                self.lost_reported = true;
-                self.events.push_back(Event::PeerLost(silent_for));
-            }
-        }
+        self.events.extend(self.acquaintance.lost(now).map(Event::PeerLost));
     }
 
     /// Takes a message of the peer. What does not fit the present state changes nothing.
@@ -366,7 +316,7 @@ impl Coordinator {
             MavMessage::VEILWING_LEASE_REQUEST(request) => self.take_request(request, now),
             MavMessage::VEILWING_LEASE_GRANT(grant) => self.take_grant(grant, now),
             MavMessage::VEILWING_SILENT(silent) => self.take_silence(silent, now),
-            MavMessage::VEILWING_ORDER_RELAY(order) if self.peer.is_boot(order.boot_id) => {
+            MavMessage::VEILWING_ORDER_RELAY(order) if self.acquaintance.peer().is_boot(order.boot_id) => {
                 let (order, ack) = self.orders.take(order);
                 self.transmit.push_back(ack);
                 self.events.extend(order.map(Event::Ordered));
@@ -375,37 +325,6 @@ impl Coordinator {
             MavMessage::VEILWING_ORDER_ACK(ack) => self.orders.acknowledged(ack),
             MavMessage::VEILWING_CLOCK(clock) => self.transmit.extend(self.time.take(clock, now)),
         }
-    }
-
-    fn flags(&self) -> VeilwingFlags {
-        let mut flags = VeilwingFlags::empty();
-        flags.set(VeilwingFlags::VEILWING_FLAGS_PLANNED, self.plan.is_some());
-        flags.set(VeilwingFlags::VEILWING_FLAGS_HOME, self.local.home_enu_m.is_some());
-        flags.set(VeilwingFlags::VEILWING_FLAGS_PREFLIGHT_OK, self.local.preflight_ok);
-        flags.set(VeilwingFlags::VEILWING_FLAGS_AIRBORNE, self.local.airborne);
-        flags.set(VeilwingFlags::VEILWING_FLAGS_ON_STATION, self.local.on_station);
-        flags.set(VeilwingFlags::VEILWING_FLAGS_RADIATING, self.local.radiating);
-        flags.set(VeilwingFlags::VEILWING_FLAGS_COMMITTED, self.agreed.is_some());
-        flags.set(VeilwingFlags::VEILWING_FLAGS_ENDED, self.local.ended);
-        flags.set(VeilwingFlags::VEILWING_FLAGS_LANDED, self.local.landed);
-        flags.set(VeilwingFlags::VEILWING_FLAGS_RETURNING, self.local.returning);
-        flags.set(VeilwingFlags::VEILWING_FLAGS_PAUSED, self.local.paused);
-        flags
-    }
-
-    fn hello(&self, now: Instant) -> MavMessage {
-        let (echo_boot_id, echo_us) = self.peer.echo();
-        MavMessage::VEILWING_HELLO(wire::VEILWING_HELLO_DATA {
-            time_us: micros(now),
-            echo_us,
-            boot_id: self.settings.boot_id,
-            echo_boot_id,
-            flags: self.flags(),
-            role: wire_role(self.settings.role),
-            mission_digest: self.settings.mission_digest,
-            plan_digest: self.plan.as_ref().map_or([0; 32], |plan| plan.digest),
-            home_enu_m: self.local.home_enu_m.unwrap_or_default().into(),
-        })
     }
 
     fn status(&mut self, now: Instant) -> MavMessage {
@@ -421,76 +340,40 @@ impl Coordinator {
             proposal,
             position_enu_m: position,
             slot,
-            flags: self.flags(),
+            flags: self.local.flags(self.plan.is_some(), self.agreed.is_some()),
         })
     }
 
-    /// Says hello at once: the other side needs our echo to believe us.
-    fn greet(&mut self, now: Instant) {
-        let soonest = self.hello_sent.map_or(now, |at| at + HELLO_AT_MOST);
-        self.next_hello = self.next_hello.min(soonest);
-    }
-
     fn take_hello(&mut self, hello: &wire::VEILWING_HELLO_DATA, now: Instant) {
-        if hello.role == wire_role(self.settings.role) {
-            if !self.mismatch_reported {
-                self.mismatch_reported = true;
-                self.events.push_back(Event::SameRole);
+        match self.acquaintance.take(hello, now) {
+            Meeting::Nobody => return,
+            Meeting::SameRole { first } => {
+                self.events.extend(first.then_some(Event::SameRole));
+                return;
             }
-            return;
-        }
-        match self.peer.take_hello(hello, self.settings.boot_id, micros(now), now) {
-            Boot::Unproven => return self.greet(now),
-            Boot::Late => return,
-            Boot::Known => {}
-            Boot::First => {
-                self.greet(now);
-                self.events.push_back(Event::PeerFound);
-            }
-            Boot::Restarted => {
-                self.greet(now);
+            Meeting::Known => {}
+            Meeting::First => self.events.push_back(Event::PeerFound),
+            Meeting::Restarted => {
                 self.release(now);
                 if let Part::J(follower) = &mut self.part {
                     follower.new_boot();
                 }
                 self.orders.new_boot();
                 self.time.reset();
-                self.mismatch_reported = false;
                 self.events.push_back(Event::PeerRestarted);
             }
         }
-        self.lost_reported = false;
-        self.compare_missions();
-    }
-
-    /// Tells once what does not agree.
-    fn compare_missions(&mut self) {
-        if self.mismatch_reported {
-            return;
-        }
-        let plans = (self.plan.as_ref().map(|plan| plan.digest), self.peer.plan_digest);
-        let mismatch = if self.peer.mission_digest != Some(self.settings.mission_digest) {
-            Event::MissionDiffers
-        } else if let (Some(ours), Some(theirs)) = plans
-            && ours != theirs
-        {
-            Event::PlanDiffers
-        } else {
-            return;
-        };
-        self.mismatch_reported = true;
-        self.events.push_back(mismatch);
+        self.events.extend(self.acquaintance.mismatch(self.plan.as_ref().map(|plan| plan.digest)));
     }
 
     fn take_status(&mut self, status: &wire::VEILWING_STATUS_DATA, now: Instant) {
-        if !self.peer.is_boot(status.boot_id) || !self.peer.take_status(status, now) {
+        if !self.acquaintance.take_status(status, now) {
             return;
         }
-        self.lost_reported = false;
         match &mut self.part {
             Part::J(follower) => follower.book.returned(status.released_us),
             Part::I(leader) => {
-                if let Some(commitment) = leader.confirmed(self.peer.committed, now) {
+                if let Some(commitment) = leader.confirmed(self.acquaintance.peer().committed, now) {
                     self.agree(commitment, now);
                 }
             }
@@ -501,7 +384,7 @@ impl Coordinator {
     /// Whether the other is (still) with us in the slot agreed on.
     fn compare_commitments(&mut self, now: Instant) {
         let Some(agreed) = self.agreed.as_mut() else { return };
-        if self.peer.committed == Some(agreed.commitment.proposal) {
+        if self.acquaintance.peer().committed == Some(agreed.commitment.proposal) {
             agreed.peer_went_along = true;
         } else if (agreed.peer_went_along || now >= agreed.commitment.leaves_at + PEER_LATE)
             && !agreed.peer_left
@@ -537,7 +420,7 @@ impl Coordinator {
     fn take_proposal(&mut self, propose: &wire::VEILWING_PROPOSE_DATA, now: Instant) {
         let committed = self.commitment();
         if let Part::J(follower) = &mut self.part
-            && self.peer.is_boot(propose.boot_id)
+            && self.acquaintance.peer().is_boot(propose.boot_id)
         {
             let plan = self.plan.as_ref();
             self.transmit.extend(follower.take_proposal(propose, committed, plan, &self.time, now));
@@ -547,7 +430,7 @@ impl Coordinator {
     fn take_commit(&mut self, commit: &wire::VEILWING_COMMIT_DATA, now: Instant) {
         let known = self.commitment().is_some_and(|c| c.proposal == commit.proposal);
         let Part::J(follower) = &mut self.part else { return };
-        if !self.peer.is_boot(commit.boot_id) {
+        if !self.acquaintance.peer().is_boot(commit.boot_id) {
             return;
         }
         if known {
@@ -563,9 +446,9 @@ impl Coordinator {
         else {
             return;
         };
-        if self.peer.is_boot(request.boot_id) {
+        if self.acquaintance.peer().is_boot(request.boot_id) {
             self.transmit.extend(follower.take_request(request, commitment, plan, self.settings.lease, now));
-            self.heard(now);
+            self.acquaintance.heard(now);
         }
     }
 
@@ -574,30 +457,18 @@ impl Coordinator {
         if let (Part::I(leader), Some(commitment), Some(plan)) = (&mut self.part, commitment, &self.plan)
             && leader.take_grant(grant, commitment, plan, self.settings.lease, now)
         {
-            self.heard(now);
+            self.acquaintance.heard(now);
         }
     }
 
     fn take_silence(&mut self, silent: &wire::VEILWING_SILENT_DATA, now: Instant) {
         let current = self.commitment().is_some_and(|c| c.proposal == silent.proposal);
-        if self.peer.is_boot(silent.boot_id) && current && self.peer.take_silence(silent.number) {
+        if current && self.acquaintance.take_silence(silent) {
             if let Part::I(leader) = &mut self.part {
                 leader.holder.give_up(now);
             }
             self.events.push_back(Event::PeerSilent(silent.reason));
         }
-    }
-
-    fn heard(&mut self, now: Instant) {
-        self.peer.last_heard = Some(now);
-        self.lost_reported = false;
-    }
-}
-
-fn wire_role(role: Role) -> VeilwingRole {
-    match role {
-        Role::I => VeilwingRole::VEILWING_ROLE_I,
-        Role::J => VeilwingRole::VEILWING_ROLE_J,
     }
 }
 

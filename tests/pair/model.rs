@@ -21,9 +21,6 @@ use super::companion::Companion;
 use super::radio::Radio;
 use super::setup::LEASE;
 
-/// Short, so that everything can be explored: twice as much airtime as a lease lasts.
-const SLOT: Duration = Duration::from_millis(2000);
-
 /// A bug put in on purpose.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Bug {
@@ -37,6 +34,8 @@ pub enum Bug {
 pub struct SlotModel {
     pub bug: Bug,
     pub step: Duration,
+    /// Short, so that everything can be explored. Of a slot a second is guard.
+    pub slot: Duration,
     pub copies: u8,
     pub crashes: u8,
     /// With a budget of losses every other message arrives before time goes on; without, messages wait as they like.
@@ -96,7 +95,7 @@ impl SlotModel {
                 Role::J => (200_000, 2, LEASE),
             };
             let clocks = Clocks { started: Duration::ZERO, rate: 1.0, utc_error_us };
-            Some(Companion::new(role, boot, clocks, lease, SLOT))
+            Some(Companion::new(role, boot, clocks, lease, self.slot))
         });
         let mut state = State {
             t: Duration::ZERO,

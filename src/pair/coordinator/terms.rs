@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use super::super::wire::{VeilwingAnswer, VeilwingOrder, VeilwingSilence};
+use super::super::wire::{VeilwingAnswer, VeilwingFlags, VeilwingOrder, VeilwingSilence};
 use crate::geo::Enu;
 use crate::planner::plan::VehiclePlan;
 use crate::role::{PerVehicle, Role};
@@ -74,6 +74,25 @@ pub struct Local {
     pub returning: bool,
     /// Holding by the operator's order.
     pub paused: bool,
+}
+
+impl Local {
+    /// As the wire has them. `planned`: our plan is made; `committed`: to a slot.
+    pub(super) fn flags(&self, planned: bool, committed: bool) -> VeilwingFlags {
+        let mut flags = VeilwingFlags::empty();
+        flags.set(VeilwingFlags::VEILWING_FLAGS_PLANNED, planned);
+        flags.set(VeilwingFlags::VEILWING_FLAGS_HOME, self.home_enu_m.is_some());
+        flags.set(VeilwingFlags::VEILWING_FLAGS_PREFLIGHT_OK, self.preflight_ok);
+        flags.set(VeilwingFlags::VEILWING_FLAGS_AIRBORNE, self.airborne);
+        flags.set(VeilwingFlags::VEILWING_FLAGS_ON_STATION, self.on_station);
+        flags.set(VeilwingFlags::VEILWING_FLAGS_RADIATING, self.radiating);
+        flags.set(VeilwingFlags::VEILWING_FLAGS_COMMITTED, committed);
+        flags.set(VeilwingFlags::VEILWING_FLAGS_ENDED, self.ended);
+        flags.set(VeilwingFlags::VEILWING_FLAGS_LANDED, self.landed);
+        flags.set(VeilwingFlags::VEILWING_FLAGS_RETURNING, self.returning);
+        flags.set(VeilwingFlags::VEILWING_FLAGS_PAUSED, self.paused);
+        flags
+    }
 }
 
 /// A slot both sides have agreed on.

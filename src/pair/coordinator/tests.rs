@@ -80,7 +80,7 @@ fn pair() -> (Coordinator, Coordinator) {
 #[test]
 fn val_a_dead_boot_s_late_hello_changes_nothing_and_a_new_boot_is_believed() {
     let (mut i, mut j) = pair();
-    i.next_hello = at(2000);
+    i.acquaintance.due = at(2000);
     i.handle_timeout(at(2000));
     let late: Vec<_> =
         sent(&mut i).into_iter().filter(|m| matches!(m, MavMessage::VEILWING_HELLO(_))).collect();
