@@ -20,7 +20,7 @@ pub mod story;
 pub mod table;
 pub mod telemetry;
 pub mod timeline;
-mod verdict;
+pub mod verdict;
 mod words;
 
 pub use page::html;

@@ -1,6 +1,8 @@
 //! What is meant by words: the only place of the report where prose is read to decide anything. A companion says on the
 //! wire, in STATUSTEXT, what happens to it, and a log has nothing else of it.
 
+use crate::service;
+
 /// What a companion's notice says, as far as the report asks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Said<'a> {
@@ -55,10 +57,12 @@ impl<'a> Said<'a> {
 
 impl<'a> Silence<'a> {
     fn of(why: &'a str) -> Self {
-        match why {
-            "no jam lease in force" => Self::NoLease,
-            "vehicle I is not on station" => Self::OffStation,
-            why => Self::Plain(why),
+        if why == service::Silence::NoLease.to_string() {
+            Self::NoLease
+        } else if why == service::Silence::NoPeer.to_string() {
+            Self::OffStation
+        } else {
+            Self::Plain(why)
         }
     }
 }
@@ -72,22 +76,30 @@ pub fn lasting(fault: &str) -> Option<&str> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::mission::Notice;
+    use crate::units::Watts;
 
     #[test]
-    fn val_notices_are_known_by_their_words() {
-        for (text, said) in [
-            ("waiting: no GPS; no home", Said::Waiting("no GPS; no home")),
-            ("preflight warning: battery at 60%", Said::Warned("battery at 60%")),
-            ("preflight passed, taking off", Said::Passed),
-            ("silent: no jam lease in force", Said::Silent(Silence::NoLease)),
-            ("silent: vehicle I is not on station", Said::Silent(Silence::OffStation)),
-            ("silent, hands off: the pilot has it", Said::Silent(Silence::Plain("the pilot has it"))),
-            ("slot 2: on, 500 mW", Said::OnAir),
-            ("landed and disarmed", Said::Landed),
-            ("the vehicle landed", Said::Other),
+    fn val_the_companions_notices_are_known_by_their_words() {
+        let silent = |why| Notice::Silent(why);
+        let waiting = Notice::Waiting { text: "no GPS; no home".into(), again: false };
+        for (notice, said) in [
+            (waiting, Said::Waiting("no GPS; no home")),
+            (Notice::PreflightWarning("battery at 60%".into()), Said::Warned("battery at 60%")),
+            (Notice::TakingOff, Said::Passed),
+            (silent(service::Silence::NoLease), Said::Silent(Silence::NoLease)),
+            (silent(service::Silence::NoPeer), Said::Silent(Silence::OffStation)),
+            (silent(service::Silence::Stale), Said::Silent(Silence::Plain("autopilot state is stale"))),
+            (Notice::On(2, Watts(0.5)), Said::OnAir),
+            (Notice::Landed, Said::Landed),
+            (Notice::Airborne, Said::Other),
+            (Notice::OnTheGround, Said::Other),
         ] {
-            assert_eq!(Said::of(text), said, "{text}");
+            let text = notice.to_string();
+            assert_eq!(Said::of(&text), said, "{text}");
         }
+        let hands_off = "silent, hands off: the pilot has it";
+        assert_eq!(Said::of(hands_off), Said::Silent(Silence::Plain("the pilot has it")));
     }
 
     #[test]

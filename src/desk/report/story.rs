@@ -5,7 +5,7 @@
 use super::facts::{AFTERWARDS_S, Emission, Facts, SlotRun};
 use super::said::Said;
 use super::timeline::{Event, EventKind, Severity, Source};
-use super::verdict::{headline, lead};
+use super::verdict::{Tone, headline, lead};
 use super::words::{clause, gloss, instant, power, sentence, span, speaker};
 use crate::desk::simulation::FaultKind;
 use crate::role::Role;
@@ -16,19 +16,6 @@ const AFTERMATH_S: f64 = 30.0;
 const TOGETHER_S: f64 = 1.0;
 /// A warning that comes again within this time is told with the one before it.
 const AGAIN_S: f64 = 5.0;
-
-/// How something is to be taken.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Tone {
-    /// As it should be.
-    Good,
-    /// Neither.
-    Plain,
-    /// A fault, a warning.
-    Fault,
-    /// The mission or its safety suffers.
-    Bad,
-}
 
 /// One thing that happened.
 #[derive(Debug, Clone, PartialEq)]

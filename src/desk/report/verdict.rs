@@ -1,7 +1,6 @@
 //! A flight in a line and in a paragraph.
 
 use super::facts::{Emission, Facts, SlotRun};
-use super::story::Tone;
 use super::timeline::{EventKind, Severity, Source};
 use super::words::{clause, count, instant, sentence, span, speaker};
 use crate::desk::simulation::FaultKind;
@@ -9,6 +8,19 @@ use crate::role::Role;
 
 /// A vehicle that falls silent this soon after a mark does so because of it.
 const REACTION_S: f64 = 2.0;
+
+/// How something is to be taken.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Tone {
+    /// As it should be.
+    Good,
+    /// Neither.
+    Plain,
+    /// A fault, a warning.
+    Fault,
+    /// The mission or its safety suffers.
+    Bad,
+}
 
 /// How it ended, in a line.
 pub fn headline(facts: &Facts) -> (Tone, String) {

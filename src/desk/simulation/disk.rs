@@ -17,7 +17,7 @@ impl Disk {
     pub fn write(&mut self) -> (bool, Option<Notice>) {
         self.lost += u64::from(self.full);
         let changed = std::mem::replace(&mut self.failing, self.full) != self.full;
-        let notice = changed.then(|| match self.full {
+        let notice = changed.then_some(match self.full {
             true => Notice::LosingLog,
             false => Notice::LogTakenAgain,
         });

@@ -7,8 +7,9 @@ use std::fmt::Write as _;
 
 use super::charts::ground::Square;
 use super::facts::Facts;
-use super::story::{Beat, Story, Tone, tell};
+use super::story::{Beat, Story, tell};
 use super::timeline::{Source, Timeline};
+use super::verdict::Tone;
 use super::words::{instant, span};
 use crate::desk::drawing::svg::escape;
 
