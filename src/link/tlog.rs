@@ -20,7 +20,6 @@ const QUEUE_RECORDS: usize = 4096;
 /// What is written at once, about.
 const BATCH_BYTES: usize = 64 * 1024;
 const STAMP_BYTES: usize = 8;
-/// What is said when the disk takes no more, and when it does again.
 
 /// Why a telemetry log cannot be written or read.
 #[derive(Debug, thiserror::Error)]

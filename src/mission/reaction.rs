@@ -30,10 +30,8 @@ impl Executive {
                 }
             }
             AutopilotEvent::Armed if matches!(self.phase, Phase::Arming(_)) => self.climb(now),
-            AutopilotEvent::ControlLost { mode } => {
-                if !matches!(self.phase, Phase::Landing) {
-                    self.surrender(Cause::ControlLost(mode), control, now);
-                }
+            AutopilotEvent::ControlLost { mode } if !matches!(self.phase, Phase::Landing) => {
+                self.surrender(Cause::ControlLost(mode), control, now);
             }
             AutopilotEvent::LinkLost { missing, silent_for } => {
                 let cause = Cause::AutopilotLost { missing, silent_for };
