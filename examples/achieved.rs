@@ -8,8 +8,8 @@ use std::num::NonZeroUsize;
 use std::path::Path;
 
 use veilwing::config::Mission;
-use veilwing::planner::slots::{Plan, PlannedSlot};
-use veilwing::planner::{Options, plan_slot};
+use veilwing::planner::slots::Plan;
+use veilwing::planning;
 use veilwing::simulation::{Flown, Scenario, ScenarioError};
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -25,21 +25,11 @@ fn main() -> Result<(), Box<dyn Error>> {
     for std_deg in levels_deg {
         let mut mission = Mission::load(Path::new(&path)).map_err(|errors| errors.to_string())?;
         mission.jitter.std_rad = std_deg.to_radians();
-        let plan = plan(&mission)?;
+        let plan = planning::plan(&mission)?;
         let flown = fly(&Scenario::new(&mission, &plan)?, mission.seed, flights)?;
         println!("{}", row(std_deg, &mission, &plan, &flown));
     }
     Ok(())
-}
-
-fn plan(mission: &Mission) -> Result<Plan, Box<dyn Error>> {
-    let options = Options { method: mission.planner.method, seed: mission.seed, ..Options::default() };
-    let mut slots = Vec::new();
-    for (index, user) in mission.users.iter().enumerate() {
-        let problem = mission.problem(index).ok_or("a user without a problem")?;
-        slots.push(PlannedSlot { user: user.name.clone(), plan: plan_slot(&problem, &options)? });
-    }
-    Ok(Plan::new(slots))
 }
 
 /// Every flight, in the order of the seeds, whatever the number of threads.

@@ -25,8 +25,8 @@ use veilwing::link::codec::Decoder;
 use veilwing::link::counters::Counters;
 use veilwing::link::tlog::TlogWriter;
 use veilwing::link::{Clock, LinkConfig};
-use veilwing::planner::slots::{Plan, PlannedSlot};
-use veilwing::planner::{Options, plan_slot};
+use veilwing::planner::slots::Plan;
+use veilwing::planning;
 use veilwing::role::Role;
 use veilwing::simulation::{VehicleText, actuation, index, world_config};
 use veilwing::transmitter::Transmitter;
@@ -61,12 +61,7 @@ fn mission(seconds: f64) -> Mission {
 }
 
 fn plan(mission: &Mission) -> Plan {
-    let options = Options { method: mission.planner.method, seed: mission.seed, ..Options::default() };
-    let slots = mission.users.iter().enumerate().map(|(k, user)| PlannedSlot {
-        user: user.name.clone(),
-        plan: plan_slot(&mission.problem(k).expect("a user"), &options).expect("a plan"),
-    });
-    Plan::new(slots.collect())
+    planning::plan(mission).expect("a plan")
 }
 
 /// A companion process: autopilot link and pair link by address, logs in the directory for temporary files.

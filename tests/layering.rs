@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// From the ground up; what shares a row does not know each other.
-const LAYERS: [&[&str]; 13] = [
+const LAYERS: [&[&str]; 14] = [
     &["role", "time", "units"],
     // A pose knows its antenna's axis: `geo` uses `radio::pattern` and nothing else of it.
     &["geo", "radio"],
@@ -19,6 +19,7 @@ const LAYERS: [&[&str]; 13] = [
     &["pair", "autopilot", "transmitter"],
     &["mission"],
     &["config"],
+    &["planning"],
     &["link"],
     &["companion"],
     &["simulation"],

@@ -8,9 +8,7 @@ use crate::link::Form;
 use crate::mission::interlock::Ceilings;
 use crate::mission::{Scene, Settings};
 use crate::pair;
-use crate::role::{PerVehicle, Role};
-use crate::schedule::table::Timing;
-use crate::schedule::trajectory::Limits;
+use crate::role::Role;
 use crate::transmitter::{self, Kind, PowerParameter, Unit};
 
 /// The longest jam lease and transmitter lease: the time in which everything falls silent by itself.
@@ -26,7 +24,7 @@ pub const PEER_TIMEOUT: Duration = Duration::from_secs(3);
 pub fn settings(mission: &Mission, vehicle: &Vehicle, boot_id: u32, start_unasked: bool) -> Settings {
     let role = vehicle.role;
     let own = own(vehicle);
-    let limits = transit_limits(mission);
+    let limits = mission.transit_limits();
     let mut autopilot = autopilot::Settings::new(own, mission.origin);
     autopilot.autopilot_system = vehicle.autopilot.system_id;
     autopilot.rate_hz = vehicle.autopilot.rate_hz;
@@ -49,7 +47,7 @@ pub fn settings(mission: &Mission, vehicle: &Vehicle, boot_id: u32, start_unaske
         },
         airspace: mission.airspace.clone(),
         limits,
-        timing: timing(mission),
+        timing: mission.timing(),
         order: mission.tdma.order,
         jitter_rad: mission.jitter.std_rad,
         ceilings: Ceilings {
@@ -107,27 +105,6 @@ pub fn transmitter_settings(vehicle: &Vehicle) -> transmitter::Settings {
         Role::J => LEASE,
     };
     transmitter::Settings { own, target: (own.0, t.component_id), kind, first_off_after }
-}
-
-/// What the slot table demands of each vehicle.
-#[must_use]
-pub fn transit_limits(mission: &Mission) -> PerVehicle<Limits> {
-    PerVehicle::from_fn(|role| {
-        let vehicle = &mission.vehicles[role];
-        Limits {
-            acceleration_m_s2: vehicle.acceleration_m_s2,
-            ..Limits::new(vehicle.speed_m_s, vehicle.climb_m_s, vehicle.tilt_rate_rad_s)
-        }
-    })
-}
-
-/// Lengths of slots and number of superframes.
-#[must_use]
-pub fn timing(mission: &Mission) -> Timing {
-    let tdma = &mission.tdma;
-    let seconds = Duration::from_secs_f64;
-    let timing = Timing::new(seconds(tdma.slot_s), seconds(tdma.guard_s), tdma.superframes);
-    Timing { settle: seconds(tdma.settle_s), ..timing }
 }
 
 /// The companion's own MAVLink system and component.

@@ -1,6 +1,7 @@
 //! The mission file: the same on both vehicles.
 
 use std::path::Path;
+use std::time::Duration;
 
 use serde_json::Value as Json;
 use sha2::{Digest, Sha256};
@@ -16,6 +17,8 @@ use crate::planner::problem::{
 use crate::planner::{PlanError, cap};
 use crate::role::{PerVehicle, Role};
 use crate::schedule::order::Order;
+use crate::schedule::table::Timing;
+use crate::schedule::trajectory::Limits;
 use crate::time::Utc;
 
 /// A validated mission. SI units, angles in radians, positions ENU about [`Mission::origin`].
@@ -234,6 +237,23 @@ impl Mission {
             Some(emission) if emission.max_power_w < radio_w => (emission.max_power_w, PowerLimit::Emission),
             _ => (radio_w, PowerLimit::Radio),
         }
+    }
+
+    /// What the slot table demands of each vehicle.
+    #[must_use]
+    pub fn transit_limits(&self) -> PerVehicle<Limits> {
+        self.vehicles.map(|vehicle| Limits {
+            acceleration_m_s2: vehicle.acceleration_m_s2,
+            ..Limits::new(vehicle.speed_m_s, vehicle.climb_m_s, vehicle.tilt_rate_rad_s)
+        })
+    }
+
+    /// Lengths of slots and number of superframes.
+    #[must_use]
+    pub fn timing(&self) -> Timing {
+        let seconds = Duration::from_secs_f64;
+        let Tdma { slot_s, guard_s, settle_s, superframes, .. } = self.tdma;
+        Timing { settle: seconds(settle_s), ..Timing::new(seconds(slot_s), seconds(guard_s), superframes) }
     }
 
     /// SHA-256 over what the file means: every setting in its canonical form, defaults filled in. Comments,

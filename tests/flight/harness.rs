@@ -10,8 +10,8 @@ use mavlink::dialects::ardupilotmega::{COMMAND_LONG_DATA, MavCmd, MavMessage};
 use veilwing::config::{Mission, Vehicle};
 use veilwing::link::codec::Encoder;
 use veilwing::mission::{Notice, Outgoing};
-use veilwing::planner::slots::{Plan, PlannedSlot};
-use veilwing::planner::{Options, plan_slot};
+use veilwing::planner::slots::Plan;
+use veilwing::planning;
 use veilwing::role::{PerVehicle, Role};
 use veilwing::simulation::{self, Given, Observer, VehicleText, actuation, world_config};
 pub use veilwing::simulation::{Path, index};
@@ -37,12 +37,7 @@ pub struct Planned {
 
 pub fn planned(text: &str) -> Planned {
     let mission = Mission::parse("test.toml", text).unwrap();
-    let options = Options { method: mission.planner.method, seed: mission.seed, ..Options::default() };
-    let slots = mission.users.iter().enumerate().map(|(k, user)| PlannedSlot {
-        user: user.name.clone(),
-        plan: plan_slot(&mission.problem(k).unwrap(), &options).unwrap(),
-    });
-    let plan = Plan::new(slots.collect());
+    let plan = planning::plan(&mission).unwrap();
     Planned { mission, plan }
 }
 

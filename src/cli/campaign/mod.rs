@@ -15,7 +15,7 @@ use crate::link::clock::Clock;
 use crate::planner::slots::hex;
 use crate::simulation::{Scenario, ScenarioError, draw};
 
-use super::planning::{document as plan_document, mission_options, plan_mission};
+use super::planning::{document as plan_document, plan_mission};
 use super::{Exit, load_mission, print_json, print_text};
 use document::{CampaignDocument, FlightLine, Identity, Times, ViolationLine};
 use out::Out;
@@ -88,7 +88,7 @@ fn prepare(args: &Args, path: &Path) -> Result<(Mission, Faults), Exit> {
 
 fn fly(args: &Args, (mission, file): (&Mission, &Path), faults: &Faults) -> Result<Exit, String> {
     let wall = Clock::real();
-    let options = mission_options(mission);
+    let options = crate::planning::options(mission);
     let timed = plan_mission(mission, &options).map_err(|error| error.to_string())?;
     let plan = plan_document(mission, &options, &timed);
     let scenario = Scenario::new(mission, &timed.plan).map_err(|error| error.to_string())?;

@@ -19,7 +19,7 @@ use crate::role::PerVehicle;
 use crate::simulation::{self, LONGEST, Scenario, draw};
 
 use super::plan::write_plan;
-use super::planning::{document as plan_document, mission_options, plan_mission};
+use super::planning::{document as plan_document, plan_mission};
 use super::{Exit, load_mission, print_json, print_text, progress};
 use document::{FlightDocument, FlightResult};
 
@@ -92,7 +92,7 @@ pub(super) fn run(args: &Args) -> Exit {
 fn fly(args: &Args, mission: &Mission, faults: &Faults) -> Result<Exit, String> {
     let wall = Clock::real();
     let directory = files::Directory::new(args.out.as_deref())?;
-    let options = mission_options(mission);
+    let options = crate::planning::options(mission);
     let timed = plan_mission(mission, &options).map_err(|error| error.to_string())?;
     let plan = plan_document(mission, &options, &timed);
     if write_plan(directory.path(), &plan).is_err() {
