@@ -8,8 +8,7 @@ use proptest::prelude::*;
 use veilwing::geo::Pose;
 use veilwing::planner::plan::{SlotPlan, Status, VehiclePlan};
 use veilwing::planner::problem::{
-    Airframe, Airspace, Eavesdropper, Jitter, JitterAxes, JitterModel, Method, Objective, Problem, Radio,
-    Uncertainty, VehicleModel,
+    Airframe, Eavesdropper, JitterModel, Method, Objective, Problem, Uncertainty,
 };
 use veilwing::planner::slots::{Plan, PlannedSlot, hex};
 use veilwing::planner::{
@@ -19,38 +18,7 @@ use veilwing::radio::pattern;
 use veilwing::role::{PerVehicle, Role};
 
 fn problem(eavesdroppers: &[[f64; 2]], jitter_deg: f64) -> Problem {
-    let vehicle =
-        VehicleModel { airframe: Airframe::Omnidirectional, max_tilt_rad: std::f64::consts::FRAC_PI_2 };
-    let corners = [[-500.0, -500.0], [500.0, -500.0], [500.0, 500.0], [-500.0, 500.0]];
-    Problem {
-        user_enu_m: Vector3::zeros(),
-        eavesdroppers: eavesdroppers
-            .iter()
-            .map(|p| Eavesdropper {
-                position_enu_m: Vector3::new(p[0], p[1], 0.0),
-                uncertainty: Uncertainty::None,
-            })
-            .collect(),
-        radio: Radio {
-            bandwidth_hz: 1e6,
-            noise_power_w: 1e-12,
-            max_power_w: PerVehicle { i: 0.5, j: 0.5 },
-            reference_gain: 1.0,
-        },
-        airspace: Airspace {
-            altitude_m: [80.0, 300.0],
-            area_enu_m: corners.iter().map(|c| Vector2::new(c[0], c[1])).collect(),
-            min_separation_m: 5.0,
-        },
-        vehicles: PerVehicle { i: vehicle, j: vehicle },
-        jitter: Jitter {
-            std_rad: jitter_deg.to_radians(),
-            model: JitterModel::Euler,
-            axes: JitterAxes::RollPitch,
-        },
-        objective: Objective::Mean,
-        free_yaw: false,
-    }
+    Problem::paper(eavesdroppers.iter().copied(), 0.5, jitter_deg.to_radians())
 }
 
 const METHODS: [Method; 5] =

@@ -25,8 +25,6 @@ mod setup;
 pub mod slots;
 mod solver;
 mod starts;
-#[cfg(test)]
-mod testing;
 mod variables;
 
 pub use cap::cap;

@@ -4,10 +4,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::*;
 use crate::planner::cap;
-use crate::planner::problem::{
-    Airframe, Airspace, Eavesdropper, Jitter, JitterAxes, JitterModel, Objective, Radio, Uncertainty,
-    VehicleModel,
-};
+use crate::planner::problem::{JitterModel, Objective, Uncertainty};
 use crate::role::PerVehicle;
 
 fn rows(name: &str) -> Vec<Vec<f64>> {
@@ -17,32 +14,7 @@ fn rows(name: &str) -> Vec<Vec<f64>> {
 }
 
 fn problem(eavesdroppers: &[f64], max_power_w: f64, jitter_rad: f64) -> Problem {
-    let vehicle = VehicleModel { airframe: Airframe::Omnidirectional, max_tilt_rad: FRAC_PI_2 };
-    let at = |p: &[f64]| Eavesdropper {
-        position_enu_m: Vector3::new(p[0], p[1], 0.0),
-        uncertainty: Uncertainty::None,
-    };
-    Problem {
-        user_enu_m: Vector3::zeros(),
-        eavesdroppers: eavesdroppers.chunks(2).map(at).collect(),
-        radio: Radio {
-            bandwidth_hz: 1e6,
-            noise_power_w: 1e-12,
-            max_power_w: PerVehicle { i: max_power_w, j: max_power_w },
-            reference_gain: 1.0,
-        },
-        airspace: Airspace {
-            altitude_m: [80.0, 300.0],
-            area_enu_m: [(-500.0, -500.0), (500.0, -500.0), (500.0, 500.0), (-500.0, 500.0)]
-                .map(|(x, y)| Vector2::new(x, y))
-                .to_vec(),
-            min_separation_m: 0.0,
-        },
-        vehicles: PerVehicle { i: vehicle, j: vehicle },
-        jitter: Jitter { std_rad: jitter_rad, model: JitterModel::Euler, axes: JitterAxes::RollPitch },
-        objective: Objective::Nominal,
-        free_yaw: false,
-    }
+    Problem::paper(eavesdroppers.chunks(2).map(|p| [p[0], p[1]]), max_power_w, jitter_rad)
 }
 
 fn scenario(n: usize, k: usize) -> Vec<f64> {

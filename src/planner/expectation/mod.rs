@@ -200,8 +200,8 @@ fn mean_and_error(estimates: &[f64]) -> (f64, f64) {
 mod tests {
     use super::*;
     use crate::geo::Pose;
+    use crate::planner::problem::Problem;
     use crate::planner::problem::Uncertainty;
-    use crate::planner::testing;
     use nalgebra::Vector3;
 
     fn vehicles() -> PerVehicle<VehiclePlan> {
@@ -217,7 +217,11 @@ mod tests {
     }
 
     fn scenario() -> Problem {
-        testing::problem(&[[21.385_737_975, 103.841_847_006], [-29.058_202_678, -296.752_057_455]], 2.0)
+        Problem::paper(
+            [[21.385_737_975, 103.841_847_006], [-29.058_202_678, -296.752_057_455]],
+            0.5,
+            2f64.to_radians(),
+        )
     }
 
     fn options(samples: usize, seed: u64) -> EvaluateOptions {
