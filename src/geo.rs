@@ -10,6 +10,7 @@
 use nalgebra::{Matrix3, Point3, Rotation3, UnitQuaternion, Vector3};
 
 mod local;
+pub mod polygon;
 
 pub use local::{LocalFrame, Projection};
 

@@ -5,8 +5,9 @@ use std::collections::BTreeMap;
 use super::document::Document;
 use super::mission::{Draft, Position};
 use super::mission_file::FAR_M;
-use super::polygon;
+use crate::geo::polygon::{Polygon, check_simple};
 use crate::geo::{Enu, Geodetic};
+use crate::planner::problem::Airspace;
 use crate::role::Role;
 
 pub(super) const ORIGIN: &str = "mission.origin";
@@ -48,13 +49,15 @@ fn airspace(draft: &Draft, file: &mut Document) {
         refuse(file, BAND, message, "write [lowest, highest], in metres above the mission origin");
     }
     if file.sound(&[AREA])
-        && let Err(error) = polygon::check(&airspace.area_enu_m)
+        && let Err(error) = check_simple(&airspace.area_enu_m)
     {
         let help = "list the corners once each, in order around the area, at least three of them";
         refuse(file, AREA, format!("`area_enu_m` {error}"), help);
     }
-    if file.sound(&[BAND, AREA, SEPARATION]) {
-        let widest = polygon::diameter_m(&airspace.area_enu_m).hypot(high - low);
+    if file.sound(&[BAND, AREA, SEPARATION])
+        && let Ok(area) = Polygon::new(&airspace.area_enu_m)
+    {
+        let widest = area.diameter_m().hypot(high - low);
         if airspace.min_separation_m > widest {
             let message = format!(
                 "`min_separation_m` of {} m cannot be met: no two points of the airspace are further apart than {widest:.1} m",
@@ -171,7 +174,7 @@ fn node(draft: &Draft, file: &mut Document, kind: &str, path: &str, position: Po
         }
     }
     let [low, high] = draft.airspace.altitude_m;
-    let inside = (low..=high).contains(&enu.z) && polygon::contains(&draft.airspace.area_enu_m, enu.xy());
+    let inside = (low..=high).contains(&enu.z) && encloses(&draft.airspace, enu);
     if file.sound(&["airspace.altitude_m", "airspace.area_enu_m"]) && inside {
         let message = format!(
             "the {kind} stands inside the airspace, at {} m of {low} to {high} m: a vehicle could meet it",
@@ -190,10 +193,9 @@ fn homes(draft: &Draft, file: &mut Document) {
     let homes = draft.vehicles.map(|vehicle| vehicle.home_enu_m);
     for role in Role::BOTH {
         let path = if role == Role::I { "vehicles.i.home_enu_m" } else { "vehicles.j.home_enu_m" };
-        let inside = |home: Enu| polygon::contains(&draft.airspace.area_enu_m, home.xy());
         if let Some(home) = homes[role]
             && file.sound(&[path, "airspace.area_enu_m"])
-            && !inside(home)
+            && !encloses(&draft.airspace, home)
         {
             let message =
                 format!("the home of {role}, [{}, {}] m, lies outside `area_enu_m`", home.x, home.y);
@@ -216,6 +218,11 @@ fn homes(draft: &Draft, file: &mut Document) {
         );
         refuse(file, "vehicles.j.home_enu_m", message, "move one of them");
     }
+}
+
+/// Whether a point is above, in or below the area.
+fn encloses(airspace: &Airspace, point: Enu) -> bool {
+    Polygon::new(&airspace.area_enu_m).is_ok_and(|area| area.encloses(point.xy()))
 }
 
 fn tdma(draft: &Draft, file: &mut Document) {

@@ -13,7 +13,6 @@ mod kind;
 mod mission;
 mod mission_checks;
 mod mission_file;
-mod polygon;
 mod reader;
 mod schema;
 mod vehicle;
