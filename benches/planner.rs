@@ -17,6 +17,7 @@ fn problem(n: usize, jitter_deg: f64, radius_m: f64) -> Problem {
         [distance * angle.cos(), distance * angle.sin()]
     };
     let mut problem = Problem::paper((0..n).map(node), 0.5, jitter_deg.to_radians());
+    problem.airspace.min_separation_m = 5.0;
     if radius_m > 0.0 {
         for eavesdropper in &mut problem.eavesdroppers {
             eavesdropper.uncertainty = Uncertainty::Disc { radius_m };

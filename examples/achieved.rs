@@ -22,9 +22,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     println!("{path}: {flights} flights at each level, each with a seed of its own");
     println!("jitter_deg  completed  violations  planned_bit_s_hz   ratio      +-  +-_of_one  control_deg");
+    let file = Mission::load(Path::new(&path)).map_err(|errors| errors.to_string())?;
     for std_deg in levels_deg {
-        let mut mission = Mission::load(Path::new(&path)).map_err(|errors| errors.to_string())?;
-        mission.jitter.std_rad = std_deg.to_radians();
+        let mission = file.changed(|m| m.jitter.std_deg = std_deg).map_err(|errors| errors.to_string())?;
         let plan = planning::plan(&mission)?;
         let flown = fly(&Scenario::new(&mission, &plan)?, mission.seed, flights)?;
         println!("{}", row(std_deg, &mission, &plan, &flown));

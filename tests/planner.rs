@@ -17,8 +17,11 @@ use veilwing::planner::{
 use veilwing::radio::pattern;
 use veilwing::role::{PerVehicle, Role};
 
+/// The paper's set-up at 0.5 W, with a mission file's default separation.
 fn problem(eavesdroppers: &[[f64; 2]], jitter_deg: f64) -> Problem {
-    Problem::paper(eavesdroppers.iter().copied(), 0.5, jitter_deg.to_radians())
+    let mut problem = Problem::paper(eavesdroppers.iter().copied(), 0.5, jitter_deg.to_radians());
+    problem.airspace.min_separation_m = 5.0;
+    problem
 }
 
 const METHODS: [Method; 5] =

@@ -3,13 +3,13 @@
 use std::time::Duration;
 
 use crate::autopilot;
-use crate::config::{self, Mission, TransmitterKind, Vehicle};
+use crate::config::{Mission, Transmitter, Vehicle};
 use crate::link::Form;
 use crate::mission::interlock::Ceilings;
 use crate::mission::{Scene, Settings};
 use crate::pair;
 use crate::role::Role;
-use crate::transmitter::{self, Kind, PowerParameter, Unit};
+use crate::transmitter;
 
 /// The longest jam lease and transmitter lease: the time in which everything falls silent by itself.
 pub const LEASE: Duration = Duration::from_millis(500);
@@ -93,18 +93,13 @@ pub fn scheduling_allowance(rate: f64) -> Duration {
 #[must_use]
 pub fn transmitter_settings(vehicle: &Vehicle) -> transmitter::Settings {
     let own = own(vehicle);
-    let t = &vehicle.transmitter;
-    let kind = match (t.kind, &t.parameter) {
-        (TransmitterKind::Leased, _) => Kind::Leased { command: t.command },
-        (TransmitterKind::Parameter, Some(parameter)) => Kind::Parameter(power_parameter(parameter)),
-        (TransmitterKind::Parameter, None) | (TransmitterKind::None, _) => Kind::None,
-    };
+    let Transmitter { kind, component_id, .. } = &vehicle.transmitter;
     // J may have promised to jam before its companion died; its radio's own lease ends that promise.
     let first_off_after = match vehicle.role {
         Role::I => Duration::ZERO,
         Role::J => LEASE,
     };
-    transmitter::Settings { own, target: (own.0, t.component_id), kind, first_off_after }
+    transmitter::Settings { own, target: (own.0, *component_id), kind: kind.clone(), first_off_after }
 }
 
 /// The companion's own MAVLink system and component.
@@ -115,19 +110,4 @@ fn own(vehicle: &Vehicle) -> (u8, u8) {
         Role::J => 2,
     };
     (vehicle.autopilot.system_id.unwrap_or(default), vehicle.autopilot.component_id)
-}
-
-fn power_parameter(parameter: &config::PowerParameter) -> PowerParameter {
-    let unit = match parameter.unit {
-        config::PowerUnit::Watt => Unit::Watt,
-        config::PowerUnit::Milliwatt => Unit::Milliwatt,
-        config::PowerUnit::Dbm => Unit::Dbm,
-        config::PowerUnit::Levels => Unit::Levels(parameter.levels.clone()),
-    };
-    PowerParameter {
-        name: parameter.name.clone(),
-        protocol: parameter.protocol,
-        unit,
-        off_value: parameter.off_value,
-    }
 }

@@ -8,9 +8,9 @@ use std::path::Path;
 use serde_json::Value as Json;
 
 use super::diagnostic::Diagnostics;
-use super::document::Document;
 use super::fault_file;
 use super::file::{MAX_BYTES, read_text};
+use super::reading;
 
 /// Kinds of fault.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -259,7 +259,7 @@ impl Faults {
     /// Everything that is wrong with the text, each with its place and remedy.
     pub fn parse(file_name: &str, text: &str) -> Result<Self, Diagnostics> {
         let (drafts, document, findings) =
-            Document::read(file_name, text, fault_file::describe, |drafts, file| {
+            reading::text(file_name, text, fault_file::describe, |drafts, file| {
                 fault_file::check(drafts, file)
             });
         findings.into_result()?;
@@ -272,7 +272,7 @@ impl Faults {
     /// The JSON Schema of the fault file.
     #[must_use]
     pub fn schema() -> Json {
-        Document::schema(fault_file::describe)
+        reading::schema(fault_file::describe)
     }
 }
 

@@ -6,6 +6,7 @@
 mod address;
 mod diagnostic;
 mod document;
+mod draft;
 mod fault_file;
 mod faults;
 pub(crate) mod file;
@@ -14,20 +15,22 @@ mod mission;
 mod mission_checks;
 mod mission_file;
 mod reader;
+mod reading;
 mod schema;
 mod vehicle;
 mod vehicle_file;
 
 pub use address::{AddressError, HostPort, LinkAddress};
 pub use diagnostic::{Diagnostic, Diagnostics, Severity};
-pub use faults::{FaultKind, FaultLaw, Faults, Frequency, Magnitude, Whom};
-pub use mission::{
-    Difference, Emission, Mission, NamedEavesdropper, PlannerSettings, PowerLimit, Tdma, User,
-    VehicleSettings,
+pub use draft::{
+    Autopilot, EavesdropperDraft, Emission, JitterDraft, Limits, MissionDraft, NodeDraft,
+    PlannedVehicleDraft, PlannerSettings, RadioDraft, Tdma, Transmitter, VehicleDraft,
 };
+pub use faults::{FaultKind, FaultLaw, Faults, Frequency, Magnitude, Whom};
+pub use mission::{Difference, Mission, NamedEavesdropper, PowerLimit, Settled, User, VehicleSettings};
 pub use mission_file::METHODS;
 pub use schema::schema;
-pub use vehicle::{Autopilot, Limits, PowerParameter, PowerUnit, Transmitter, TransmitterKind, Vehicle};
+pub use vehicle::Vehicle;
 
 #[cfg(test)]
 mod tests;

@@ -25,7 +25,7 @@ pub use path::Path;
 pub(crate) use path::Pipe;
 pub use process::Given;
 pub use scenario::{Flown, LONGEST, Scenario, ScenarioError, Witness};
-pub use vehicle::{VehicleText, actuation, vehicle};
+pub use vehicle::{vehicle, vehicle_draft};
 pub use world::world_config;
 
 use std::time::Duration;

@@ -15,7 +15,7 @@ use veilwing::link::codec::Encoder;
 use veilwing::link::{Clock, Key, LinkConfig, SigningConfig};
 use veilwing::mission::Outcome;
 use veilwing::role::{PerVehicle, Role};
-use veilwing::simulation::{Late, VehicleText, actuation, judge, world_config};
+use veilwing::simulation::{Late, judge, vehicle_draft, world_config};
 use veilwing::transmitter::Transmitter;
 use veilwing_sitl::World;
 
@@ -29,16 +29,7 @@ const LATE: Duration = Duration::from_millis(20);
 
 fn companion(role: Role, ports: [u16; 2], directory: &Path, clock: &Clock) -> Companion {
     let planned = yard();
-    let [autopilot_link, pair_link] = ports.map(|port| format!("udpout:127.0.0.1:{port}"));
-    let text = VehicleText {
-        role,
-        autopilot_link: &autopilot_link,
-        pair_link: &pair_link,
-        actuation: actuation(&planned.mission, role),
-        simulated: true,
-        log_dir: None,
-    };
-    let vehicle = Vehicle::parse("vehicle.toml", &text.text()).unwrap();
+    let vehicle = Vehicle::new(vehicle_draft(&planned.mission, role, ports)).unwrap();
     let mut told = settings(&planned.mission, &vehicle, 1, true);
     allow_for_clock_rate(&mut told, RATE);
     let signing = SigningConfig {

@@ -10,7 +10,7 @@ use tokio::time::MissedTickBehavior;
 use veilwing_sitl::{self as sim, World};
 
 use crate::cli::progress;
-use crate::config::HostPort;
+use crate::config::{HostPort, Mission};
 use crate::link::clock::Clock;
 use crate::report::flight::{Event, EventKind, Severity};
 use crate::role::{PerVehicle, Role};
@@ -50,7 +50,8 @@ pub(super) struct Setup<'a> {
     pub directory: &'a Path,
     /// Ports at which the companions find each other, instead of this process's own.
     pub pair_relay: Option<PerVehicle<u16>>,
-    pub actuation: PerVehicle<&'static str>,
+    /// What the mission file says.
+    pub settings: &'a Mission,
     pub ground_station: Option<&'a HostPort>,
     /// Begin without waiting for MISSION_START.
     pub start: bool,
@@ -131,7 +132,7 @@ pub(super) async fn fly(mut setup: Setup<'_>) -> Result<Flight, String> {
             None => pair[role].number()?,
         };
         let ports = [autopilot[role].number()?, pair_port];
-        write_vehicle(setup.directory, role, ports, setup.actuation[role])
+        write_vehicle(setup.directory, setup.settings, role, ports)
     };
     let vehicle_files = PerVehicle { i: write(Role::I)?, j: write(Role::J)? };
     let spawn = |role: Role| spawn_companion(&setup.spawning(), role, &vehicle_files[role], &lines);

@@ -123,7 +123,7 @@ fn fly(args: &Args, mission: &Mission, faults: &Faults) -> Result<Exit, String> 
         speed: args.speed,
         directory: directory.path(),
         pair_relay: args.pair_relay,
-        actuation: PerVehicle::from_fn(|role| simulation::actuation(mission, role)),
+        settings: mission,
         ground_station: args.ground_station.as_ref(),
         start: !args.wait_for_start,
     }))?;

@@ -4,7 +4,7 @@ use serde_json::{Value as Json, json};
 use toml::de::DeValue;
 
 use super::scalar::Number;
-use super::{Fault, Item, Kind, miscount, wrong_type};
+use super::value::{Fault, Item, Kind, miscount, wrong_type};
 use crate::role::{PerVehicle, Role};
 
 /// A fixed number of numbers, each with its name and range.
@@ -33,6 +33,11 @@ impl<const N: usize> Kind for Numbers<N> {
         sound.then_some(values)
     }
 
+    fn fault(&self, value: &[f64; N]) -> Option<String> {
+        let mut each = self.0.iter().zip(value);
+        each.find_map(|((name, kind), number)| Some(format!("({name}) {}", kind.fault(number)?)))
+    }
+
     fn expected(&self) -> String {
         let names: Vec<&str> = self.0.iter().map(|(name, _)| *name).collect();
         format!("{N} numbers [{}]", names.join(", "))
@@ -59,13 +64,16 @@ impl Kind for Extent {
             return self.0.read(item, faults).map(|number| [number; 2]);
         }
         let ends = Numbers([("lowest", self.0), ("highest", self.0)]);
-        let [low, high] = ends.read(item, faults)?;
-        if low > high {
-            let clause = format!("is inverted: the lowest, {low}, is above the highest, {high}");
-            faults.push(Fault { at: item.span(), clause });
-            return None;
+        let ends = ends.read(item, faults)?;
+        match inverted(ends) {
+            Some(clause) => faults.push(Fault { at: item.span(), clause }),
+            None => return Some(ends),
         }
-        Some([low, high])
+        None
+    }
+
+    fn fault(&self, ends: &[f64; 2]) -> Option<String> {
+        ends.iter().find_map(|end| self.0.fault(end)).or_else(|| inverted(*ends))
     }
 
     fn expected(&self) -> String {
@@ -80,6 +88,10 @@ impl Kind for Extent {
     fn canonical(&self, [low, high]: &[f64; 2]) -> Json {
         json!([low + 0.0, high + 0.0])
     }
+}
+
+fn inverted([low, high]: [f64; 2]) -> Option<String> {
+    (low > high).then(|| format!("is inverted: the lowest, {low}, is above the highest, {high}"))
 }
 
 /// A list of so many values of a kind.
@@ -103,6 +115,13 @@ impl<K: Kind> Kind for List<K> {
             return None;
         }
         values.into_iter().collect()
+    }
+
+    fn fault(&self, values: &Vec<K::Out>) -> Option<String> {
+        values
+            .iter()
+            .find_map(|value| self.each.fault(value))
+            .or_else(|| miscount(values.len(), self.at_least, self.at_most))
     }
 
     fn expected(&self) -> String {
@@ -149,6 +168,10 @@ impl<K: Kind<Out: Copy>> Kind for Each<K> {
             return None;
         }
         Some(PerVehicle { i: values.i?, j: values.j? })
+    }
+
+    fn fault(&self, value: &Self::Out) -> Option<String> {
+        Role::BOTH.into_iter().find_map(|role| Some(format!("of {role} {}", self.0.fault(&value[role])?)))
     }
 
     fn expected(&self) -> String {

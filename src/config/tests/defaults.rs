@@ -65,13 +65,7 @@ fn val_vehicle_defaults_are_those_of_the_interface() {
     );
     assert_eq!((least.autopilot.system_id, least.autopilot.component_id), (None, 191));
     assert_eq!(least.autopilot.rate_hz, 50.0);
-    let leased = Transmitter {
-        kind: TransmitterKind::Leased,
-        simulated: true,
-        component_id: 68,
-        command: 31010,
-        parameter: None,
-    };
+    let leased = Transmitter { kind: Kind::Leased { command: 31010 }, simulated: true, component_id: 68 };
     assert_eq!(least.transmitter, leased);
     assert_eq!(least.limits, Limits::default());
     assert_eq!((least.pair_peer_system, least.pair_tunnel), (None, false));

@@ -72,8 +72,12 @@ fn val_a_parameter_transmitter_must_say_how_it_is_silenced() {
             }
         }
     }
-    let powers: Vec<f64> =
-        vehicle(VEHICLE_J).transmitter.parameter.unwrap().levels.iter().map(|level| level.power_w).collect();
+    let Kind::Parameter(PowerParameter { unit: Unit::Levels(levels), .. }) =
+        &vehicle(VEHICLE_J).transmitter.kind
+    else {
+        panic!("no levels")
+    };
+    let powers: Vec<f64> = levels.iter().map(|level| level.power_w).collect();
     assert_eq!(powers, [0.01, 0.1, 0.5]);
 }
 
