@@ -1,6 +1,6 @@
 //! The cap: what no configuration can exceed.
 
-use super::PlanError;
+use super::error::PlanError;
 use super::problem::Problem;
 use super::setup::Setup;
 

@@ -4,7 +4,7 @@ use nalgebra::{Vector2, Vector3};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use super::PlanError;
+use super::error::PlanError;
 use super::expectation::kernel::{ANGLES, POWER, Raw, Scene, VEHICLE};
 use super::plan::VehiclePlan;
 use super::problem::{Airframe, Objective, Problem, Uncertainty};
