@@ -8,9 +8,9 @@ use std::num::NonZeroUsize;
 use std::path::Path;
 
 use veilwing::config::Mission;
+use veilwing::desk::simulation::{Flown, Scenario, ScenarioError};
 use veilwing::planner::slots::Plan;
 use veilwing::planning;
-use veilwing::simulation::{Flown, Scenario, ScenarioError};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = std::env::args().skip(1);

@@ -20,15 +20,15 @@ use std::time::{Duration, Instant};
 use mavlink::dialects::ardupilotmega::MavMessage;
 use veilwing::companion::Companion;
 use veilwing::companion::settings::{pair_form, settings, transmitter_settings};
-use veilwing::config::{LinkAddress, Mission, Vehicle};
+use veilwing::config::{Mission, Vehicle};
+use veilwing::desk::simulation::{index, vehicle_draft, world_config};
 use veilwing::link::codec::Decoder;
 use veilwing::link::counters::Counters;
 use veilwing::link::tlog::TlogWriter;
-use veilwing::link::{Clock, LinkConfig};
+use veilwing::link::{Clock, LinkAddress, LinkConfig};
 use veilwing::planner::slots::Plan;
 use veilwing::planning;
 use veilwing::role::Role;
-use veilwing::simulation::{index, vehicle_draft, world_config};
 use veilwing::transmitter::Transmitter;
 use veilwing_sitl::World;
 

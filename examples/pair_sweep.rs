@@ -3,12 +3,16 @@
 //! `cargo run --release --example pair_sweep` runs the whole grid, 500 slots a cell. With `--loss 0.3 --delay-ms 100
 //! --duplication 0.2 --fault Restart --slots 500 --seed 1042` it runs one cell: what a failing line prints.
 
+#[path = "../tests/pair/clocks.rs"]
+mod clocks;
 #[path = "../tests/pair/companion.rs"]
 mod companion;
 #[path = "../tests/pair/observer.rs"]
 mod observer;
 #[path = "../tests/pair/radio.rs"]
 mod radio;
+#[path = "../tests/pair/setup.rs"]
+mod setup;
 #[path = "../tests/pair/sweep.rs"]
 mod sweep;
 #[path = "../tests/pair/world.rs"]

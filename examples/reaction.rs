@@ -9,9 +9,9 @@ mod reaction_table;
 use std::process::ExitCode;
 
 use veilwing::config::Mission;
+use veilwing::desk::simulation::{Given, vehicle};
 use veilwing::planning;
 use veilwing::role::Role;
-use veilwing::simulation::{Given, vehicle};
 
 use reaction_table::{Base, table};
 

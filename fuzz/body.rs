@@ -5,16 +5,14 @@ use std::time::Duration;
 
 use mavlink::MavHeader;
 use mavlink::dialects::ardupilotmega::{COMMAND_ACK_DATA, MavCmd, MavMessage, MavResult};
-use nalgebra::Vector3;
-use veilwing::geo::Pose;
+use veilwing::geo::{Enu, Pose};
 use veilwing::link::codec::{Decoder, Encoder};
 use veilwing::link::{Counters, Envelope, Form, Rejection};
-use veilwing::mission::course::{self, Course, Health};
-use veilwing::mission::interlock::{Ceilings, Interlock};
 use veilwing::pair::wire;
-use veilwing::pair::{Coordinator, Local, PlanTerms, Readiness, Settings};
+use veilwing::pair::{self, PlanTerms, SlotTerms};
 use veilwing::planner::plan::VehiclePlan;
 use veilwing::role::{PerVehicle, Role};
+use veilwing::service::{Ceilings, Freshness, Outgoing, Settings, SlotService, Tolerance, Vehicle};
 use veilwing::time::{Instant, Utc};
 use veilwing::transmitter::{self, Kind, Transmitter};
 
@@ -22,16 +20,16 @@ const LEASE: Duration = Duration::from_millis(500);
 const NEEDS: Duration = Duration::from_secs(1);
 const POWER_W: f64 = 0.5;
 const TICK: Duration = Duration::from_millis(10);
-/// The slot opens here and stays open longer than any input lasts.
-const OPENS: Duration = Duration::from_secs(5);
+/// The slot stays open longer than any input lasts.
 const SLOT: Duration = Duration::from_secs(100_000);
+const POSE: Pose =
+    Pose { position_enu_m: Enu::new(1.0, 2.0, 80.0), roll_rad: 0.5, pitch_rad: 0.1, yaw_rad: 0.0 };
 
-/// One companion as far as the pair link can reach.
+/// One companion as far as the pair link can reach: the service that flies.
 struct Companion {
     role: Role,
-    pair: Coordinator,
-    interlock: Interlock,
-    course: Option<Course>,
+    service: SlotService,
+    said: Vec<wire::MavMessage>,
     decoder: Decoder<Envelope>,
     encoder: Encoder,
 }
@@ -48,9 +46,23 @@ pub struct Target {
     pub recorded: PerVehicle<Vec<Vec<u8>>>,
 }
 
+/// Three slots, all alike.
+fn plan() -> PlanTerms {
+    let vehicle = VehiclePlan { pose: POSE, tx_power_w: POWER_W };
+    let terms = SlotTerms {
+        vehicles: PerVehicle { i: vehicle, j: vehicle },
+        opens: NEEDS,
+        lead: NEEDS,
+        radiate_from: Duration::ZERO,
+        radiate_until: SLOT,
+        length: SLOT,
+    };
+    PlanTerms { digest: [2; 32], slots: vec![terms; 3] }
+}
+
 impl Companion {
     fn new(role: Role) -> Self {
-        let settings = Settings {
+        let pair = pair::Settings {
             role,
             boot_id: 1 + role as u32,
             mission_digest: [1; 32],
@@ -58,83 +70,66 @@ impl Companion {
             peer_timeout: Duration::from_secs(3),
             clock_tolerance: Duration::from_millis(250),
         };
-        let pose = Pose {
-            position_enu_m: Vector3::new(1.0, 2.0, 80.0),
-            roll_rad: 0.5,
-            pitch_rad: 0.1,
-            yaw_rad: 0.0,
+        let radio = transmitter::Settings {
+            own: (1, 191),
+            target: (1, 68),
+            kind: Kind::Leased { command: 31010 },
+            first_off_after: Duration::ZERO,
         };
-        let vehicle = VehiclePlan { pose, tx_power_w: POWER_W };
-        let mut pair = Coordinator::new(settings, Instant::ZERO);
-        pair.set_plan(PlanTerms { digest: [2; 32], slots: vec![PerVehicle { i: vehicle, j: vehicle }; 3] });
-        let transmitter = Transmitter::new(
-            transmitter::Settings {
-                own: (1, 191),
-                target: (1, 68),
-                kind: Kind::Leased { command: 31010 },
-                first_off_after: Duration::ZERO,
-            },
-            Instant::ZERO,
-        );
-        let ceilings = Ceilings { mission_w: 1.0, vehicle_w: 1.0 };
-        Self {
-            role,
+        let settings = Settings {
             pair,
-            interlock: Interlock::new(role, transmitter, ceilings, LEASE, true),
-            course: None,
-            decoder: Decoder::default(),
-            encoder: Encoder::default(),
-        }
+            ceilings: Ceilings { mission_w: 1.0, vehicle_w: 1.0 },
+            emission_authorised: true,
+            freshness: Freshness { limit: LEASE, scheduling_allowance: Duration::ZERO },
+        };
+        let now = Instant::ZERO;
+        let mut service =
+            SlotService::new(settings, Transmitter::new(radio, now), Tolerance::for_jitter(0.0), now);
+        service.set_plan(plan());
+        service.join(0, None, now);
+        Self { role, service, said: Vec::new(), decoder: Decoder::default(), encoder: Encoder::default() }
     }
 
     /// What is due, and what the present state allows.
     fn run(&mut self, now: Instant) {
-        self.pair.set_utc(Some(utc(now)), now);
-        self.pair.handle_timeout(now);
-        assert!(self.pair.poll_timeout().0 > now, "{} is never satisfied", self.role);
-        self.interlock.handle_timeout(now);
+        self.service.handle_timeout(now);
+        assert!(self.service.poll_timeout().0 > now, "{} is never satisfied", self.role);
         self.react(now);
     }
 
     fn react(&mut self, now: Instant) {
-        let mut events = 0;
-        while self.pair.poll_event().is_some() {
-            events += 1;
-        }
+        self.service.advance(Some(utc(now)), now);
+        let events = std::iter::from_fn(|| self.service.poll_event()).count();
         assert!(events <= 3, "{}: {events} events at once", self.role);
-        match self.pair.commitment() {
-            Some(commitment) if self.course.is_none() => {
-                self.course = Some(Course {
-                    commitment,
-                    power_w: POWER_W,
-                    radiate_from: commitment.opens_at,
-                    radiate_until: commitment.opens_at + SLOT,
-                    closes_at: commitment.opens_at + SLOT,
-                    closing: false,
-                });
-            }
-            Some(_) => {}
-            None => self.course = None,
-        }
-        let health = Health { state_fresh: true, in_control: true, estimator_ok: true, pose_ok: true };
-        course::drive(self.role, self.course.as_ref(), &health, &mut self.interlock, &mut self.pair, now);
-        let local = Local {
-            airborne: true,
-            on_station: self.course.is_some(),
-            radiating: !self.interlock.is_off(now),
-            ..Local::default()
+        let vehicle = Vehicle {
+            state_since: Some(now),
+            state_period: TICK,
+            position_enu_m: Some(POSE.position_enu_m),
+            attitude: Some((POSE.attitude(), now)),
+            in_control: true,
+            estimator_ok: true,
+            arrived: true,
+            preflight_ok: true,
+            ..Vehicle::default()
         };
-        self.pair.set_local(local, now);
+        self.service.decide(&vehicle, now);
         self.check(now);
     }
 
-    /// No lease longer than it may be, none without a commitment; every power within the plan's, with an expiry.
+    /// No lease longer than it may be; every power within the plan's, with an expiry.
     fn check(&mut self, now: Instant) {
-        let lease = self.pair.lease(now);
+        let lease = self.service.jam_lease(now);
         assert!(lease.is_none_or(|end| end <= now + LEASE), "{}: a lease to {lease:?} at {now:?}", self.role);
         let mut commands = 0;
-        while let Some(message) = self.interlock.poll_transmit() {
-            let MavMessage::COMMAND_INT(command) = message else { continue };
+        while let Some(outgoing) = self.service.poll_transmit() {
+            let command = match outgoing {
+                Outgoing::Pair(message) => {
+                    self.said.push(*message);
+                    continue;
+                }
+                Outgoing::Radio(message) => message,
+            };
+            let MavMessage::COMMAND_INT(command) = *command else { continue };
             commands += 1;
             let on = command.y > 0 && command.param1.is_finite();
             if on {
@@ -153,13 +148,13 @@ impl Companion {
                 ..COMMAND_ACK_DATA::DEFAULT
             });
             let radio = MavHeader { system_id: 1, component_id: 68, sequence: 0 };
-            self.interlock.handle_message(radio, &ack, now);
+            self.service.handle_radio(radio, &ack, now);
         }
         assert!(commands <= 8, "{}: {commands} commands at once", self.role);
     }
 
     fn say(&mut self) -> Vec<wire::MavMessage> {
-        std::iter::from_fn(|| self.pair.poll_transmit()).collect()
+        std::mem::take(&mut self.said)
     }
 }
 
@@ -181,20 +176,8 @@ impl Target {
             taken: 0,
             recorded: PerVehicle::default(),
         };
-        let both_on =
-            |target: &Self| Role::BOTH.iter().all(|&role| target.companions[role].interlock.is_on());
-        let mut proposed = false;
-        while !both_on(&target) {
-            assert!(target.now.since_start() < 2 * OPENS, "the pair does not come to radiate");
-            if !proposed
-                && target.companions.i.pair.agrees()
-                && target.companions.i.pair.clock_offset().is_some()
-            {
-                let opens = utc(Instant::from_start(OPENS));
-                target.companions.i.pair.propose(0, opens, NEEDS, target.now);
-                proposed = true;
-            }
-            target.companions.j.pair.set_readiness(Some(Readiness { next_slot: 0, needs: NEEDS }));
+        while !Role::BOTH.iter().all(|&role| target.companions[role].service.interlock().is_on()) {
+            assert!(target.now.since_start() < Duration::from_secs(10), "the pair does not come to radiate");
             target.pass(true);
         }
         for role in Role::BOTH {
@@ -220,7 +203,7 @@ impl Target {
                     let frame = self.companions[role].encoder.encode((1 + role as u8, 191), &envelope);
                     self.recorded[role].push(frame.raw_bytes().to_vec());
                     let peer = &mut self.companions[role.peer()];
-                    peer.pair.handle_message(&message, self.now);
+                    peer.service.handle_pair(&message, self.now);
                     peer.react(self.now);
                 }
             }
@@ -263,7 +246,7 @@ impl Target {
             match taken {
                 Ok(message) => {
                     self.taken += 1;
-                    companion.pair.handle_message(&message, self.now);
+                    companion.service.handle_pair(&message, self.now);
                     companion.react(self.now);
                     let answers = companion.say().len();
                     assert!(answers <= 4, "{answers} answers to {message:?}");

@@ -12,7 +12,7 @@ use mavlink::dialects::ardupilotmega::MavSeverity;
 use tokio::sync::oneshot;
 use tracing::{debug, error, info, warn};
 
-use crate::config::LinkAddress;
+use crate::link::LinkAddress;
 use crate::link::{Clock, Form, Link, LinkConfig, LinkError, PairLink};
 use crate::mission::{Executive, Notice, Outcome, Outgoing, Settings};
 use crate::planner::slots::Plan;
@@ -146,8 +146,8 @@ async fn planned(planning: &mut Option<oneshot::Receiver<Result<Plan, String>>>)
 }
 
 fn log(role: Role, phase: &str, notice: &Notice) {
-    let text = &notice.text;
-    match notice.severity {
+    let text = notice.to_string();
+    match notice.severity() {
         MavSeverity::MAV_SEVERITY_EMERGENCY
         | MavSeverity::MAV_SEVERITY_ALERT
         | MavSeverity::MAV_SEVERITY_CRITICAL

@@ -18,6 +18,8 @@ pub mod cli;
 pub mod companion;
 #[cfg(feature = "companion")]
 pub mod config;
+#[cfg(feature = "desk")]
+pub mod desk;
 #[cfg(feature = "companion")]
 pub mod link;
 #[cfg(feature = "companion")]
@@ -29,8 +31,6 @@ pub mod planning;
 #[cfg(feature = "companion")]
 pub mod preflight;
 #[cfg(feature = "companion")]
-pub mod report;
-#[cfg(feature = "sitl")]
-pub mod simulation;
+pub mod service;
 #[cfg(feature = "companion")]
 pub mod transmitter;

@@ -2,6 +2,7 @@
 //! on frames, signs and manners, for both firmware faces. Home, local origin and heading all differ from the
 //! mission's.
 
+#![cfg(feature = "desk")]
 #![allow(clippy::unwrap_used)] // helpers of tests
 
 use std::time::Duration;

@@ -1,5 +1,6 @@
 //! `veilwing campaign` from outside: the same totals whatever the threads and parts, replays, interruption, bad input.
 
+#![cfg(feature = "desk")]
 // Helpers of tests may fail the test.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 

@@ -1,5 +1,6 @@
 //! `veilwing check` on files that cannot be used: exit code 2, every error with its place and remedy, no panic.
 
+#![cfg(feature = "companion")]
 // Helpers of tests may fail the test.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 

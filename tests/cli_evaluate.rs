@@ -1,5 +1,6 @@
 //! `veilwing evaluate` on plans as people edit them: scored, warned of, or refused with place, key, value and remedy.
 
+#![cfg(feature = "companion")]
 // Helpers of tests may fail the test.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 

@@ -1,5 +1,6 @@
 //! `veilwing plan --bound`: what the plan document says of its upper bound.
 
+#![cfg(feature = "companion")]
 // Helpers of tests may fail the test.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 

@@ -1,6 +1,7 @@
 //! Where results and words go: a stdout or stderr that takes nothing, a directory that cannot be written, Ctrl-C. Each
 //! has its exit code and a word that helps; none is a panic.
 
+#![cfg(feature = "desk")]
 // Helpers of tests may fail the test.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 

@@ -1,5 +1,6 @@
 //! The paper's figures: what is in their CSV files, and that their drawings are sound.
 
+#![cfg(feature = "desk")]
 // Helpers of tests may fail the test.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
@@ -8,13 +9,13 @@ use std::path::Path;
 use std::process::Command;
 
 use nalgebra::Vector3;
+use veilwing::desk::figures::rates::{CurveRates, MAX_POWERS_W, Source, Study, measure, rate};
+use veilwing::desk::figures::scenario::{self, Conditions};
+use veilwing::desk::figures::{Failure, Settings, all, poses};
 use veilwing::geo::Pose;
 use veilwing::planner::expectation::samples::Sequence;
 use veilwing::planner::plan::VehiclePlan;
 use veilwing::planner::{EvaluateOptions, cap, evaluate};
-use veilwing::report::figures::rates::{CurveRates, MAX_POWERS_W, Source, Study, measure, rate};
-use veilwing::report::figures::scenario::{self, Conditions};
-use veilwing::report::figures::{Failure, Settings, all, poses};
 use veilwing::role::{PerVehicle, Role};
 
 const SETTINGS: Settings = Settings { scenarios: 2, threads: 2, seed: 1 };

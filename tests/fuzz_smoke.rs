@@ -3,6 +3,7 @@
 //!
 //! `cargo test --test fuzz_smoke -- --nocapture` prints what became of them, and how long it took.
 
+#![cfg(feature = "companion")]
 // Helpers of tests may fail the test.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
 

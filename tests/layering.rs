@@ -17,13 +17,13 @@ const LAYERS: [&[&str]; 14] = [
     &["schedule"],
     &["preflight"],
     &["pair", "autopilot", "transmitter"],
+    &["service"],
     &["mission"],
+    &["link"],
     &["config"],
     &["planning"],
-    &["link"],
     &["companion"],
-    &["simulation"],
-    &["report"],
+    &["desk"],
     &["cli"],
 ];
 /// Everything the planner's library is made of.
@@ -290,33 +290,49 @@ fn val_the_simulated_world_never_mentions_the_main_crate() {
     assert!(!manifest.lines().any(depends), "{manifest}");
 }
 
+/// The packages that the library and the program are built of.
+fn packages(more: &[&str]) -> BTreeSet<String> {
+    let output = Command::new(env!("CARGO"))
+        .args([
+            "tree",
+            "--edges",
+            "normal",
+            "--prefix",
+            "none",
+            "--locked",
+            "--offline",
+            "--package",
+            "veilwing",
+        ])
+        .args(more)
+        .current_dir(root())
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let text = String::from_utf8(output.stdout).unwrap();
+    text.lines().filter_map(|line| line.split(' ').next()).map(str::to_owned).collect()
+}
+
 #[test]
 fn val_the_planner_library_has_no_tokio_mavlink_or_toml() {
-    let tree = |more: &[&str]| {
-        let output = Command::new(env!("CARGO"))
-            .args([
-                "tree",
-                "--edges",
-                "normal",
-                "--prefix",
-                "none",
-                "--locked",
-                "--offline",
-                "--package",
-                "veilwing",
-            ])
-            .args(more)
-            .current_dir(root())
-            .output()
-            .unwrap();
-        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-        let text = String::from_utf8(output.stdout).unwrap();
-        text.lines().filter_map(|line| line.split(' ').next()).map(str::to_owned).collect::<BTreeSet<_>>()
-    };
-    let (library, program) = (tree(&["--no-default-features"]), tree(&[]));
+    let (library, program) = (packages(&["--no-default-features"]), packages(&[]));
     for foreign in ["tokio", "mavlink", "mavlink-core", "toml", "veilwing-sitl"] {
         assert!(!library.contains(foreign), "{foreign} in {library:?}");
         assert!(program.contains(foreign), "{foreign} is not even in the program: {program:?}");
     }
     assert!(library.contains("nalgebra"));
+}
+
+#[test]
+fn val_the_onboard_build_has_no_desk() {
+    let onboard = packages(&["--no-default-features", "--features", "companion,serial"]);
+    let program = packages(&[]);
+    for foreign in ["veilwing-sitl", "csv"] {
+        assert!(!onboard.contains(foreign), "{foreign} in {onboard:?}");
+        assert!(program.contains(foreign), "{foreign} is not even in the program: {program:?}");
+    }
+    assert!(onboard.contains("mavlink"));
+    // No file below it names the desk, and the desk itself is behind its feature.
+    let lib = std::fs::read_to_string(root().join("src/lib.rs")).unwrap();
+    assert!(lib.contains("#[cfg(feature = \"desk\")]\npub mod desk;"), "{lib}");
 }

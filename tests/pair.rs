@@ -1,5 +1,9 @@
 //! The pair protocol under every fault: two real companions' state machines, simulated in virtual time.
 
+#![cfg(feature = "companion")]
+
+#[path = "pair/clocks.rs"]
+mod clocks;
 #[path = "pair/companion.rs"]
 mod companion;
 #[path = "pair/model.rs"]
@@ -8,6 +12,8 @@ mod model;
 mod observer;
 #[path = "pair/radio.rs"]
 mod radio;
+#[path = "pair/setup.rs"]
+mod setup;
 #[path = "pair/sweep.rs"]
 mod sweep;
 #[path = "pair/world.rs"]

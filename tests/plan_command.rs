@@ -1,6 +1,7 @@
 //! `veilwing plan` on missions at the edge of sense: a plan without NaN, or a clear refusal, and never a panic; and what
 //! `order = "shortest"` chooses.
 
+#![cfg(feature = "companion")]
 // Helpers of tests may fail the test.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 

@@ -1,5 +1,6 @@
 //! The commands as processes, through the binary: flights with real companions over loopback UDP, documents, exit codes.
 
+#![cfg(feature = "desk")]
 // Helpers of tests may fail the test.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 

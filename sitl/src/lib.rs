@@ -33,5 +33,6 @@ pub use world::config::{
 };
 pub use world::fault::Fault;
 pub use world::record::{Heard, Record, Recorder};
-pub use world::report::{FlightReport, PerVehicle, SlotReport, Violation};
+pub use world::report::{FlightReport, PerVehicle, SlotReport};
+pub use world::violation::{Breach, Invariant, Violation};
 pub use world::{Snapshot, World};

@@ -20,7 +20,10 @@ fn fly(vehicle: usize, slip: Option<Slip>) -> (Vec<&'static str>, f64) {
     flight.hold(0, 500, [false, true]);
     flight.hold(0, 3000, [true, true]);
     let report = flight.world.report();
-    (report.violations.iter().map(|v| v.invariant).collect(), report.slots[0].achieved_secrecy_rate_bps)
+    (
+        report.violations.iter().map(|v| v.invariant().name()).collect(),
+        report.slots[0].achieved_secrecy_rate_bps,
+    )
 }
 
 #[test]

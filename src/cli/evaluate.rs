@@ -6,10 +6,10 @@ use std::path::{Path, PathBuf};
 
 use crate::config::file::{read_text, text_of};
 use crate::config::{Diagnostics, Mission};
+use crate::planner::document::{EditedPlan, FORMAT, PlanDocument};
 use crate::planner::plan::{BoundKind, SlotPlan, Status, VehiclePlan};
 use crate::planner::slots::{Plan, PlannedSlot, hex};
 use crate::planner::{EvaluateOptions, cap, evaluate};
-use crate::report::plan_document::{EditedPlan, FORMAT, PlanDocument};
 
 use super::planning::slot_document;
 use super::{Exit, load_mission, print_json, print_text};
@@ -133,7 +133,7 @@ fn score(mission: &Mission, edited: &EditedPlan, samples: usize) -> Result<PlanD
 
 fn table(mission: &Mission, document: &PlanDocument) -> String {
     let per_hz = |bps: f64| bps / mission.radio.bandwidth_hz;
-    let line = |slot: &crate::report::plan_document::SlotDocument| {
+    let line = |slot: &crate::planner::document::SlotDocument| {
         format!(
             "user {}: secrecy rate {:.4} +- {:.4} bit/s/Hz ({:.4} Mbit/s), bound {:.4} ({})\n",
             slot.user,

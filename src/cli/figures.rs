@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
 use crate::config::file::{usable_directory, write_whole};
+use crate::desk::figures::{self, Figure, Settings};
 use crate::link::clock::Clock;
-use crate::report::figures::{self, Figure, Settings};
 
 use super::{Exit, print_text, progress};
 

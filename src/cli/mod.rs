@@ -14,18 +14,20 @@ macro_rules! eprint {
     }};
 }
 
-#[cfg(feature = "sitl")]
+#[cfg(feature = "desk")]
 mod campaign;
 mod check;
 mod evaluate;
+#[cfg(feature = "desk")]
 mod figures;
 mod fly;
 mod interrupt;
 mod plan;
 mod planning;
+#[cfg(feature = "desk")]
 mod report;
 mod schema;
-#[cfg(feature = "sitl")]
+#[cfg(feature = "desk")]
 mod sitl;
 
 use std::process::ExitCode;
@@ -88,12 +90,14 @@ enum Command {
     Check(check::Args),
     Plan(plan::Args),
     Evaluate(evaluate::Args),
+    #[cfg(feature = "desk")]
     Figures(figures::Args),
-    #[cfg(feature = "sitl")]
+    #[cfg(feature = "desk")]
     Sitl(sitl::Args),
-    #[cfg(feature = "sitl")]
+    #[cfg(feature = "desk")]
     Campaign(campaign::Args),
     Fly(fly::Args),
+    #[cfg(feature = "desk")]
     Report(report::Args),
     Schema(schema::Args),
 }
@@ -108,12 +112,14 @@ pub fn main() -> ExitCode {
         Command::Check(args) => check::run(args),
         Command::Plan(args) => plan::run(args),
         Command::Evaluate(args) => evaluate::run(args),
+        #[cfg(feature = "desk")]
         Command::Figures(args) => figures::run(args),
-        #[cfg(feature = "sitl")]
+        #[cfg(feature = "desk")]
         Command::Sitl(args) => sitl::run(args),
-        #[cfg(feature = "sitl")]
+        #[cfg(feature = "desk")]
         Command::Campaign(args) => campaign::run(args),
         Command::Fly(args) => fly::run(args),
+        #[cfg(feature = "desk")]
         Command::Report(args) => report::run(args),
         Command::Schema(args) => schema::run(args),
     };
@@ -139,6 +145,7 @@ fn start_log(format: LogFormat) {
 }
 
 /// A line of progress on stderr: a record of the log where that is JSON.
+#[cfg(feature = "desk")]
 fn progress(text: &str) {
     if JSON_LOG.load(std::sync::atomic::Ordering::Relaxed) {
         tracing::info!("{text}");

@@ -7,9 +7,9 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 
 use crate::config::file::{unwritable, usable_directory, write_whole};
 use crate::config::{METHODS, Mission};
+use crate::planner::document::{PlanDocument, SlotDocument};
 use crate::planner::problem::Method;
 use crate::planning;
-use crate::report::plan_document::{PlanDocument, SlotDocument};
 use crate::role::Role;
 use crate::units::Watts;
 

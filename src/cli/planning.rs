@@ -6,11 +6,11 @@ use crate::config::{METHODS, Mission};
 use crate::link::clock::Clock;
 use crate::planner::Options;
 use crate::planner::bound::{Budget, best_bound};
+use crate::planner::document::{FORMAT, PlanDocument, SlotDocument};
 use crate::planner::plan::SlotPlan;
 use crate::planner::problem::Method;
 use crate::planner::slots::{Plan, hex};
 use crate::planning::{self, PlanningError};
-use crate::report::plan_document::{FORMAT, PlanDocument, SlotDocument};
 
 /// A plan and what each slot's searches took.
 #[derive(Debug, Clone)]

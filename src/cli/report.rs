@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use crate::config::Mission;
 use crate::config::file::write_whole;
-use crate::report::flight::{self, Timeline, telemetry};
+use crate::desk::report::{self, Timeline, telemetry};
 
 use super::{Exit, load_mission};
 
@@ -48,10 +48,10 @@ pub(super) fn run(args: &Args) -> Exit {
 
 fn load(args: &Args) -> Result<Timeline, Exit> {
     let directory = &args.directory;
-    let recorded = directory.join(flight::directory::SCENE).exists()
-        || directory.join(flight::directory::TIMELINE).exists();
+    let recorded = directory.join(report::directory::SCENE).exists()
+        || directory.join(report::directory::TIMELINE).exists();
     if recorded && !args.telemetry {
-        return flight::load(directory).map_err(|error| unusable(&error.to_string()));
+        return report::load(directory).map_err(|error| unusable(&error.to_string()));
     }
     let mission = mission(args)?;
     telemetry::load(directory, mission.as_ref()).map_err(|error| unusable(&error.to_string()))
@@ -65,7 +65,7 @@ fn mission(args: &Args) -> Result<Option<Mission>, Exit> {
 
 /// Writes the report of a flight.
 pub(super) fn write(out: &Path, timeline: &Timeline) -> Result<(), String> {
-    write_whole(out, &flight::html(timeline))
+    write_whole(out, &report::html(timeline))
 }
 
 fn unusable(message: &str) -> Exit {

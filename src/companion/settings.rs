@@ -5,10 +5,10 @@ use std::time::Duration;
 use crate::autopilot;
 use crate::config::{Mission, Transmitter, Vehicle};
 use crate::link::Form;
-use crate::mission::interlock::Ceilings;
 use crate::mission::{Scene, Settings};
 use crate::pair;
 use crate::role::Role;
+use crate::service::Ceilings;
 use crate::transmitter;
 
 /// The longest jam lease and transmitter lease: the time in which everything falls silent by itself.

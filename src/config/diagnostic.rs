@@ -5,7 +5,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 /// Bytes of a file's text.
-pub(super) type Span = Range<usize>;
+pub(crate) type Span = Range<usize>;
 
 /// Findings kept before the rest is only counted: garbage can hold half a million.
 const KEPT: usize = 1000;

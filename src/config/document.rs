@@ -9,22 +9,22 @@ use super::diagnostic::{Diagnostics, Severity, Span};
 
 /// A file that has been read: kept for what is said about it later, and for its digest.
 #[derive(Debug, Clone)]
-pub(super) struct Document {
-    pub(super) file: String,
-    pub(super) text: Arc<str>,
+pub(crate) struct Document {
+    pub(crate) file: String,
+    pub(crate) text: Arc<str>,
     /// Where each setting was read, by path (`tdma.slot_s`, `user[0].enu_m`); absent ones are absent here.
     spans: BTreeMap<String, Span>,
     /// Settings that were given but could not be used, and tables that hold one.
     failed: BTreeSet<String>,
     /// Every setting that holds a value, defaults included, with its canonical form, in reading order.
-    pub(super) settings: Vec<(String, Json)>,
-    pub(super) source: Source,
+    pub(crate) settings: Vec<(String, Json)>,
+    pub(crate) source: Source,
     findings: Vec<Finding>,
 }
 
 /// Where settings come from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Source {
+pub(crate) enum Source {
     /// From the text of a file.
     Text,
     /// From values that somebody filled in. There is no text, and all places are its start.
@@ -45,7 +45,7 @@ struct Finding {
 }
 
 impl Document {
-    pub(super) fn new(file: &str, text: Arc<str>, source: Source) -> Self {
+    pub(crate) fn new(file: &str, text: Arc<str>, source: Source) -> Self {
         Self {
             file: file.to_owned(),
             text,
@@ -58,7 +58,7 @@ impl Document {
     }
 
     /// Puts the findings, in the order of the text, with what its syntax is wrong about.
-    pub(super) fn finish(&mut self, syntax_errors: &[toml::de::Error]) -> Diagnostics {
+    pub(crate) fn finish(&mut self, syntax_errors: &[toml::de::Error]) -> Diagnostics {
         let mut all = Diagnostics::new(&self.file, Arc::clone(&self.text));
         let syntax: Vec<Finding> =
             syntax_errors.iter().map(|error| syntax_finding(error, &self.text)).collect();
@@ -78,7 +78,7 @@ impl Document {
     }
 
     /// The settings as the text of a file that says the same.
-    pub(super) fn to_toml(&self) -> String {
+    pub(crate) fn to_toml(&self) -> String {
         let mut root = toml::Table::new();
         for (path, value) in &self.settings {
             if let Ok(value) = toml::Value::try_from(value) {
@@ -88,12 +88,12 @@ impl Document {
         root.to_string()
     }
 
-    pub(super) fn place(&mut self, path: &str, span: Span) {
+    pub(crate) fn place(&mut self, path: &str, span: Span) {
         self.spans.insert(path.to_owned(), span);
     }
 
     /// Marks a setting and the tables around it as unusable.
-    pub(super) fn fail(&mut self, path: &str) {
+    pub(crate) fn fail(&mut self, path: &str) {
         let mut path = path;
         loop {
             self.failed.insert(path.to_owned());
@@ -105,17 +105,17 @@ impl Document {
     }
 
     /// Whether all of these were read without an error (or are defaults), so that they can be compared.
-    pub(super) fn sound(&self, paths: &[&str]) -> bool {
+    pub(crate) fn sound(&self, paths: &[&str]) -> bool {
         paths.iter().all(|path| !self.failed.contains(*path))
     }
 
     /// Whether the file says something about this setting.
-    pub(super) fn given(&self, path: &str) -> bool {
+    pub(crate) fn given(&self, path: &str) -> bool {
         self.spans.contains_key(path)
     }
 
     /// Where a setting is, or the nearest table around it, or the start of the file.
-    pub(super) fn at(&self, path: &str) -> Span {
+    pub(crate) fn at(&self, path: &str) -> Span {
         let mut path = path;
         loop {
             if let Some(span) = self.spans.get(path) {
@@ -128,16 +128,16 @@ impl Document {
         }
     }
 
-    pub(super) fn error(&mut self, span: Span, message: String, help: String) {
+    pub(crate) fn error(&mut self, span: Span, message: String, help: String) {
         self.findings.push(Finding { severity: Severity::Error, span, message, help, absence: false });
     }
 
-    pub(super) fn warning(&mut self, span: Span, message: String, help: String) {
+    pub(crate) fn warning(&mut self, span: Span, message: String, help: String) {
         self.findings.push(Finding { severity: Severity::Warning, span, message, help, absence: false });
     }
 
     /// An error about something that is not there.
-    pub(super) fn missing(&mut self, span: Span, message: String, help: String) {
+    pub(crate) fn missing(&mut self, span: Span, message: String, help: String) {
         self.findings.push(Finding { severity: Severity::Error, span, message, help, absence: true });
     }
 }

@@ -5,9 +5,9 @@ use std::path::PathBuf;
 
 use nalgebra::Vector2;
 
-use super::address::{HostPort, LinkAddress};
 use crate::autopilot::{Actuation, FirmwareChoice};
 use crate::geo::{Enu, Geodetic};
+use crate::link::{HostPort, LinkAddress};
 use crate::planner::problem::{Airframe, Airspace, JitterAxes, JitterModel, Method, Objective, Uncertainty};
 use crate::role::{PerVehicle, Role};
 use crate::schedule::order::Order;

@@ -6,7 +6,7 @@ use std::path::Path;
 use super::diagnostic::{Diagnostics, Severity};
 
 /// Largest settings file that is read, in bytes.
-pub(super) const MAX_BYTES: u64 = 1 << 20;
+pub(crate) const MAX_BYTES: u64 = 1 << 20;
 
 /// The text of a file of at most `max_bytes`.
 ///

@@ -7,6 +7,6 @@ mod compound;
 mod scalar;
 mod value;
 
-pub(super) use compound::{Each, Extent, List, Numbers};
-pub(super) use scalar::{Choice, Flag, Integer, Moment, Number, Parsed, Text};
-pub(super) use value::{Fault, Item, Kind, miscount, nearest};
+pub(crate) use compound::{Each, List, Numbers};
+pub(crate) use scalar::{Choice, Flag, Integer, Moment, Number, Parsed, Text};
+pub(crate) use value::{Fault, Item, Kind, miscount, nearest};

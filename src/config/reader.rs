@@ -12,7 +12,7 @@ use super::kind::{Fault, Item, Kind, miscount, nearest};
 const MOST_TABLES: usize = 1000;
 
 /// One table of a file while it is read.
-pub(super) struct Section<'c, 'd> {
+pub(crate) struct Section<'c, 'd> {
     document: &'c mut Document,
     table: Option<&'d DeTable<'d>>,
     path: String,
@@ -24,7 +24,7 @@ pub(super) struct Section<'c, 'd> {
 }
 
 impl<'c, 'd> Section<'c, 'd> {
-    pub(super) fn root(document: &'c mut Document, table: Option<&'d DeTable<'d>>) -> Self {
+    pub(crate) fn root(document: &'c mut Document, table: Option<&'d DeTable<'d>>) -> Self {
         Self::at_path(document, table, String::new())
     }
 
@@ -41,7 +41,7 @@ impl<'c, 'd> Section<'c, 'd> {
     }
 
     /// Runs `f` on this table, refuses the keys it did not ask for, and gives what it made and the table's schema.
-    pub(super) fn describe<T>(mut self, f: impl FnOnce(&mut Self) -> T) -> (T, Json) {
+    pub(crate) fn describe<T>(mut self, f: impl FnOnce(&mut Self) -> T) -> (T, Json) {
         let value = f(&mut self);
         self.refuse_unknown();
         let mut schema =
@@ -56,7 +56,7 @@ impl<'c, 'd> Section<'c, 'd> {
     }
 
     /// A setting with a default: what `value` holds, unless the file says otherwise. A draft's value is checked.
-    pub(super) fn set<K: Kind>(&mut self, key: &'static str, sentence: &str, kind: K, value: &mut K::Out) {
+    pub(crate) fn set<K: Kind>(&mut self, key: &'static str, sentence: &str, kind: K, value: &mut K::Out) {
         let default = kind.canonical(value);
         self.check(key, &kind, value);
         if let Some(given) = self.value(key, &kind, Some(&default)) {
@@ -69,7 +69,7 @@ impl<'c, 'd> Section<'c, 'd> {
     }
 
     /// A setting that may be left unset.
-    pub(super) fn set_optional<K: Kind>(
+    pub(crate) fn set_optional<K: Kind>(
         &mut self,
         key: &'static str,
         sentence: &str,
@@ -89,7 +89,7 @@ impl<'c, 'd> Section<'c, 'd> {
     }
 
     /// A setting that must be given. A draft holds one in any case.
-    pub(super) fn set_required<K: Kind<Out: Clone>>(
+    pub(crate) fn set_required<K: Kind<Out: Clone>>(
         &mut self,
         key: &'static str,
         sentence: &str,
@@ -106,21 +106,21 @@ impl<'c, 'd> Section<'c, 'd> {
     }
 
     /// A setting that may be left unset.
-    pub(super) fn optional<K: Kind>(&mut self, key: &'static str, sentence: &str, kind: K) -> Option<K::Out> {
+    pub(crate) fn optional<K: Kind>(&mut self, key: &'static str, sentence: &str, kind: K) -> Option<K::Out> {
         let mut value = None;
         self.set_optional(key, sentence, kind, &mut value);
         value
     }
 
     /// A setting that must be given.
-    pub(super) fn required<K: Kind>(&mut self, key: &'static str, sentence: &str, kind: K) -> Option<K::Out> {
+    pub(crate) fn required<K: Kind>(&mut self, key: &'static str, sentence: &str, kind: K) -> Option<K::Out> {
         let expected = kind.expected();
         self.require(key, || format!("add `{key} = ...`: {expected}"));
         self.optional(key, sentence, kind)
     }
 
     /// A table whose settings all have defaults, unless `f` asks for more.
-    pub(super) fn table<T>(
+    pub(crate) fn table<T>(
         &mut self,
         key: &'static str,
         sentence: &str,
@@ -134,7 +134,7 @@ impl<'c, 'd> Section<'c, 'd> {
     }
 
     /// A table that must be there, even if it is empty.
-    pub(super) fn required_table<T>(
+    pub(crate) fn required_table<T>(
         &mut self,
         key: &'static str,
         sentence: &str,
@@ -146,7 +146,7 @@ impl<'c, 'd> Section<'c, 'd> {
     }
 
     /// A table that means something by being there.
-    pub(super) fn set_optional_table<T: Default>(
+    pub(crate) fn set_optional_table<T: Default>(
         &mut self,
         key: &'static str,
         sentence: &str,
@@ -166,7 +166,7 @@ impl<'c, 'd> Section<'c, 'd> {
     }
 
     /// `[[key]]` tables; a file's are made by `new`, which is given their index.
-    pub(super) fn set_tables<T>(
+    pub(crate) fn set_tables<T>(
         &mut self,
         key: &'static str,
         sentence: &str,
@@ -197,7 +197,7 @@ impl<'c, 'd> Section<'c, 'd> {
     }
 
     /// `[[key]]` tables, from `at_least` to [`MOST_TABLES`] of them; `f` is given each one's index.
-    pub(super) fn tables<T>(
+    pub(crate) fn tables<T>(
         &mut self,
         key: &'static str,
         sentence: &str,
@@ -268,7 +268,7 @@ impl<'c, 'd> Section<'c, 'd> {
     }
 
     /// Of these groups of keys at most one may be given, and exactly one if it is `needed`.
-    pub(super) fn alternatives(&mut self, groups: &[&[&'static str]], needed: bool) {
+    pub(crate) fn alternatives(&mut self, groups: &[&[&'static str]], needed: bool) {
         let mut choices: Vec<Json> = groups.iter().map(|keys| json!({ "required": keys })).collect();
         if !needed {
             choices.push(json!({ "not": { "anyOf": choices.clone() } }));
@@ -293,7 +293,7 @@ impl<'c, 'd> Section<'c, 'd> {
     }
 
     /// These two keys may not both be given.
-    pub(super) fn excludes(&mut self, second: &'static str, first: &'static str) {
+    pub(crate) fn excludes(&mut self, second: &'static str, first: &'static str) {
         self.rules.push(json!({ "not": { "required": [first, second] } }));
         if self.given(first) && self.given(second) {
             self.refuse_second(&[first], &[second]);
@@ -325,13 +325,13 @@ impl<'c, 'd> Section<'c, 'd> {
     }
 
     /// Whether the file, or the draft, says something of `key`.
-    pub(super) fn given(&self, key: &str) -> bool {
+    pub(crate) fn given(&self, key: &str) -> bool {
         self.item(key).is_some()
             || (self.document.source == Source::Values && self.document.given(&self.path_of(key)))
     }
 
     /// Notes that a draft says something of `key`.
-    pub(super) fn present(&mut self, key: &str) {
+    pub(crate) fn present(&mut self, key: &str) {
         if self.document.source == Source::Values {
             let path = self.path_of(key);
             self.document.place(&path, 0..0);
@@ -339,12 +339,12 @@ impl<'c, 'd> Section<'c, 'd> {
     }
 
     /// Whether nothing of this table has been refused so far.
-    pub(super) fn is_sound(&self) -> bool {
+    pub(crate) fn is_sound(&self) -> bool {
         self.document.sound(&[&self.path])
     }
 
     /// An error about something that this table lacks, at one of its keys or, without one, at the table.
-    pub(super) fn lacks(&mut self, key: &str, message: &str, help: &str) {
+    pub(crate) fn lacks(&mut self, key: &str, message: &str, help: &str) {
         let path = if key.is_empty() { self.path.clone() } else { self.path_of(key) };
         let span = self.document.at(&path);
         self.document.missing(span, message.to_owned(), help.to_owned());

@@ -8,7 +8,7 @@ use super::document::{Document, Source};
 use super::reader::Section;
 
 /// Reads `text` by `describe`, then checks what it gave by `check`.
-pub(super) fn text<T>(
+pub(crate) fn text<T>(
     file: &str,
     text: &str,
     describe: impl FnOnce(&mut Section<'_, '_>) -> T,
@@ -24,7 +24,7 @@ pub(super) fn text<T>(
 
 /// Takes values that somebody filled in through the same declarations and the same `check`. `name` stands for the file's
 /// in messages.
-pub(super) fn values<T>(
+pub(crate) fn values<T>(
     name: &str,
     mut values: T,
     describe: impl FnOnce(&mut Section<'_, '_>, &mut T),
@@ -38,7 +38,7 @@ pub(super) fn values<T>(
 }
 
 /// The JSON Schema of what `describe` reads.
-pub(super) fn schema<T>(describe: impl FnOnce(&mut Section<'_, '_>) -> T) -> Json {
+pub(crate) fn schema<T>(describe: impl FnOnce(&mut Section<'_, '_>) -> T) -> Json {
     let mut document = Document::new("", "".into(), Source::Schema);
     Section::root(&mut document, None).describe(describe).1
 }

@@ -1,11 +1,11 @@
 //! Every setting of the vehicle file, declared once: key, kind, range, unit, default, sentence.
 
-use super::address::LinkAddress;
 use super::draft::{Autopilot, Limits, Transmitter, VehicleDraft};
 use super::kind::{Choice, Flag, Integer, Number, Numbers, Parsed, Text};
 use super::mission_file::{climb, power, speed, tilt, tilt_rate};
 use super::reader::Section;
 use crate::autopilot::{Actuation, FirmwareChoice};
+use crate::link::LinkAddress;
 use crate::role::Role;
 use crate::transmitter::{Kind, Level, PowerParameter, Protocol, Unit};
 

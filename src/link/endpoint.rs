@@ -19,7 +19,7 @@ use super::outbox::Outbox;
 use super::signing::{Signing, SigningConfig};
 use super::tlog::TlogWriter;
 use super::transport::{self, Arrival, MemoryEnd, Origin, Transport};
-use crate::config::LinkAddress;
+use crate::link::LinkAddress;
 
 /// Reads after which the event loop gets its turn, whatever else waits in the socket.
 const READS_PER_POLL: usize = 64;

@@ -7,7 +7,7 @@ use super::counters::{Counters, Rejection};
 use super::endpoint::{Link, LinkConfig};
 use super::envelope::{Envelope, Form};
 use super::{LinkError, MemoryEnd};
-use crate::config::LinkAddress;
+use crate::link::LinkAddress;
 use crate::pair::wire::MavMessage;
 
 /// A pair message and who sent it.

@@ -12,6 +12,7 @@ use std::thread::JoinHandle;
 use mavlink::{MAV_STX, MAV_STX_V2, consts};
 
 use super::frame::RawFrame;
+use crate::mission::Notice;
 use crate::time::Utc;
 
 /// Records that wait for the disk: some seconds of a busy link.
@@ -20,8 +21,6 @@ const QUEUE_RECORDS: usize = 4096;
 const BATCH_BYTES: usize = 64 * 1024;
 const STAMP_BYTES: usize = 8;
 /// What is said when the disk takes no more, and when it does again.
-pub(crate) const LOSING: &str = "telemetry log: records are being lost; flying goes on";
-pub(crate) const TAKING_AGAIN: &str = "telemetry log: the disk takes records again";
 
 /// Why a telemetry log cannot be written or read.
 #[derive(Debug, thiserror::Error)]
@@ -156,14 +155,14 @@ impl Disk {
     fn report_failure(&mut self, error: &io::Error) {
         if !self.failing {
             self.failing = true;
-            tracing::warn!(path = %self.path.display(), %error, "{LOSING}");
+            tracing::warn!(path = %self.path.display(), %error, "{}", Notice::LosingLog);
         }
     }
 
     fn report_recovery(&mut self) {
         if self.failing {
             self.failing = false;
-            tracing::info!(path = %self.path.display(), "{TAKING_AGAIN}");
+            tracing::info!(path = %self.path.display(), "{}", Notice::LogTakenAgain);
         }
     }
 }

@@ -1,326 +1,306 @@
-//! The phases: what is done in each and when it ends; what a fault leads to.
+//! What is done in each phase and when it ends.
 
 use std::time::Duration;
 
-use mavlink::dialects::ardupilotmega::MavSeverity;
-
-use crate::geo::{Attitude, Enu};
-use crate::pair::Readiness;
+use crate::geo::Attitude;
+use crate::pair::Commitment;
 use crate::pair::wire::VeilwingFlags;
-use crate::role::Role;
+use crate::preflight::{Check, Verdict, check};
+use crate::role::PerVehicle;
 use crate::schedule::trajectory::{Start, Trajectory};
-use crate::time::{Instant, Utc};
+use crate::service::{Served, Silence};
+use crate::time::Instant;
 
-use super::executive::{Executive, Motion, Outcome};
-use super::homing::HOLD;
+use super::cause::Cause;
+use super::executive::{Executive, Outcome};
+use super::itinerary::Itinerary;
+use super::notice::Notice;
+use super::phase::{HOLD, Motion, Phase};
+use super::turns::Turns;
 
 /// How close to the end of a climb or a return counts as arrived, in metres.
 const ARRIVED_M: f64 = 1.0;
 /// After a climb or a return should have ended, how long the vehicle may still take.
 const LATE: Duration = Duration::from_secs(30);
-/// A slot is proposed no earlier before the time that the agreement takes.
-const EARLY: Duration = Duration::from_secs(2);
-
-/// See the module.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Phase {
-    /// No autopilot, or no position yet.
-    Connecting,
-    /// On the ground; something is missing before take-off.
-    Standby,
-    /// Asking for the companion's mode.
-    TakingControl,
-    /// Asking to arm.
-    Arming,
-    /// To the lowest altitude of the band, above home.
-    Climbing,
-    /// In the air between slots; `since` the first refusal of the present proposal, if any.
-    Ready { refused_since: Option<Instant>, propose_at: Instant },
-    /// In a committed slot, transit included.
-    Slot,
-    /// After a fault: hold until then.
-    Holding { until: Instant },
-    /// To above home.
-    Returning,
-    /// The autopilot lands.
-    Landing,
-    /// Control is the pilot's or the autopilot's own; watching.
-    Surrendered,
-    /// On the ground, over.
-    Ended,
-}
-
-impl Phase {
-    pub fn name(&self) -> &'static str {
-        match self {
-            Self::Connecting => "connecting",
-            Self::Standby => "standby",
-            Self::TakingControl => "taking control",
-            Self::Arming => "arming",
-            Self::Climbing => "climbing",
-            Self::Ready { .. } => "ready",
-            Self::Slot => "slot",
-            Self::Holding { .. } => "holding",
-            Self::Returning => "returning",
-            Self::Landing => "landing",
-            Self::Surrendered => "surrendered",
-            Self::Ended => "ended",
-        }
-    }
-
-    /// In the air on the mission: able to take part in a slot.
-    pub fn is_flying(&self) -> bool {
-        matches!(self, Self::Ready { .. } | Self::Slot)
-    }
-
-    /// Going home under our control, or about to.
-    pub fn is_returning(&self) -> bool {
-        matches!(self, Self::Holding { .. } | Self::Returning | Self::Landing)
-    }
-
-    /// The mission is over for this vehicle, well or badly.
-    pub fn is_ending(&self) -> bool {
-        matches!(
-            self,
-            Self::Holding { .. } | Self::Returning | Self::Landing | Self::Surrendered | Self::Ended
-        )
-    }
-}
+/// A position of the other that is older says nothing of where it rests.
+const HEARD_OF_LATE: Duration = Duration::from_millis(500);
 
 impl Executive {
     /// Lets the present phase act.
     pub(super) fn step(&mut self, now: Instant) {
-        if !self.must_jam_on(now)
-            && let Some(cause) = self.pending_abort.take()
-        {
-            self.abort(cause, now);
-        }
-        match self.phase {
+        match &self.phase {
             Phase::Connecting => {
                 if self.autopilot.fresh(now) && self.estimator_ok() {
-                    self.enter(Phase::Standby, now);
+                    self.phase = Phase::Standby;
                 }
             }
             Phase::Standby => self.stand_by(now),
-            Phase::TakingControl | Phase::Arming | Phase::Landing | Phase::Ended => {}
-            Phase::Surrendered => self.end_on_the_ground(now),
-            Phase::Climbing => {
-                if self.arrived(now) {
-                    self.enter(Phase::Ready { refused_since: None, propose_at: now }, now);
-                    self.notice(MavSeverity::MAV_SEVERITY_INFO, "airborne, ready for slots".into());
-                    // At once: the peer hears that this vehicle is airborne, and may propose on that.
-                    self.ready(now, now);
+            Phase::TakingControl(_) | Phase::Arming(_) | Phase::Landing | Phase::Ended => {}
+            Phase::Surrendered { since } => self.end_on_the_ground(*since, now),
+            Phase::Climbing(motion) => {
+                if self.has_arrived(motion, now) {
+                    self.join_service(now);
+                } else if now > motion.ends_at() + LATE {
+                    self.land_astray(now);
                 }
             }
-            Phase::Ready { propose_at, .. } => self.ready(propose_at, now),
-            Phase::Slot => {
-                if self.slot_over(now) {
-                    self.end_slot(now);
-                } else {
-                    self.watch_peer_ending(now);
-                    self.keep_turns(now);
-                }
-            }
-            Phase::Holding { until } => {
-                if now >= until && self.may_return(now) {
+            Phase::InService { .. } => self.keep_turns(now),
+            Phase::Holding { since, .. } => {
+                let waited = now.saturating_since(*since);
+                if waited >= HOLD && self.may_return(waited, now) {
                     self.go_home(now);
                 }
             }
-            Phase::Returning => {
-                if self.arrived(now) {
-                    self.motion = None;
-                    self.autopilot.land(now);
-                    self.enter(Phase::Landing, now);
+            Phase::Returning(motion) => {
+                if self.has_arrived(motion, now) {
+                    self.land(now);
+                } else if now > motion.ends_at() + LATE {
+                    self.land_astray(now);
                 }
             }
         }
-        let late = |motion: &Motion| now > motion.ends_at() + LATE;
-        if matches!(self.phase, Phase::Climbing | Phase::Returning) && self.motion.as_ref().is_some_and(late)
+    }
+
+    /// Takes off once nothing is missing.
+    fn stand_by(&mut self, now: Instant) {
+        // A companion that comes back in flight knows neither its home nor who flies: it takes nothing over (F2).
+        if self.home_enu_m.is_none() && !self.autopilot.state().is_armed() {
+            self.home_enu_m = self.position();
+        }
+        if self.itinerary.is_none()
+            && let Err(error) = self.make_itinerary()
         {
-            self.notice(
-                MavSeverity::MAV_SEVERITY_ERROR,
-                format!("still {} m from where it should be: the autopilot lands here", self.distance_left()),
-            );
-            self.note_abort(format!("{} did not end where it should", self.phase.name()));
-            self.motion = None;
-            self.autopilot.land(now);
-            self.enter(Phase::Landing, now);
+            return self.wait_for(&[error], true, now);
+        }
+        let (mut missing, warnings) = self.ground.judge(&self.checks(now));
+        warnings.into_iter().for_each(|warning| self.notice(warning));
+        let failed = !self.ground.preflight_ok();
+        missing.extend(self.peer_missing(now));
+        if missing.is_empty() {
+            let (utc, climb) = (self.autopilot.utc(now), self.climb_time());
+            missing.extend(self.ground.start.waits_for(utc, climb));
+        }
+        let start = self.here().filter(|_| missing.is_empty());
+        let Some(start) = start else { return self.wait_for(&missing, failed, now) };
+        self.notice(Notice::TakingOff);
+        self.phase = Phase::TakingControl(Motion { trajectory: Trajectory::rest(&start), starts_at: now });
+        self.autopilot.take_control(now);
+    }
+
+    /// Once plan and both homes are known.
+    fn make_itinerary(&mut self) -> Result<(), String> {
+        let (Some(plan), Some(own), Some(peer)) =
+            (&self.plan, self.home_enu_m, self.service.peer().home_enu_m)
+        else {
+            return Ok(());
+        };
+        let homes = PerVehicle::from_fn(|role| if role == self.settings.role { own } else { peer });
+        let itinerary = Itinerary::new(plan, &homes, &self.settings).map_err(|error| error.to_string())?;
+        self.service.set_plan(itinerary.terms(plan));
+        self.itinerary = Some(itinerary);
+        Ok(())
+    }
+
+    fn wait_for(&mut self, missing: &[String], failed: bool, now: Instant) {
+        if let Some(notice) = self.ground.wait_for(missing, failed, now) {
+            self.notice(notice);
         }
     }
 
-    /// Nothing is left to do for a vehicle that another hand has, and that stands on the ground, disarmed.
-    fn end_on_the_ground(&mut self, now: Instant) {
-        let state = self.autopilot.state();
-        // Said since then: what was known before may have been overtaken by what led to the surrender.
-        let disarmed = state.armed.is_some_and(|armed| !armed.value && armed.received_at > self.phase_since);
-        if disarmed && state.is_airborne() == Some(false) {
-            self.notice(MavSeverity::MAV_SEVERITY_INFO, "on the ground and disarmed".into());
-            self.end(now);
+    /// Our own checks.
+    fn checks(&self, now: Instant) -> Vec<Check> {
+        let mut checks = self.autopilot.preflight(now);
+        checks.extend(self.service.interlock().transmitter().preflight());
+        checks.push(self.ground.plan_check());
+        if self.autopilot.state().is_armed() {
+            let detail = "the vehicle is armed already: land and disarm it first";
+            checks.push(check("disarmed", Verdict::Fail, detail));
+        }
+        checks
+    }
+
+    /// What the other vehicle owes.
+    fn peer_missing(&self, now: Instant) -> Option<String> {
+        let (peer, role) = (self.service.peer(), self.settings.role.peer());
+        if !peer.heard_within(self.settings.pair.peer_timeout, now) {
+            Some(format!("vehicle {role} is not heard"))
+        } else if !self.service.agrees() {
+            Some("missions and plans of both vehicles are not yet known to be the same".into())
+        } else if !peer.says(VeilwingFlags::VEILWING_FLAGS_PREFLIGHT_OK)
+            && !peer.says(VeilwingFlags::VEILWING_FLAGS_AIRBORNE)
+        {
+            Some(format!("vehicle {role} is not ready"))
+        } else {
+            None
         }
     }
 
-    fn ready(&mut self, propose_at: Instant, now: Instant) {
-        self.watch_peer_ending(now);
-        if !matches!(self.phase, Phase::Ready { .. }) {
-            return;
-        }
-        let Some(entry) = self.entry(self.next_slot) else { return self.finish(now) };
-        let lead = entry.opens.saturating_sub(entry.transit_starts);
-        let opens = entry.opens;
-        if self.paused {
-            return self.pair.set_readiness(None);
-        }
-        match self.settings.role {
-            Role::J => self.pair.set_readiness(Some(Readiness { next_slot: self.next_slot, needs: lead })),
-            Role::I => {
-                let peer = self.pair.peer();
-                let peer_ready = peer.says(VeilwingFlags::VEILWING_FLAGS_AIRBORNE)
-                    && !peer.says(VeilwingFlags::VEILWING_FLAGS_PAUSED);
-                if !peer_ready || self.pair.is_proposing() || now < propose_at {
-                    return;
-                }
-                let Some(utc) = self.autopilot.utc(now) else { return };
-                let earliest = now + self.agreement_time.time(&self.pair) + lead;
-                let zero = self.table_zero.or_else(|| self.start.table_zero(utc, now));
-                let opens_at = zero.map_or(earliest, |zero| (zero + opens).max(earliest));
-                // Before a start at a given time both hover: a proposal now would be agreed on too early.
-                if opens_at <= earliest + EARLY {
-                    self.table_zero = Some(opens_at - opens);
-                    let opens: Utc = utc + opens_at.saturating_since(now);
-                    self.pair.propose(self.next_slot, opens, lead, now);
-                }
-            }
+    /// At the end of the climb.
+    fn join_service(&mut self, now: Instant) {
+        let Phase::Climbing(motion) = &self.phase else { return };
+        self.phase = Phase::InService { motion: motion.clone(), turns: None };
+        let utc = self.autopilot.utc(now);
+        let table_zero = utc.and_then(|utc| self.ground.start.table_zero(utc, now));
+        self.service.join(0, table_zero, now);
+        self.notice(Notice::Airborne);
+        // At once: the peer hears that this vehicle is airborne, and may propose on that.
+        self.service.advance(utc, now);
+    }
+
+    /// Both sides have agreed: the transit begins at the table's time before the opening.
+    pub(super) fn begin_transit(&mut self, commitment: Commitment, now: Instant) {
+        let transit = self.itinerary.as_ref().and_then(|i| i.transit(commitment.slot, self.settings.role));
+        let Some((trajectory, peer)) = transit.filter(|_| self.phase.is_in_service()) else { return };
+        self.phase = Phase::InService {
+            motion: Motion { trajectory, starts_at: commitment.leaves_at },
+            turns: peer.map(Turns::new),
+        };
+        let user = self.user(commitment.slot);
+        let opens_in = commitment.opens_at.saturating_since(now);
+        self.notice(Notice::SlotAgreed { slot: commitment.slot, user, opens_in });
+    }
+
+    /// On a transit in turns: waits for the other, and gives up once that costs the slot's opening.
+    fn keep_turns(&mut self, now: Instant) {
+        let peer = self.service.peer();
+        let peer_at = peer.position_enu_m.filter(|_| peer.heard_within(HEARD_OF_LATE, now));
+        let opens_at = self.service.slot().map(|slot| slot.commitment.opens_at);
+        let Phase::InService { motion, turns: Some(turns) } = &mut self.phase else { return };
+        motion.starts_at = turns.started(&motion.trajectory, motion.starts_at, peer_at, now);
+        if opens_at.is_some_and(|opens_at| motion.ends_at() > opens_at) {
+            self.abort(Cause::OutOfTurn(self.settings.role.peer()), now);
         }
     }
 
     /// A slot's time is over, served or not.
-    fn end_slot(&mut self, now: Instant) {
-        if let Some(slot) = self.slot.take() {
-            self.next_slot = slot.course.commitment.slot + 1;
-            let (severity, how) = if slot.announced {
-                (MavSeverity::MAV_SEVERITY_INFO, "over")
-            } else {
-                self.note_abort(format!("slot {} was not served", slot.course.commitment.slot));
-                (MavSeverity::MAV_SEVERITY_WARNING, "not served")
-            };
-            self.notice(severity, format!("slot {} for {}: {how}", slot.course.commitment.slot, slot.user));
-        }
-        self.pair.release(now);
-        self.enter(Phase::Ready { refused_since: None, propose_at: now }, now);
-    }
-
-    /// The peer ends its mission while ours goes on.
-    fn watch_peer_ending(&mut self, now: Instant) {
-        let last = usize::from(self.next_slot) + 1 >= self.table.as_ref().map_or(0, |t| t.entries.len());
-        let winding_up = last && self.slot.as_ref().is_none_or(|slot| now >= slot.course.radiate_until);
-        if self.pair.peer().says(VeilwingFlags::VEILWING_FLAGS_ENDED) && !winding_up {
-            self.abort(format!("vehicle {} has ended its mission", self.settings.role.peer()), now);
+    pub(super) fn slot_over(&mut self, slot: u16, served: Served) {
+        let user = self.user(slot);
+        match served {
+            Served::Yes => self.notice(Notice::SlotOver(slot, user)),
+            Served::No(silence) => self.slot_not_served(slot, user, silence),
         }
     }
 
-    /// J jams while I may radiate, whatever ends the mission, unless a fault of its own silences it (S3).
-    pub(super) fn must_jam_on(&self, now: Instant) -> bool {
-        self.settings.role == Role::J
-            && self.phase == Phase::Slot
-            && self.interlock.is_on()
-            && self.pair.leases_outstanding(now)
+    fn slot_not_served(&mut self, slot: u16, user: String, silence: Option<Silence>) {
+        self.note_abort(Cause::NotServed { slot, silence });
+        self.notice(Notice::SlotNotServed { slot, user, silence });
     }
 
-    /// Silent, hold, then home. On the ground: over. J first lets I go off, for a lease's length at most.
-    pub(super) fn abort(&mut self, cause: String, now: Instant) {
-        if self.must_jam_on(now) {
-            self.pending_abort.get_or_insert(cause);
-            return;
+    /// The name of a slot's user.
+    fn user(&self, slot: u16) -> String {
+        let entry = self.itinerary.as_ref().and_then(|itinerary| itinerary.entry(slot));
+        let planned = entry.zip(self.plan.as_ref()).and_then(|(e, plan)| plan.slots.get(e.user_index));
+        planned.map(|slot| slot.user.clone()).unwrap_or_default()
+    }
+
+    /// Nothing is left to do for a vehicle that another hand has, and that stands on the ground, disarmed.
+    fn end_on_the_ground(&mut self, since: Instant, now: Instant) {
+        let state = self.autopilot.state();
+        // Said since then: what was known before may have been overtaken by what led to the surrender.
+        let disarmed = state.armed.is_some_and(|armed| !armed.value && armed.received_at > since);
+        if disarmed && state.is_airborne() == Some(false) {
+            self.notice(Notice::OnTheGround);
+            self.end(now);
         }
-        self.notice(MavSeverity::MAV_SEVERITY_ERROR, format!("mission aborted: {cause}"));
+    }
+
+    /// The mission is over before its time: silent, hold, then home; on the ground, over. J first lets I go off, for a
+    /// lease's length at most.
+    pub(super) fn abort(&mut self, cause: Cause, now: Instant) {
+        if self.service.is_abandoning() {
+            return self.note_abort(cause);
+        }
+        self.notice(Notice::Aborted(cause.clone()));
         self.note_abort(cause);
-        self.slot = None;
-        self.pair.release(now);
-        self.pair.set_readiness(None);
-        match self.phase {
-            Phase::Connecting | Phase::Standby => {}
-            Phase::TakingControl | Phase::Arming => {
-                self.motion = None;
+        if self.service.abandon(now) {
+            self.break_off(now);
+        }
+    }
+
+    /// The vehicle's part of an abort, once the service has let go.
+    pub(super) fn break_off(&mut self, now: Instant) {
+        match &self.phase {
+            Phase::TakingControl(_) | Phase::Arming(_) => {
                 self.autopilot.release(now);
                 self.autopilot.disarm(now);
                 self.end(now);
             }
-            Phase::Climbing | Phase::Ready { .. } | Phase::Slot => {
-                self.hold_here(now);
-                self.enter(Phase::Holding { until: now + HOLD }, now);
-            }
-            Phase::Holding { .. } | Phase::Returning | Phase::Landing | Phase::Surrendered | Phase::Ended => {
-            }
+            Phase::Climbing(_) | Phase::InService { .. } => self.hold_here(now),
+            Phase::Connecting
+            | Phase::Standby
+            | Phase::Holding { .. }
+            | Phase::Returning(_)
+            | Phase::Landing
+            | Phase::Surrendered { .. }
+            | Phase::Ended => {}
         }
     }
 
-    pub(super) fn note_abort(&mut self, cause: String) {
+    pub(super) fn note_abort(&mut self, cause: Cause) {
         self.abort_cause.get_or_insert(cause);
     }
 
-    pub(super) fn end(&mut self, now: Instant) {
+    pub(super) fn end(&mut self, _now: Instant) {
         let outcome = self.abort_cause.clone().map_or(Outcome::Completed, Outcome::Aborted);
         self.outcome.get_or_insert(outcome);
-        self.enter(Phase::Ended, now);
+        self.phase = Phase::Ended;
     }
 
     /// The autopilot's present pose.
-    pub(super) fn here(&self) -> Option<Start> {
+    fn here(&self) -> Option<Start> {
         let attitude = self.autopilot.state().attitude?.value;
         Some(Start { position_enu_m: self.position()?, attitude })
     }
 
-    /// The point above `home` at the bottom of the altitude band.
-    pub(super) fn above(&self, home: Enu) -> Enu {
-        Enu::new(home.x, home.y, self.settings.airspace.altitude_m[0])
-    }
-
-    /// Stops where the setpoint is.
+    /// Stops where the setpoint is, and levels.
     pub(super) fn hold_here(&mut self, now: Instant) {
-        if let Some(motion) = self.motion.take() {
-            let sample = motion.sample(now);
-            let start = Start { position_enu_m: sample.position_enu_m, attitude: sample.attitude };
-            let mut trajectory = Trajectory::rest(&start);
-            trajectory.turn(Attitude::level(), 0.0, &self.settings.limits[self.settings.role]);
-            self.motion = Some(Motion { trajectory, starts_at: now });
-        }
+        let Some(sample) = self.phase.motion().map(|motion| motion.sample(now)) else { return };
+        let start = Start { position_enu_m: sample.position_enu_m, attitude: sample.attitude };
+        let mut trajectory = Trajectory::rest(&start);
+        trajectory.turn(Attitude::level(), 0.0, &self.settings.limits[self.settings.role]);
+        self.phase = Phase::Holding { motion: Motion { trajectory, starts_at: now }, since: now };
     }
 
     /// From here to the bottom of the altitude band.
-    fn way_up(&self, home: Enu) -> Option<Trajectory> {
+    fn way_up(&self) -> Option<Trajectory> {
+        let home = self.home_enu_m?;
         let limits = self.settings.limits[self.settings.role];
         let mut trajectory = Trajectory::rest(&self.here()?);
-        trajectory.fly(&[self.above(home)], &limits);
+        trajectory.fly(&[self.settings.above(home)], &limits);
         // The turn to the mission's heading waits until the vehicle is clear of the ground.
         trajectory.turn(Attitude::level(), 2.0, &limits);
         Some(trajectory)
     }
 
-    pub(super) fn climb_time(&self) -> Duration {
-        self.home_enu_m.and_then(|home| self.way_up(home)).map_or(Duration::ZERO, |way| way.duration())
+    fn climb_time(&self) -> Duration {
+        self.way_up().map_or(Duration::ZERO, |way| way.duration())
     }
 
     pub(super) fn climb(&mut self, now: Instant) {
-        let Some((home, trajectory)) = self.home_enu_m.and_then(|home| Some((home, self.way_up(home)?)))
-        else {
-            return;
-        };
-        self.motion = Some(Motion { trajectory, starts_at: now });
-        self.autopilot.take_off(self.above(home).z - home.z, now);
-        self.enter(Phase::Climbing, now);
+        let (Some(home), Some(trajectory)) = (self.home_enu_m, self.way_up()) else { return };
+        self.autopilot.take_off(self.settings.above(home).z - home.z, now);
+        self.phase = Phase::Climbing(Motion { trajectory, starts_at: now });
     }
 
-    fn distance_left(&self) -> String {
-        let target = self.motion.as_ref().map(|m| m.trajectory.end().position_enu_m);
-        let position = self.position();
-        target.zip(position).map_or("?".into(), |(t, p)| format!("{:.1}", (t - p).norm()))
+    fn has_arrived(&self, motion: &Motion, now: Instant) -> bool {
+        motion.is_over(now) && self.distance_m(motion).is_some_and(|distance| distance < ARRIVED_M)
     }
 
-    fn arrived(&self, now: Instant) -> bool {
-        let Some(motion) = self.motion.as_ref().filter(|motion| now >= motion.ends_at()) else {
-            return false;
-        };
-        let target = motion.trajectory.end().position_enu_m;
-        self.position().is_some_and(|p| (p - target).norm() < ARRIVED_M)
+    /// From the end of a motion.
+    fn distance_m(&self, motion: &Motion) -> Option<f64> {
+        self.position().map(|position| (position - motion.trajectory.end().position_enu_m).norm())
+    }
+
+    /// The autopilot lands, here.
+    pub(super) fn land(&mut self, now: Instant) {
+        self.autopilot.land(now);
+        self.phase = Phase::Landing;
+    }
+
+    fn land_astray(&mut self, now: Instant) {
+        let left_m = self.phase.motion().and_then(|motion| self.distance_m(motion));
+        self.notice(Notice::Astray(left_m));
+        self.note_abort(Cause::Astray(self.phase_name()));
+        self.land(now);
     }
 }

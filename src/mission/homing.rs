@@ -2,8 +2,6 @@
 
 use std::time::Duration;
 
-use mavlink::dialects::ardupilotmega::MavSeverity;
-
 use crate::geo::{Attitude, Enu};
 use crate::pair::wire::VeilwingFlags;
 use crate::role::Role;
@@ -11,11 +9,10 @@ use crate::schedule::trajectory::Start;
 use crate::schedule::transit::{Router, TransitError};
 use crate::time::Instant;
 
-use super::executive::{Executive, Motion};
-use super::flight::Phase;
+use super::executive::Executive;
+use super::notice::Notice;
+use super::phase::{HOLD, Motion, Phase};
 
-/// An abort begins with a hold, long enough for the peer's word to come through.
-pub(super) const HOLD: Duration = Duration::from_secs(3);
 /// J lets I land first after an abort, for at most this long while I says that it is on its way.
 const LAND_FIRST: Duration = Duration::from_secs(120);
 /// Where I is not heard, J gives it the time of its way home and this much more.
@@ -25,24 +22,17 @@ impl Executive {
     /// All slots are over: both go home along the table's last transit, or, where their ways would only be apart in
     /// time, one after the other as after an abort.
     pub(super) fn finish(&mut self, now: Instant) {
-        self.notice(MavSeverity::MAV_SEVERITY_INFO, "all slots are over, returning".into());
-        match self.home_trajectory.clone() {
-            Some(trajectory) => {
-                self.motion = Some(Motion { trajectory, starts_at: now });
-                self.enter(Phase::Returning, now);
-            }
-            None => {
-                self.hold_here(now);
-                self.enter(Phase::Holding { until: now + HOLD }, now);
-            }
+        self.notice(Notice::AllSlotsOver);
+        match self.itinerary.as_ref().and_then(|itinerary| itinerary.way_home.clone()) {
+            Some(trajectory) => self.phase = Phase::Returning(Motion { trajectory, starts_at: now }),
+            None => self.hold_here(now),
         }
     }
 
     /// After an abort the two must not cross. I goes home first; J when I is down, or is not coming, or took too
     /// long. If nothing is heard of I, its companion may still be flying it home by the same rule: J gives it time.
-    pub(super) fn may_return(&self, now: Instant) -> bool {
-        let peer = self.pair.peer();
-        let waited = now.saturating_since(self.phase_since);
+    pub(super) fn may_return(&self, waited: Duration, now: Instant) -> bool {
+        let peer = self.service.peer();
         if self.settings.role == Role::I || waited > LAND_FIRST {
             return true;
         }
@@ -65,37 +55,34 @@ impl Executive {
 
     /// Where the other vehicle may be while we fly home: where it was last seen, and above and at its home.
     fn keep_out(&self) -> Vec<Enu> {
-        let peer = self.pair.peer();
+        let peer = self.service.peer();
         match (self.settings.role, peer.position_enu_m, peer.home_enu_m) {
-            (Role::J, Some(at), Some(home)) => vec![at, self.above(home), home],
+            (Role::J, Some(at), Some(home)) => vec![at, self.settings.above(home), home],
             (_, at, _) => at.into_iter().collect(),
         }
     }
 
     pub(super) fn go_home(&mut self, now: Instant) {
-        let (Some(home), Some(start)) = (self.home_enu_m, self.motion.as_ref().map(|m| m.sample(now))) else {
+        let (Some(home), Some(start)) = (self.home_enu_m, self.phase.motion().map(|m| m.sample(now))) else {
             return;
         };
         let start = Start { position_enu_m: start.position_enu_m, attitude: start.attitude };
         let way = self.router().and_then(|router| {
             // A way that keeps clear of wherever the peer may be; failing that, of where it was last seen.
             let role = self.settings.role;
-            let near = self.pair.peer().position_enu_m;
+            let near = self.service.peer().position_enu_m;
             router
                 .alone(role, &start, &home, &self.keep_out())
                 .or_else(|_| router.alone(role, &start, &home, near.as_slice()))
         });
         match way {
             Ok(trajectory) => {
-                self.motion = Some(Motion { trajectory, starts_at: now });
-                self.notice(MavSeverity::MAV_SEVERITY_INFO, "returning home".into());
-                self.enter(Phase::Returning, now);
+                self.notice(Notice::ReturningHome);
+                self.phase = Phase::Returning(Motion { trajectory, starts_at: now });
             }
             Err(error) => {
-                self.notice(MavSeverity::MAV_SEVERITY_ERROR, format!("no way home, landing here: {error}"));
-                self.motion = None;
-                self.autopilot.land(now);
-                self.enter(Phase::Landing, now);
+                self.notice(Notice::NoWayHome(error));
+                self.land(now);
             }
         }
     }

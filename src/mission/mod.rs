@@ -1,21 +1,23 @@
-//! The executive of one vehicle: the mission's phases, the interlock (S1-S6) and the failsafe (F1-F3). No I/O.
+//! The executive of one vehicle: the mission's phases, the reactions to what goes wrong (F1 to F3), the operator. No I/O.
 
-pub mod course;
+pub mod cause;
 pub mod executive;
-mod face;
 mod flight;
+mod ground;
+mod ground_station;
 mod homing;
-pub mod interlock;
+mod itinerary;
+pub mod notice;
 mod operator;
-pub mod pose_monitor;
-mod preflight;
+mod phase;
 mod reaction;
-mod slot;
-mod staleness;
-mod standing;
 mod start;
 mod turns;
+mod vehicle;
 mod waiting;
+mod words;
 
-pub use executive::{Executive, Notice, Outcome, Outgoing, Settings};
-pub use face::Scene;
+pub use cause::Cause;
+pub use executive::{Executive, Outcome, Outgoing, Settings};
+pub use ground_station::Scene;
+pub use notice::Notice;

@@ -2,13 +2,14 @@
 //! acknowledged truthfully and repeated to the peer.
 
 use mavlink::MavHeader;
-use mavlink::dialects::ardupilotmega::{COMMAND_ACK_DATA, MavCmd, MavMessage, MavResult, MavSeverity};
+use mavlink::dialects::ardupilotmega::{COMMAND_ACK_DATA, MavCmd, MavMessage, MavResult};
 
-use crate::pair::wire::{VeilwingFlags, VeilwingOrder, VeilwingSilence};
+use crate::pair::wire::{VeilwingOrder, VeilwingSilence};
 use crate::time::Instant;
 
+use super::cause::Cause;
 use super::executive::Executive;
-use super::flight::Phase;
+use super::notice::Notice;
 
 impl Executive {
     /// Takes a command that is addressed to us.
@@ -34,7 +35,7 @@ impl Executive {
         let mut information = None;
         let result = match order {
             Some(order) if self.can_obey(order) => {
-                self.pair.order(order, now);
+                self.service.relay(order, now);
                 self.obey(order, now);
                 MavResult::MAV_RESULT_ACCEPTED
             }
@@ -61,14 +62,11 @@ impl Executive {
 
     fn can_obey(&self, order: VeilwingOrder) -> bool {
         match order {
-            VeilwingOrder::VEILWING_ORDER_START => matches!(self.phase, Phase::Connecting | Phase::Standby),
-            VeilwingOrder::VEILWING_ORDER_RETURN => self.phase.is_flying() || self.phase == Phase::Climbing,
+            VeilwingOrder::VEILWING_ORDER_START => self.phase.is_waiting(),
+            VeilwingOrder::VEILWING_ORDER_RETURN => self.phase.is_outward(),
             VeilwingOrder::VEILWING_ORDER_RADIO_KILL => true,
-            VeilwingOrder::VEILWING_ORDER_PAUSE => self.phase.is_flying(),
-            VeilwingOrder::VEILWING_ORDER_CONTINUE => {
-                let peer_paused = self.pair.peer().says(VeilwingFlags::VEILWING_FLAGS_PAUSED);
-                self.phase.is_flying() && (self.paused || peer_paused)
-            }
+            VeilwingOrder::VEILWING_ORDER_PAUSE => self.phase.is_in_service(),
+            VeilwingOrder::VEILWING_ORDER_CONTINUE => self.phase.is_in_service() && self.service.is_paused(),
         }
     }
 
@@ -78,39 +76,28 @@ impl Executive {
             return;
         }
         match order {
-            VeilwingOrder::VEILWING_ORDER_START => self.start.ask(),
+            VeilwingOrder::VEILWING_ORDER_START => self.ground.start.ask(),
             VeilwingOrder::VEILWING_ORDER_RETURN => {
-                self.pair.silent(VeilwingSilence::VEILWING_SILENCE_OPERATOR, now);
-                self.abort("the operator ordered the return".into(), now);
+                self.service.tell_silence(VeilwingSilence::VEILWING_SILENCE_OPERATOR, now);
+                self.abort(Cause::ReturnOrdered, now);
             }
             VeilwingOrder::VEILWING_ORDER_RADIO_KILL => {
-                self.interlock.kill(now);
-                self.pair.silent(VeilwingSilence::VEILWING_SILENCE_OPERATOR, now);
-                let text = "radio kill: silent until the companion restarts".to_owned();
-                self.notice(MavSeverity::MAV_SEVERITY_CRITICAL, text);
-                if self.phase.is_flying() {
-                    self.abort("radio kill by the operator".into(), now);
+                self.service.kill(now);
+                self.notice(Notice::Killed);
+                if self.phase.is_in_service() {
+                    self.abort(Cause::Killed, now);
                 }
             }
-            VeilwingOrder::VEILWING_ORDER_PAUSE => self.pause(now),
+            VeilwingOrder::VEILWING_ORDER_PAUSE => {
+                if self.service.pause(now) {
+                    self.notice(Notice::Paused);
+                }
+            }
             VeilwingOrder::VEILWING_ORDER_CONTINUE => {
-                if std::mem::take(&mut self.paused) {
-                    self.notice(MavSeverity::MAV_SEVERITY_NOTICE, "going on by the operator's order".into());
+                if self.service.go_on() {
+                    self.notice(Notice::GoingOn);
                 }
             }
         }
-    }
-
-    /// A slot under way is ended in order (I silent at once, J once I is), its transit flown to the end so that the
-    /// next one begins where the table says. No other is agreed on before the operator lets the pair go on.
-    fn pause(&mut self, now: Instant) {
-        if std::mem::replace(&mut self.paused, true) {
-            return;
-        }
-        match self.slot.as_mut() {
-            Some(slot) => slot.course.closing = true,
-            None => self.pair.release(now),
-        }
-        self.notice(MavSeverity::MAV_SEVERITY_NOTICE, "paused by the operator: silent, holding".into());
     }
 }

@@ -1,11 +1,12 @@
 //! One companion's half of the pair protocol: mission exchange, propose, answer, commit, on station, leases,
 //! silence out of turn, operator's orders, clock comparison.
 //!
-//! The executive tells it local facts (`set_*`), hands it messages and time, and reads commitments and leases from
-//! it. Nothing here raises a power: that is the interlock's (mission::interlock), which reads `lease` and `peer`.
+//! Nothing here raises a power: that is the interlock's (`service::interlock`), which reads `lease` and `peer`.
 
-mod agreement;
-mod messages;
+mod follower;
+mod leader;
+mod orders;
+mod shared_time;
 mod terms;
 #[cfg(test)]
 mod tests;
@@ -16,64 +17,91 @@ use std::time::Duration;
 use crate::role::Role;
 use crate::time::{Instant, Utc};
 
-use super::clock::{ClockFilter, Offset};
-use super::lease::{Book, Holder};
-use super::peer::Peer;
-use super::wire::{self, MavMessage, VeilwingOrder, VeilwingSilence};
-use agreement::Proposal;
-pub use terms::{Commitment, Event, Local, PlanTerms, Readiness, Settings, Vouch};
+use super::clock::Offset;
+use super::peer::{Boot, Peer};
+use super::wire::{
+    self, MavMessage, VeilwingAnswer, VeilwingFlags, VeilwingOrder, VeilwingRole, VeilwingSilence,
+};
+use follower::Follower;
+use leader::Leader;
+use orders::Orders;
+use shared_time::SharedTime;
+pub use terms::{Commitment, Event, Local, PlanTerms, Settings, SlotTerms, Vouch};
 
 const HELLO_EVERY: Duration = Duration::from_millis(500);
 const STATUS_EVERY: Duration = Duration::from_millis(100);
 /// A hello that calls for an answer gets it at once, but no more often than this.
 const HELLO_AT_MOST: Duration = Duration::from_millis(50);
-const REQUEST_EVERY: Duration = Duration::from_millis(50);
-const CLOCK_EVERY: Duration = Duration::from_millis(1000);
-const ORDER_EVERY: Duration = Duration::from_millis(200);
+/// After its transit should have begun, the peer gets this long to say that it is committed as well.
+const PEER_LATE: Duration = Duration::from_secs(1);
 
-/// How far I's proposal has come.
+/// What the coordinator has to do by itself at some instant.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Stage {
-    /// Awaits J's answer (on J's side: I's commit).
-    Proposed,
-    /// Accepted; awaits J's word that it is committed.
-    Committing,
+pub enum Timer {
+    /// Say hello: mission, plan, home.
+    Hello,
+    /// Say how we stand.
+    Status,
+    /// Ask for the peer's clock.
+    Clock,
+    /// I: repeat the proposal or the commit, or withdraw what was not agreed on in time.
+    Proposal,
+    /// Repeat an order that is not acknowledged.
+    Order,
+    /// I: ask for a lease.
+    LeaseRequest,
+    /// The peer has been silent for too long.
+    PeerLost,
 }
 
+impl Timer {
+    /// For logs.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Hello => "hello",
+            Self::Status => "status",
+            Self::Clock => "clock exchange",
+            Self::Proposal => "proposal",
+            Self::Order => "order",
+            Self::LeaseRequest => "lease request",
+            Self::PeerLost => "peer lost",
+        }
+    }
+}
+
+/// What only one of the two does.
+#[derive(Debug, Clone)]
+enum Part {
+    I(Leader),
+    J(Follower),
+}
+
+/// The slot agreed on, and what the peer has said of it.
 #[derive(Debug, Clone, Copy)]
-struct PendingOrder {
-    number: u32,
-    order: VeilwingOrder,
-    next_send: Instant,
+struct Agreed {
+    commitment: Commitment,
+    /// It is committed as well ...
+    peer_went_along: bool,
+    /// ... and it is not, or not in time.
+    peer_left: bool,
 }
 
 /// See the module.
+///
+/// # Calling contract
+/// Tell it local facts (`set_*`) and what is wanted of it, hand it messages and time (`handle_*`), then drain
+/// `poll_transmit` and `poll_event`. `handle_timeout` is due at `poll_timeout`, which any call may move.
 #[derive(Debug, Clone)]
 pub struct Coordinator {
     settings: Settings,
     plan: Option<PlanTerms>,
     local: Local,
-    utc: Option<(Utc, Instant)>,
-    readiness: Option<Readiness>,
     peer: Peer,
-    clock: ClockFilter,
-    proposals: u32,
-    /// I: awaiting an answer, then J's commitment. J: accepted, awaiting the commit.
-    proposal: Option<Proposal>,
-    commitment: Option<Commitment>,
-    /// The peer said that it is committed to our commitment ...
-    peer_went_along: bool,
-    /// ... and that it is not, or not in time.
-    peer_left: bool,
-    /// J: proposals up to this one of I's present boot are over.
-    finished: u32,
-    wants_lease: bool,
-    vouch: Option<Vouch>,
-    holder: Holder,
-    book: Book,
-    order: Option<PendingOrder>,
-    orders_taken: Option<u32>,
-    orders: u32,
+    time: SharedTime,
+    part: Part,
+    agreed: Option<Agreed>,
+    orders: Orders,
     silences: u32,
     status_sequence: u32,
     lost_reported: bool,
@@ -81,8 +109,6 @@ pub struct Coordinator {
     hello_sent: Option<Instant>,
     next_hello: Instant,
     next_status: Instant,
-    next_request: Instant,
-    next_clock: Instant,
     transmit: VecDeque<MavMessage>,
     events: VecDeque<Event>,
 }
@@ -92,26 +118,16 @@ impl Coordinator {
     #[must_use]
     pub fn new(settings: Settings, now: Instant) -> Self {
         Self {
-            settings,
             plan: None,
             local: Local::default(),
-            utc: None,
-            readiness: None,
             peer: Peer::default(),
-            clock: ClockFilter::default(),
-            proposals: 0,
-            proposal: None,
-            commitment: None,
-            peer_went_along: false,
-            peer_left: false,
-            finished: 0,
-            wants_lease: false,
-            vouch: None,
-            holder: Holder::default(),
-            book: Book::default(),
-            order: None,
-            orders_taken: None,
-            orders: 0,
+            time: SharedTime::new(settings.clock_tolerance, now),
+            part: match settings.role {
+                Role::I => Part::I(Leader::new(settings.boot_id)),
+                Role::J => Part::J(Follower::default()),
+            },
+            agreed: None,
+            orders: Orders::new(settings.boot_id),
             silences: 0,
             status_sequence: 0,
             lost_reported: false,
@@ -119,10 +135,9 @@ impl Coordinator {
             hello_sent: None,
             next_hello: now,
             next_status: now,
-            next_request: now,
-            next_clock: now,
             transmit: VecDeque::new(),
             events: VecDeque::new(),
+            settings,
         }
     }
 
@@ -144,58 +159,66 @@ impl Coordinator {
 
     /// UTC at `now`, from our autopilot. A step of it makes every comparison with the peer's clock void.
     pub fn set_utc(&mut self, utc: Option<Utc>, now: Instant) {
-        if let (Some(expected), Some(utc)) = (self.utc_at(now), utc) {
-            let step = Duration::from_micros(expected.unix_us.abs_diff(utc.unix_us));
-            if step > self.settings.clock_tolerance / 2 {
-                self.clock.reset();
-                self.next_clock = now;
-            }
-        }
-        self.utc = utc.map(|utc| (utc, now));
+        self.time.set_utc(utc, now);
     }
 
-    /// J: what a proposal is judged by; `None` refuses all.
-    pub fn set_readiness(&mut self, readiness: Option<Readiness>) {
-        self.readiness = readiness;
+    /// J: the slot that comes next; `None` refuses all.
+    pub fn set_readiness(&mut self, next_slot: Option<u16>) {
+        if let Part::J(follower) = &mut self.part {
+            follower.readiness = next_slot;
+        }
+    }
+
+    /// I: proposes that `slot` opens at `opens`. Replaces a proposal not yet agreed on. Without our UTC and a plan that
+    /// has this slot nothing is proposed; with clocks that differ too much, or are not compared yet, it is refused at
+    /// once.
+    pub fn propose(&mut self, slot: u16, opens: Utc, now: Instant) {
+        let (Some(opens_at), Some(lead)) =
+            (self.time.instant_of(opens), self.slot_terms(slot).map(|terms| terms.lead))
+        else {
+            return;
+        };
+        let Part::I(leader) = &mut self.part else { return };
+        self.agreed = None;
+        if self.time.agrees() {
+            leader.propose(slot, opens, (opens_at - lead, opens_at), now);
+        } else {
+            leader.withdraw();
+            self.events.push_back(Event::Refused(slot, VeilwingAnswer::VEILWING_ANSWER_CLOCK));
+        }
     }
 
     /// The committed slot is over, served or not.
     pub fn release(&mut self, now: Instant) {
-        if let Some(commitment) = self.commitment.take() {
-            self.finished = self.finished.max(commitment.proposal);
+        let agreed = self.agreed.take();
+        match &mut self.part {
+            Part::I(leader) => leader.give_up(now),
+            Part::J(follower) => follower.release(agreed.map(|agreed| agreed.commitment)),
         }
-        if let Some(proposal) = self.proposal.take().filter(|_| !self.leads()) {
-            self.finished = self.finished.max(proposal.commitment.proposal);
-        }
-        self.peer_went_along = false;
-        self.peer_left = false;
-        self.wants_lease = false;
-        self.vouch = None;
-        self.holder.give_up(now);
         self.next_status = now;
     }
 
     /// I: whether leases are asked for.
     pub fn want_lease(&mut self, wanted: bool, now: Instant) {
-        if wanted && !self.wants_lease {
-            self.next_request = now;
+        if let Part::I(leader) = &mut self.part {
+            leader.want_lease(wanted, now);
         }
-        if !wanted && self.wants_lease {
-            self.holder.give_up(now);
-        }
-        self.wants_lease = wanted;
     }
 
     /// J: what leases may rest on; `None` grants nothing.
     pub fn set_vouch(&mut self, vouch: Option<Vouch>) {
-        self.vouch = vouch;
+        if let Part::J(follower) = &mut self.part {
+            follower.vouch = vouch;
+        }
     }
 
     /// We fell silent out of turn: the peer is told at once. Three copies, since a lost one costs a lease's length.
     pub fn silent(&mut self, reason: VeilwingSilence, now: Instant) {
-        self.holder.give_up(now);
-        self.vouch = None;
-        let (proposal, slot) = self.commitment.map_or((0, 0), |c| (c.proposal, c.slot));
+        match &mut self.part {
+            Part::I(leader) => leader.holder.give_up(now),
+            Part::J(follower) => follower.vouch = None,
+        }
+        let (proposal, slot) = self.commitment().map_or((0, 0), |c| (c.proposal, c.slot));
         self.silences += 1;
         let message = wire::VEILWING_SILENT_DATA {
             boot_id: self.settings.boot_id,
@@ -209,14 +232,16 @@ impl Coordinator {
 
     /// An operator's order for the peer as well; repeated until acknowledged.
     pub fn order(&mut self, order: VeilwingOrder, now: Instant) {
-        self.orders += 1;
-        self.order = Some(PendingOrder { number: self.orders, order, next_send: now });
+        self.orders.give(order, now);
     }
 
     /// I: the end of the lease in force.
     #[must_use]
     pub fn lease(&self, now: Instant) -> Option<Instant> {
-        self.commitment.and_then(|_| self.holder.held(now))
+        match &self.part {
+            Part::I(leader) if self.agreed.is_some() => leader.holder.held(now),
+            Part::I(_) | Part::J(_) => None,
+        }
     }
 
     /// The longest lease J grants.
@@ -228,19 +253,22 @@ impl Coordinator {
     /// J: whether I may hold a lease.
     #[must_use]
     pub fn leases_outstanding(&self, now: Instant) -> bool {
-        self.book.outstanding(now)
+        matches!(&self.part, Part::J(follower) if follower.book.outstanding(now))
     }
 
     /// The slot agreed on.
     #[must_use]
     pub fn commitment(&self) -> Option<Commitment> {
-        self.commitment
+        self.agreed.map(|agreed| agreed.commitment)
     }
 
     /// Whether a proposal awaits its answer or its commit.
     #[must_use]
     pub fn is_proposing(&self) -> bool {
-        self.proposal.is_some()
+        match &self.part {
+            Part::I(leader) => leader.is_proposing(),
+            Part::J(follower) => follower.is_accepting(),
+        }
     }
 
     /// The other side.
@@ -249,10 +277,16 @@ impl Coordinator {
         &self.peer
     }
 
+    /// The terms of a slot of the plan.
+    #[must_use]
+    pub fn slot_terms(&self, slot: u16) -> Option<&SlotTerms> {
+        self.plan.as_ref()?.slots.get(usize::from(slot))
+    }
+
     /// Peer's UTC against ours.
     #[must_use]
     pub fn clock_offset(&self) -> Option<Offset> {
-        self.clock.offset()
+        self.time.offset()
     }
 
     /// Whether mission and plan are known to be the same on both sides.
@@ -272,29 +306,25 @@ impl Coordinator {
         self.transmit.pop_front()
     }
 
-    /// When `handle_timeout` must be called next, and why.
+    /// When `handle_timeout` must be called next, and for what.
     #[must_use]
-    pub fn poll_timeout(&self) -> (Instant, &'static str) {
-        let mut next = (self.next_hello, "hello");
-        let mut consider = |at: Option<Instant>, why| {
-            if let Some(at) = at
-                && at < next.0
-            {
-                next = (at, why);
-            }
+    pub fn poll_timeout(&self) -> (Instant, Timer) {
+        let leader = match &self.part {
+            Part::I(leader) => Some(leader),
+            Part::J(_) => None,
         };
-        consider(Some(self.next_status), "status");
-        consider(Some(self.next_clock), "clock exchange");
-        let proposal = self.proposal.filter(|_| self.leads());
-        consider(proposal.map(|p| p.next_send.min(p.commitment.leaves_at)), "proposal");
-        consider(self.order.map(|o| o.next_send), "order");
-        consider(
-            (self.wants_lease && self.commitment.is_some()).then_some(self.next_request),
-            "lease request",
-        );
-        let lost = self.peer.last_heard.filter(|_| !self.lost_reported);
-        consider(lost.map(|at| at + self.settings.peer_timeout + Duration::from_nanos(1)), "peer lost");
-        next
+        let request = leader.filter(|_| self.agreed.is_some()).and_then(Leader::request_due);
+        let heard = self.peer.last_heard.filter(|_| !self.lost_reported);
+        let others = [
+            (Some(self.next_status), Timer::Status),
+            (Some(self.time.due), Timer::Clock),
+            (leader.and_then(Leader::proposal_due), Timer::Proposal),
+            (self.orders.due(), Timer::Order),
+            (request, Timer::LeaseRequest),
+            (heard.map(|at| at + self.settings.peer_timeout + Duration::from_nanos(1)), Timer::PeerLost),
+        ];
+        let due = others.into_iter().filter_map(|(at, timer)| at.map(|at| (at, timer)));
+        due.fold((self.next_hello, Timer::Hello), |first, next| if next.0 < first.0 { next } else { first })
     }
 
     /// Sends what is due.
@@ -310,32 +340,11 @@ impl Coordinator {
             let status = self.status(now);
             self.transmit.push_back(status);
         }
-        if self.next_clock <= now {
-            self.next_clock = now + CLOCK_EVERY;
-            if let Some(utc) = self.utc_at(now) {
-                self.clock.ask(utc.unix_us);
-                let request =
-                    wire::VEILWING_CLOCK_DATA { originate_us: utc.unix_us, receive_us: 0, transmit_us: 0 };
-                self.transmit.push_back(MavMessage::VEILWING_CLOCK(request));
-            }
-        }
+        self.transmit.extend(self.time.ask(now));
         self.advance_proposal(now);
-        if let Some(order) = self.order.as_mut().filter(|order| order.next_send <= now) {
-            order.next_send = now + ORDER_EVERY;
-            self.transmit.push_back(MavMessage::VEILWING_ORDER_RELAY(wire::VEILWING_ORDER_RELAY_DATA {
-                boot_id: self.settings.boot_id,
-                number: order.number,
-                order: order.order,
-            }));
-        }
-        if let Some(commitment) = self.commitment.filter(|_| self.wants_lease && self.next_request <= now) {
-            self.next_request = now + REQUEST_EVERY;
-            self.transmit.push_back(MavMessage::VEILWING_LEASE_REQUEST(wire::VEILWING_LEASE_REQUEST_DATA {
-                time_us: messages::micros(now),
-                boot_id: self.settings.boot_id,
-                proposal: commitment.proposal,
-                slot: commitment.slot,
-            }));
+        self.transmit.extend(self.orders.say(now));
+        if let (Part::I(leader), Some(agreed)) = (&mut self.part, self.agreed) {
+            self.transmit.extend(leader.request(agreed.commitment, now));
         }
         if let Some(heard) = self.peer.last_heard {
             let silent_for = now.saturating_since(heard);
@@ -350,64 +359,250 @@ impl Coordinator {
     pub fn handle_message(&mut self, message: &MavMessage, now: Instant) {
         match message {
             MavMessage::VEILWING_HELLO(hello) => self.take_hello(hello, now),
-            MavMessage::VEILWING_STATUS(status) => {
-                if self.peer.is_boot(status.boot_id) && self.peer.take_status(status, now) {
-                    self.lost_reported = false;
-                    self.book.returned(status.released_us);
-                    self.compare_commitments(now);
-                }
-            }
+            MavMessage::VEILWING_STATUS(status) => self.take_status(status, now),
             MavMessage::VEILWING_PROPOSE(propose) => self.take_proposal(propose, now),
             MavMessage::VEILWING_ANSWER(answer) => self.take_answer(answer, now),
             MavMessage::VEILWING_COMMIT(commit) => self.take_commit(commit, now),
             MavMessage::VEILWING_LEASE_REQUEST(request) => self.take_request(request, now),
             MavMessage::VEILWING_LEASE_GRANT(grant) => self.take_grant(grant, now),
-            MavMessage::VEILWING_SILENT(silent) => {
-                let current = self.commitment.is_some_and(|c| c.proposal == silent.proposal);
-                if self.peer.is_boot(silent.boot_id) && current && self.peer.take_silence(silent.number) {
-                    self.holder.give_up(now);
-                    self.events.push_back(Event::PeerSilent(silent.reason));
-                }
+            MavMessage::VEILWING_SILENT(silent) => self.take_silence(silent, now),
+            MavMessage::VEILWING_ORDER_RELAY(order) if self.peer.is_boot(order.boot_id) => {
+                let (order, ack) = self.orders.take(order);
+                self.transmit.push_back(ack);
+                self.events.extend(order.map(Event::Ordered));
             }
-            MavMessage::VEILWING_ORDER_RELAY(order) => {
-                if self.peer.is_boot(order.boot_id) {
-                    let ack = wire::VEILWING_ORDER_ACK_DATA { boot_id: order.boot_id, number: order.number };
-                    self.transmit.push_back(MavMessage::VEILWING_ORDER_ACK(ack));
-                    if self.orders_taken.is_none_or(|taken| order.number > taken) {
-                        self.orders_taken = Some(order.number);
-                        self.events.push_back(Event::Ordered(order.order));
-                    }
-                }
-            }
-            MavMessage::VEILWING_ORDER_ACK(ack) => {
-                let ours = ack.boot_id == self.settings.boot_id;
-                self.order = self.order.filter(|order| !(ours && order.number == ack.number));
-            }
-            MavMessage::VEILWING_CLOCK(clock) => self.take_clock(clock, now),
+            MavMessage::VEILWING_ORDER_RELAY(_) => {}
+            MavMessage::VEILWING_ORDER_ACK(ack) => self.orders.acknowledged(ack),
+            MavMessage::VEILWING_CLOCK(clock) => self.transmit.extend(self.time.take(clock, now)),
         }
     }
 
-    fn leads(&self) -> bool {
-        self.settings.role == Role::I
+    fn flags(&self) -> VeilwingFlags {
+        let mut flags = VeilwingFlags::empty();
+        flags.set(VeilwingFlags::VEILWING_FLAGS_PLANNED, self.plan.is_some());
+        flags.set(VeilwingFlags::VEILWING_FLAGS_HOME, self.local.home_enu_m.is_some());
+        flags.set(VeilwingFlags::VEILWING_FLAGS_PREFLIGHT_OK, self.local.preflight_ok);
+        flags.set(VeilwingFlags::VEILWING_FLAGS_AIRBORNE, self.local.airborne);
+        flags.set(VeilwingFlags::VEILWING_FLAGS_ON_STATION, self.local.on_station);
+        flags.set(VeilwingFlags::VEILWING_FLAGS_RADIATING, self.local.radiating);
+        flags.set(VeilwingFlags::VEILWING_FLAGS_COMMITTED, self.agreed.is_some());
+        flags.set(VeilwingFlags::VEILWING_FLAGS_ENDED, self.local.ended);
+        flags.set(VeilwingFlags::VEILWING_FLAGS_LANDED, self.local.landed);
+        flags.set(VeilwingFlags::VEILWING_FLAGS_RETURNING, self.local.returning);
+        flags.set(VeilwingFlags::VEILWING_FLAGS_PAUSED, self.local.paused);
+        flags
+    }
+
+    fn hello(&self, now: Instant) -> MavMessage {
+        let (echo_boot_id, echo_us) = self.peer.echo();
+        MavMessage::VEILWING_HELLO(wire::VEILWING_HELLO_DATA {
+            time_us: micros(now),
+            echo_us,
+            boot_id: self.settings.boot_id,
+            echo_boot_id,
+            flags: self.flags(),
+            role: wire_role(self.settings.role),
+            mission_digest: self.settings.mission_digest,
+            plan_digest: self.plan.as_ref().map_or([0; 32], |plan| plan.digest),
+            home_enu_m: self.local.home_enu_m.unwrap_or_default().into(),
+        })
+    }
+
+    fn status(&mut self, now: Instant) -> MavMessage {
+        self.status_sequence += 1;
+        let (proposal, slot) = self.commitment().map_or((0, 0), |c| (c.proposal, c.slot));
+        let position = self.local.position_enu_m.map_or([f32::NAN; 3], narrow);
+        let wants_lease = matches!(&self.part, Part::I(leader) if leader.wants_lease());
+        let holds_nothing = !wants_lease && !self.local.radiating;
+        MavMessage::VEILWING_STATUS(wire::VEILWING_STATUS_DATA {
+            released_us: if holds_nothing { micros(now) } else { 0 },
+            boot_id: self.settings.boot_id,
+            sequence: self.status_sequence,
+            proposal,
+            position_enu_m: position,
+            slot,
+            flags: self.flags(),
+        })
+    }
+
+    /// Says hello at once: the other side needs our echo to believe us.
+    fn greet(&mut self, now: Instant) {
+        let soonest = self.hello_sent.map_or(now, |at| at + HELLO_AT_MOST);
+        self.next_hello = self.next_hello.min(soonest);
+    }
+
+    fn take_hello(&mut self, hello: &wire::VEILWING_HELLO_DATA, now: Instant) {
+        if hello.role == wire_role(self.settings.role) {
+            if !self.mismatch_reported {
+                self.mismatch_reported = true;
+                self.events.push_back(Event::SameRole);
+            }
+            return;
+        }
+        match self.peer.take_hello(hello, self.settings.boot_id, micros(now), now) {
+            Boot::Unproven => return self.greet(now),
+            Boot::Late => return,
+            Boot::Known => {}
+            Boot::First => {
+                self.greet(now);
+                self.events.push_back(Event::PeerFound);
+            }
+            Boot::Restarted => {
+                self.greet(now);
+                self.release(now);
+                if let Part::J(follower) = &mut self.part {
+                    follower.new_boot();
+                }
+                self.orders.new_boot();
+                self.time.reset();
+                self.mismatch_reported = false;
+                self.events.push_back(Event::PeerRestarted);
+            }
+        }
+        self.lost_reported = false;
+        self.compare_missions();
+    }
+
+    /// Tells once what does not agree.
+    fn compare_missions(&mut self) {
+        if self.mismatch_reported {
+            return;
+        }
+        let plans = (self.plan.as_ref().map(|plan| plan.digest), self.peer.plan_digest);
+        let mismatch = if self.peer.mission_digest != Some(self.settings.mission_digest) {
+            Event::MissionDiffers
+        } else if let (Some(ours), Some(theirs)) = plans
+            && ours != theirs
+        {
+            Event::PlanDiffers
+        } else {
+            return;
+        };
+        self.mismatch_reported = true;
+        self.events.push_back(mismatch);
+    }
+
+    fn take_status(&mut self, status: &wire::VEILWING_STATUS_DATA, now: Instant) {
+        if !self.peer.is_boot(status.boot_id) || !self.peer.take_status(status, now) {
+            return;
+        }
+        self.lost_reported = false;
+        match &mut self.part {
+            Part::J(follower) => follower.book.returned(status.released_us),
+            Part::I(leader) => {
+                if let Some(commitment) = leader.confirmed(self.peer.committed, now) {
+                    self.agree(commitment, now);
+                }
+            }
+        }
+        self.compare_commitments(now);
+    }
+
+    /// Whether the other is (still) with us in the slot agreed on.
+    fn compare_commitments(&mut self, now: Instant) {
+        let Some(agreed) = self.agreed.as_mut() else { return };
+        if self.peer.committed == Some(agreed.commitment.proposal) {
+            agreed.peer_went_along = true;
+        } else if (agreed.peer_went_along || now >= agreed.commitment.leaves_at + PEER_LATE)
+            && !agreed.peer_left
+        {
+            agreed.peer_left = true;
+            self.events.push_back(Event::PeerLeft);
+        }
+    }
+
+    fn agree(&mut self, commitment: Commitment, now: Instant) {
+        self.agreed = Some(Agreed { commitment, peer_went_along: false, peer_left: false });
+        self.next_status = now;
+        self.events.push_back(Event::Committed(commitment));
+    }
+
+    /// I: sends what is due, and withdraws what was not agreed on in time.
+    fn advance_proposal(&mut self, now: Instant) {
+        let (Part::I(leader), Some(plan)) = (&mut self.part, &self.plan) else { return };
+        match leader.advance(plan, now) {
+            Ok(message) => self.transmit.extend(message),
+            Err((slot, why)) => self.events.push_back(Event::Refused(slot, why)),
+        }
+    }
+
+    fn take_answer(&mut self, answer: &wire::VEILWING_ANSWER_DATA, now: Instant) {
+        let Part::I(leader) = &mut self.part else { return };
+        match leader.take_answer(answer, now) {
+            Ok(()) => self.advance_proposal(now),
+            Err((slot, why)) => self.events.push_back(Event::Refused(slot, why)),
+        }
+    }
+
+    fn take_proposal(&mut self, propose: &wire::VEILWING_PROPOSE_DATA, now: Instant) {
+        let committed = self.commitment();
+        if let Part::J(follower) = &mut self.part
+            && self.peer.is_boot(propose.boot_id)
+        {
+            let plan = self.plan.as_ref();
+            self.transmit.extend(follower.take_proposal(propose, committed, plan, &self.time, now));
+        }
+    }
+
+    fn take_commit(&mut self, commit: &wire::VEILWING_COMMIT_DATA, now: Instant) {
+        let known = self.commitment().is_some_and(|c| c.proposal == commit.proposal);
+        let Part::J(follower) = &mut self.part else { return };
+        if !self.peer.is_boot(commit.boot_id) {
+            return;
+        }
+        if known {
+            self.next_status = now; // I has not heard yet.
+        } else if let Some(commitment) = follower.take_commit(commit, now) {
+            self.agree(commitment, now);
+        }
+    }
+
+    fn take_request(&mut self, request: &wire::VEILWING_LEASE_REQUEST_DATA, now: Instant) {
+        let commitment = self.commitment().filter(|c| c.proposal == request.proposal);
+        let (Part::J(follower), Some(commitment), Some(plan)) = (&mut self.part, commitment, &self.plan)
+        else {
+            return;
+        };
+        if self.peer.is_boot(request.boot_id) {
+            self.transmit.extend(follower.take_request(request, commitment, plan, self.settings.lease, now));
+            self.heard(now);
+        }
+    }
+
+    fn take_grant(&mut self, grant: &wire::VEILWING_LEASE_GRANT_DATA, now: Instant) {
+        let commitment = self.commitment();
+        if let (Part::I(leader), Some(commitment), Some(plan)) = (&mut self.part, commitment, &self.plan)
+            && leader.take_grant(grant, commitment, plan, self.settings.lease, now)
+        {
+            self.heard(now);
+        }
+    }
+
+    fn take_silence(&mut self, silent: &wire::VEILWING_SILENT_DATA, now: Instant) {
+        let current = self.commitment().is_some_and(|c| c.proposal == silent.proposal);
+        if self.peer.is_boot(silent.boot_id) && current && self.peer.take_silence(silent.number) {
+            if let Part::I(leader) = &mut self.part {
+                leader.holder.give_up(now);
+            }
+            self.events.push_back(Event::PeerSilent(silent.reason));
+        }
     }
 
     fn heard(&mut self, now: Instant) {
         self.peer.last_heard = Some(now);
         self.lost_reported = false;
     }
+}
 
-    fn utc_at(&self, now: Instant) -> Option<Utc> {
-        self.utc.map(|(utc, at)| utc + now.saturating_since(at))
+fn wire_role(role: Role) -> VeilwingRole {
+    match role {
+        Role::I => VeilwingRole::VEILWING_ROLE_I,
+        Role::J => VeilwingRole::VEILWING_ROLE_J,
     }
+}
 
-    fn instant_of(&self, utc: Utc) -> Option<Instant> {
-        let (known, at) = self.utc?;
-        if utc >= known {
-            Some(at + Duration::from_micros(utc.unix_us - known.unix_us))
-        } else {
-            Some(at - Duration::from_micros(known.unix_us - utc.unix_us))
-        }
-    }
+fn micros(at: Instant) -> u64 {
+    u64::try_from(at.since_start().as_micros()).unwrap_or(u64::MAX)
 }
 
 fn narrow(v: nalgebra::Vector3<f64>) -> [f32; 3] {

@@ -7,5 +7,5 @@ pub mod lease;
 mod peer;
 pub mod wire;
 
-pub use coordinator::{Commitment, Coordinator, Event, Local, PlanTerms, Readiness, Settings, Vouch};
+pub use coordinator::{Commitment, Coordinator, Event, Local, PlanTerms, Settings, SlotTerms, Timer, Vouch};
 pub use peer::Peer;

@@ -11,6 +11,7 @@
 pub mod baseline;
 pub mod bound;
 mod cap;
+pub mod document;
 mod draws;
 mod error;
 pub mod expectation;

@@ -117,7 +117,7 @@ fn ordered_in_mid_slot(command: MavCmd) {
         flight.assert_safe_but(unprotected);
         for role in Role::BOTH {
             let ordered = match &flight.outcomes[role] {
-                Some(Outcome::Aborted(cause)) => cause.contains("operator"),
+                Some(Outcome::Aborted(cause)) => cause.to_string().contains("operator"),
                 _ => false,
             };
             assert!(ordered && flight.landed(role), "{role}\n{}", flight.story());

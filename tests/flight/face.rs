@@ -4,10 +4,10 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use mavlink::dialects::ardupilotmega::*;
+use veilwing::desk::simulation::{Flight, Given, Observer, Path, Setup, index, vehicle, world_config};
 use veilwing::link::codec::Encoder;
 use veilwing::mission::Outgoing;
 use veilwing::role::{PerVehicle, Role};
-use veilwing::simulation::{Flight, Given, Observer, Path, Setup, index, vehicle, world_config};
 use veilwing_sitl::World;
 
 use crate::harness::{LONGEST, yard};

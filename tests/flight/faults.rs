@@ -22,9 +22,9 @@ fn in_mid_slot(setup: Setup) -> Flight {
     flight
 }
 
-fn cause(flight: &Flight, role: Role) -> &str {
+fn cause(flight: &Flight, role: Role) -> String {
     match &flight.outcomes[role] {
-        Some(Outcome::Aborted(cause)) => cause,
+        Some(Outcome::Aborted(cause)) => cause.to_string(),
         other => panic!("{role}: {other:?}\n{}", flight.story()),
     }
 }

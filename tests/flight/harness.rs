@@ -1,4 +1,4 @@
-//! Flights of the tests: the pair in the simulated world, in virtual time (`veilwing::simulation`), with a log of
+//! Flights of the tests: the pair in the simulated world, in virtual time (`veilwing::desk::simulation`), with a log of
 //! everything that the tests look at.
 
 use std::ops::{Deref, DerefMut};
@@ -8,13 +8,13 @@ use std::time::Duration;
 use mavlink::MavHeader;
 use mavlink::dialects::ardupilotmega::{COMMAND_LONG_DATA, MavCmd, MavMessage};
 use veilwing::config::{Mission, MissionDraft, Vehicle};
+use veilwing::desk::simulation::{self, Given, Observer, vehicle_draft, world_config};
+pub use veilwing::desk::simulation::{Path, index};
 use veilwing::link::codec::Encoder;
 use veilwing::mission::{Notice, Outgoing};
 use veilwing::planner::slots::Plan;
 use veilwing::planning;
 use veilwing::role::{PerVehicle, Role};
-use veilwing::simulation::{self, Given, Observer, vehicle_draft, world_config};
-pub use veilwing::simulation::{Path, index};
 use veilwing_sitl::{FlightReport, Slip, World};
 
 /// No flight of the small mission takes longer, faults included.
@@ -285,7 +285,7 @@ impl Flight {
 
 impl Observer for Log {
     fn said(&mut self, at: Duration, role: Role, _phase: Option<&'static str>, notice: &Notice) {
-        self.notices.push((at, role, notice.text.clone()));
+        self.notices.push((at, role, notice.to_string()));
     }
 
     fn sent(&mut self, at: Duration, role: Role, message: &Outgoing) {

@@ -4,11 +4,11 @@ use std::sync::Arc;
 
 use veilwing::autopilot::Actuation;
 use veilwing::config::{Mission, Vehicle};
+use veilwing::desk::simulation::{Flight, Given, Path, Setup, vehicle_draft, world_config};
 use veilwing::mission::Outcome;
 use veilwing::planner::problem::{Airframe, Method};
 use veilwing::planner::slots::Plan;
 use veilwing::role::{PerVehicle, Role};
-use veilwing::simulation::{Flight, Given, Path, Setup, vehicle_draft, world_config};
 use veilwing_sitl::{FlightReport, World};
 
 use crate::harness::{LONGEST, Planned, yard};

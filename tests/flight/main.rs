@@ -1,5 +1,6 @@
 //! Whole flights in virtual time: two executives, the simulated world, the bytes between them.
 
+#![cfg(feature = "desk")]
 // Helpers of tests may fail the test.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
 

@@ -1,7 +1,7 @@
 //! S4: the power-off command within 100 ms of the first sign of a fault on the wire. `examples/reaction.rs` prints the
 //! same table for a thousand faults.
 
-use veilwing::simulation::{Given, vehicle};
+use veilwing::desk::simulation::{Given, vehicle};
 
 use crate::harness::yard;
 use crate::reaction_table::{Base, table};

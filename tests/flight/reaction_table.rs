@@ -8,9 +8,9 @@ use std::time::Duration;
 
 use mavlink::MavHeader;
 use mavlink::dialects::ardupilotmega::{EstimatorStatusFlags, MavCmd, MavMessage, MavSysStatusSensor};
+use veilwing::desk::simulation::{Flight, Given, Observer, Path, Setup, index, vehicle, world_config};
 use veilwing::mission::Outgoing;
 use veilwing::role::{PerVehicle, Role};
-use veilwing::simulation::{Flight, Given, Observer, Path, Setup, index, vehicle, world_config};
 use veilwing_sitl::{Fault, World};
 
 /// S4.

@@ -11,11 +11,11 @@ use veilwing::companion::settings::{
     allow_for_clock_rate, pair_form, scheduling_allowance, settings, transmitter_settings,
 };
 use veilwing::config::Vehicle;
+use veilwing::desk::simulation::{Late, judge, vehicle_draft, world_config};
 use veilwing::link::codec::Encoder;
 use veilwing::link::{Clock, Key, LinkConfig, SigningConfig};
 use veilwing::mission::Outcome;
 use veilwing::role::{PerVehicle, Role};
-use veilwing::simulation::{Late, judge, vehicle_draft, world_config};
 use veilwing::transmitter::Transmitter;
 use veilwing_sitl::World;
 

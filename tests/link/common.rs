@@ -2,9 +2,9 @@
 
 use mavlink::Message;
 use mavlink::dialects::ardupilotmega::{HEARTBEAT_DATA, MavMessage};
-use veilwing::config::{HostPort, LinkAddress};
 use veilwing::link::codec::{Decoder, Encoder};
 use veilwing::link::{Clock, Counters, Frame, Link, LinkConfig, RawFrame, Rejection};
+use veilwing::link::{HostPort, LinkAddress};
 
 pub type M = MavMessage;
 

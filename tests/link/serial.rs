@@ -7,7 +7,7 @@ use std::path::Path;
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
-use veilwing::config::LinkAddress;
+use veilwing::link::LinkAddress;
 use veilwing::link::{Clock, Link, LinkConfig};
 
 use crate::common::*;

@@ -2,9 +2,9 @@ use std::time::Duration;
 
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream, UdpSocket};
-use veilwing::config::{HostPort, LinkAddress};
 use veilwing::link::codec::Decoder;
 use veilwing::link::{Clock, Counters, Link, LinkConfig, LinkError, Rejection};
+use veilwing::link::{HostPort, LinkAddress};
 
 use crate::common::*;
 

@@ -6,7 +6,7 @@ use std::time::Duration;
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use tokio::net::UdpSocket;
-use veilwing::config::LinkAddress;
+use veilwing::link::LinkAddress;
 use veilwing::link::codec::Encoder;
 use veilwing::link::signing::{RADIO_STATUS_ID, Signing};
 use veilwing::link::{Clock, Key, Link, LinkConfig, MemoryEnd, Rejection, SigningConfig};

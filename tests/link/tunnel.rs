@@ -5,7 +5,7 @@ use mavlink::dialects::ardupilotmega::{MavMessage as Common, MavTunnelPayloadTyp
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use tokio::net::UdpSocket;
-use veilwing::config::LinkAddress;
+use veilwing::link::LinkAddress;
 use veilwing::link::codec::Encoder;
 use veilwing::link::envelope::PAYLOAD_TYPE;
 use veilwing::link::{

@@ -14,12 +14,15 @@ use stateright::{Checker, Expectation, HasDiscoveries, Model, Property};
 use veilwing::link::Clock;
 use veilwing::pair::wire::MavMessage;
 use veilwing::role::{PerVehicle, Role};
+use veilwing::service::Outgoing;
 
-use super::companion::{Clocks, Companion, LEASE, Phase};
+use super::clocks::Clocks;
+use super::companion::Companion;
 use super::radio::Radio;
+use super::setup::LEASE;
 
-/// Short, so that everything can be explored: half a second of airtime, as long as a lease.
-const SLOT: Duration = Duration::from_millis(1500);
+/// Short, so that everything can be explored: twice as much airtime as a lease lasts.
+const SLOT: Duration = Duration::from_millis(2000);
 
 /// A bug put in on purpose.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -93,9 +96,7 @@ impl SlotModel {
                 Role::J => (200_000, 2, LEASE),
             };
             let clocks = Clocks { started: Duration::ZERO, rate: 1.0, utc_error_us };
-            let mut companion = Companion::new(role, boot, clocks, lease);
-            companion.slot_length = SLOT;
-            Some(companion)
+            Some(Companion::new(role, boot, clocks, lease, SLOT))
         });
         let mut state = State {
             t: Duration::ZERO,
@@ -112,8 +113,8 @@ impl SlotModel {
             s3: true,
         };
         let early = |state: &State| {
-            let course = state.companions.i.as_ref().and_then(|i| i.course.clone());
-            course.is_none_or(|c| state.t + self.step < c.radiate_from.since_start())
+            let slot = state.companions.i.as_ref().and_then(|i| i.service.slot());
+            slot.is_none_or(|slot| state.t + self.step < slot.radiate_from.since_start())
         };
         while early(&state) {
             let to = state.t + Duration::from_millis(5);
@@ -149,15 +150,19 @@ impl SlotModel {
     }
 
     fn collect(&self, state: &mut State, role: Role, bounded: bool) {
-        while let Some(message) = state.companions[role].as_mut().and_then(|c| c.interlock.poll_transmit()) {
-            if let RadioMessage::COMMAND_INT(command) = message {
-                let answer = state.radios[role].command(&command, state.t);
-                if let Some(companion) = state.companions[role].as_mut() {
-                    companion.handle_radio(&answer, state.t);
+        while let Some(message) = state.companions[role].as_mut().and_then(|c| c.service.poll_transmit()) {
+            let message = match message {
+                Outgoing::Pair(message) => *message,
+                Outgoing::Radio(message) => {
+                    if let RadioMessage::COMMAND_INT(command) = *message {
+                        let answer = state.radios[role].command(&command, state.t);
+                        if let Some(companion) = state.companions[role].as_mut() {
+                            companion.handle_radio(&answer, state.t);
+                        }
+                    }
+                    continue;
                 }
-            }
-        }
-        while let Some(message) = state.companions[role].as_mut().and_then(|c| c.pair.poll_transmit()) {
+            };
             if let MavMessage::VEILWING_LEASE_GRANT(grant) = &message {
                 let until = state.t + Duration::from_millis(grant.duration_ms.into());
                 state.granted_until = state.granted_until.max(until);
@@ -203,13 +208,13 @@ impl SlotModel {
         }
         if on.j.is_some() {
             // A dead companion's radio runs out within its lease, which no slot's end shortens afterwards.
-            let committed = state.companions.j.as_ref().map(|j| j.phase == Phase::Slot && j.course.is_some());
+            let committed = state.companions.j.as_ref().map(|j| j.service.slot().is_some());
             state.s2 &= committed.unwrap_or(true);
         }
     }
 
     fn over(&self, state: &State) -> bool {
-        let ends = |c: &Companion| c.course.is_none();
+        let ends = |c: &Companion| c.service.slot().is_none();
         let done = |role| state.companions[role].as_ref().is_none_or(ends);
         done(Role::I)
             && done(Role::J)
@@ -331,9 +336,9 @@ pub fn explore(model: SlotModel) -> Explored {
             Expectation::Eventually => "eventually",
             Expectation::Sometimes => "sometimes",
         };
-        let steps = checker.discovery(property.name).map(|path| path.into_actions().len());
-        let verdict = match (broken.contains(&property.name), steps) {
-            (true, Some(steps)) => format!("BROKEN in {steps} steps"),
+        let path = checker.discovery(property.name).map(|path| path.into_actions());
+        let verdict = match (broken.contains(&property.name), path) {
+            (true, Some(path)) => format!("BROKEN in {} steps: {path:?}", path.len()),
             (true, None) => "NOT SEEN".to_owned(),
             (false, _) => "holds".to_owned(),
         };

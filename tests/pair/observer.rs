@@ -4,8 +4,9 @@ use std::time::Duration;
 
 use veilwing::role::{PerVehicle, Role};
 
-use super::companion::{CAP_W, Companion, LEASE, PLANNED_W};
+use super::companion::Companion;
 use super::radio::{Emission, Radio};
+use super::setup::{CAP_W, LEASE, PLANNED_W};
 use super::world::Seen;
 
 /// Sees true powers and true faults.
@@ -21,6 +22,9 @@ pub struct Observer {
     pub j_fault_at: Option<Duration>,
     pub died_at: PerVehicle<Option<Duration>>,
     pub pose_lost_at: PerVehicle<Option<Duration>>,
+    pub stale_since: PerVehicle<Option<Duration>>,
+    /// By the operator, at this vehicle.
+    pub paused_at: Option<(Role, Duration)>,
     uncommitted_since: PerVehicle<Option<Duration>>,
 }
 
@@ -28,6 +32,8 @@ pub struct Observer {
 const EXCUSE: Duration = Duration::from_millis(520);
 /// S4: own pose; a tick and the radio's wire on top of nothing, since evidence is immediate here.
 const POSE_REACTION: Duration = Duration::from_millis(100);
+/// Between two messages of state.
+const PERIOD: Duration = Duration::from_millis(20);
 /// Longest way of a command to a radio.
 pub const RADIO_WAY_MS: f64 = 15.0;
 
@@ -53,7 +59,8 @@ impl Observer {
                 self.violate(t, format!("S6: {role} radiates {} W, {cap} W is allowed", emission.power_w));
             }
             // What was commanded before a fault or an abort is on its way, or on: off follows within S4's time.
-            let slot = world[role].as_ref().and_then(|c| c.course.as_ref()).map(|c| c.commitment.slot.into());
+            let slot = world[role].as_ref().and_then(|c| c.service.slot());
+            let slot = slot.map(|slot| slot.commitment.slot.into());
             if world[role].is_none() || self.died_at[role].is_some() || slot == Some(emission.slot) {
                 self.uncommitted_since[role] = None;
             } else {
@@ -72,6 +79,7 @@ impl Observer {
                     self.violate(t, format!("S5: {role} radiates {:?} after its companion died", t - died));
                 }
             }
+            self.judge_silence(t, role);
             if let Some(lost) = self.pose_lost_at[role] {
                 self.seen.out_of_pose = self.seen.out_of_pose.max(t - lost);
                 let dead = self.died_at[role].is_some();
@@ -81,6 +89,23 @@ impl Observer {
             }
         }
         self.order(t, on.i, on.j);
+    }
+
+    /// A radio that is on while there is no state, or while the operator has paused the pair.
+    fn judge_silence(&mut self, t: Duration, role: Role) {
+        if self.died_at[role].is_some() {
+            return;
+        }
+        // The first message that does not come is the evidence.
+        if let Some(stale) = self.stale_since[role].filter(|since| t > *since + PERIOD + POSE_REACTION) {
+            self.violate(t, format!("S4: {role} radiates {:?} after its state stopped", t - stale));
+        }
+        let promised = if role == Role::J { LEASE } else { Duration::ZERO };
+        let paused =
+            self.paused_at.filter(|(at_role, at)| *at_role == role && t > *at + promised + POSE_REACTION);
+        if let Some((_, at)) = paused {
+            self.violate(t, format!("S2: {role} radiates {:?} after the operator's pause", t - at));
+        }
     }
 
     /// S1 and S3 on true powers.

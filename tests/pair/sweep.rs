@@ -7,8 +7,16 @@ use super::world::{AIRTIME, Case, FaultKind, Seen};
 const LOSSES: [f64; 4] = [0.0, 0.1, 0.3, 0.6];
 const DELAYS_MS: [u64; 5] = [0, 20, 100, 400, 2000];
 const DUPLICATIONS: [f64; 2] = [0.0, 0.2];
-const FAULTS: [FaultKind; 5] =
-    [FaultKind::None, FaultKind::Partition, FaultKind::Restart, FaultKind::Pose, FaultKind::Clock];
+const FAULTS: [FaultKind; 8] = [
+    FaultKind::None,
+    FaultKind::Partition,
+    FaultKind::Restart,
+    FaultKind::Pose,
+    FaultKind::Clock,
+    FaultKind::Stale,
+    FaultKind::Pause,
+    FaultKind::RadioHop,
+];
 /// Beyond this delay a lease is over before its grant arrives: nothing can be served, and nothing is.
 const SERVABLE_MS: u64 = 100;
 
@@ -27,7 +35,7 @@ pub struct Args {
     delay_ms: u64,
     #[arg(long, default_value_t = 0.0)]
     duplication: f64,
-    /// None, Partition, Restart, Pose or Clock.
+    /// None, Partition, Restart, Pose, Clock, Stale, Pause or RadioHop.
     #[arg(long, default_value = "None", value_parser = parse_fault)]
     fault: FaultKind,
 }

@@ -9,10 +9,13 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use veilwing::pair::wire::MavMessage;
 use veilwing::role::{PerVehicle, Role};
+use veilwing::service::Outgoing;
 
-use super::companion::{Clocks, Companion, GUARD, LEASE, Phase, SLOT};
+use super::clocks::Clocks;
+use super::companion::Companion;
 use super::observer::{Observer, RADIO_WAY_MS};
 use super::radio::Radio;
+use super::setup::{GUARD, LEASE, SLOT};
 
 /// What goes wrong beside the network's usual ways.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -26,6 +29,12 @@ pub enum FaultKind {
     Pose,
     /// A vehicle's UTC jumps by up to 5 s, and back 10 s later.
     Clock,
+    /// A vehicle's state does not come for 0.02 to 0.3 s.
+    Stale,
+    /// The operator pauses the pair at either vehicle, for 0.2 to 6 s.
+    Pause,
+    /// All the time: each way to a radio and back takes up to 20 ms, in any order, and one message in ten is lost.
+    RadioHop,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -69,6 +78,8 @@ enum Event {
 enum Heal {
     Pose,
     Clock(i64),
+    State,
+    Pause,
 }
 
 struct Queued {
@@ -131,7 +142,7 @@ pub fn run_with_lease(case: Case, i_lease: Duration, meddle: &mut impl FnMut(u64
     let companions = PerVehicle::from_fn(|role| {
         let boot = if role == Role::I { 1 } else { 2 };
         let lease = if role == Role::I { i_lease } else { LEASE };
-        Some(Companion::new(role, boot, clocks[role], lease))
+        Some(Companion::new(role, boot, clocks[role], lease, SLOT))
     });
     let mut world = World {
         case,
@@ -204,8 +215,9 @@ impl World {
                 if let Some(until) = self.radios[role].expires_at() {
                     self.push(until, Event::Expiry);
                 }
-                let back = self.t + self.radio_way();
-                self.push(back, Event::Answer(role, Box::new(answer)));
+                if let Some(way) = self.radio_way() {
+                    self.push(self.t + way, Event::Answer(role, Box::new(answer)));
+                }
             }
             Event::Answer(role, answer) => {
                 if let Some(companion) = self.companions[role].as_mut() {
@@ -219,10 +231,13 @@ impl World {
                 match heal {
                     Heal::Pose => self.observer.pose_lost_at[role] = None,
                     Heal::Clock(back_us) => self.clocks[role].utc_error_us += back_us,
+                    Heal::State => self.observer.stale_since[role] = None,
+                    Heal::Pause => self.order(role, false),
                 }
                 let utc_error_us = self.clocks[role].utc_error_us;
                 if let Some(companion) = self.companions[role].as_mut() {
                     companion.pose_lost &= !matches!(heal, Heal::Pose);
+                    companion.stale_since = companion.stale_since.filter(|_| !matches!(heal, Heal::State));
                     companion.clocks.utc_error_us = utc_error_us;
                 }
             }
@@ -230,33 +245,50 @@ impl World {
         }
     }
 
-    /// A serial line: quick and in order.
-    fn radio_way(&mut self) -> Duration {
-        Duration::from_secs_f64(RADIO_WAY_MS * 0.5e-3)
+    /// A serial line: quick and in order, and one message in a hundred lost; or much worse.
+    fn radio_way(&mut self) -> Option<Duration> {
+        let poor = self.case.fault == FaultKind::RadioHop;
+        let lost = self.rng.random_bool(if poor { 0.1 } else { 0.01 });
+        let share = if poor { self.rng.random_range(0.1..=1.3) } else { 0.5 };
+        (!lost).then(|| Duration::from_secs_f64(RADIO_WAY_MS * 1e-3 * share))
     }
 
     fn flush(&mut self, role: Role) {
-        while let Some(message) = self.companions[role].as_mut().and_then(|c| c.interlock.poll_transmit()) {
-            // The limit's request is not answered: the caps alone hold. One command in a hundred is lost.
-            if let RadioMessage::COMMAND_INT(command) = message
-                && !self.rng.random_bool(0.01)
-            {
-                let at = self.t + self.radio_way();
-                self.push(at, Event::Command(role, Box::new(command)));
+        while let Some(message) = self.companions[role].as_mut().and_then(|c| c.service.poll_transmit()) {
+            match message {
+                Outgoing::Radio(message) => {
+                    // The limit's request is not answered: the caps alone hold.
+                    if let RadioMessage::COMMAND_INT(command) = *message
+                        && let Some(way) = self.radio_way()
+                    {
+                        self.push(self.t + way, Event::Command(role, Box::new(command)));
+                    }
+                }
+                Outgoing::Pair(message) => {
+                    self.watch_grants(role, &message);
+                    self.send(role, *message);
+                }
             }
         }
-        while let Some(message) = self.companions[role].as_mut().and_then(|c| c.pair.poll_transmit()) {
-            if let (MavMessage::VEILWING_LEASE_GRANT(grant), Some(companion)) =
-                (&message, &self.companions[role])
-            {
-                let local = companion.clocks.local(self.t) + Duration::from_millis(grant.duration_ms.into());
-                let until = companion.clocks.true_time(local);
-                let before = self.observer.granted.filter(|(slot, _)| *slot == grant.slot);
-                let until = before.map_or(until, |(_, earlier)| earlier.max(until));
-                self.observer.granted = Some((grant.slot, until));
-            }
-            self.send(role, message);
+    }
+
+    fn watch_grants(&mut self, role: Role, message: &MavMessage) {
+        if let (MavMessage::VEILWING_LEASE_GRANT(grant), Some(companion)) = (message, &self.companions[role])
+        {
+            let local = companion.clocks.local(self.t) + Duration::from_millis(grant.duration_ms.into());
+            let until = companion.clocks.true_time(local);
+            let before = self.observer.granted.filter(|(slot, _)| *slot == grant.slot);
+            let until = before.map_or(until, |(_, earlier)| earlier.max(until));
+            self.observer.granted = Some((grant.slot, until));
         }
+    }
+
+    /// The operator's pause, or the end of it, at one companion; the other one hears of it from its peer.
+    fn order(&mut self, role: Role, pause: bool) {
+        let Some(companion) = self.companions[role].as_mut() else { return };
+        companion.order(pause, self.t);
+        self.observer.paused_at = pause.then_some((role, self.t));
+        self.flush(role);
     }
 
     fn send(&mut self, from: Role, message: MavMessage) {
@@ -280,7 +312,7 @@ impl World {
         self.push(again, Event::Fault);
         let role = if self.rng.random_bool(0.5) { Role::I } else { Role::J };
         match self.case.fault {
-            FaultKind::None => {}
+            FaultKind::None | FaultKind::RadioHop => {}
             FaultKind::Partition => {
                 let until = self.t + Duration::from_secs_f64(self.rng.random_range(0.2..6.0));
                 let both = self.rng.random_bool(0.5);
@@ -290,6 +322,21 @@ impl World {
                 }
             }
             FaultKind::Restart => self.kill(role),
+            FaultKind::Pause => {
+                self.order(role, true);
+                let back = self.t + Duration::from_secs_f64(self.rng.random_range(0.2..6.0));
+                self.push(back, Event::Heal(role, Heal::Pause));
+            }
+            FaultKind::Stale => {
+                let Some(companion) = self.companions[role].as_mut() else { return };
+                companion.stale_since = Some(companion.clocks.local(self.t));
+                self.observer.stale_since[role] = Some(self.t);
+                if role == Role::J {
+                    self.observer.j_fault_at = Some(self.t);
+                }
+                let back = self.t + Duration::from_secs_f64(self.rng.random_range(0.02..0.3));
+                self.push(back, Event::Heal(role, Heal::State));
+            }
             FaultKind::Pose => {
                 let Some(companion) = self.companions[role].as_mut() else { return };
                 companion.pose_lost = true;
@@ -318,7 +365,7 @@ impl World {
             if role == Role::J {
                 self.observer.j_fault_at = Some(self.t);
             }
-            if role == Role::I && companion.course.is_some() {
+            if role == Role::I && companion.service.slot().is_some() {
                 self.count();
             }
             self.boots += 1;
@@ -334,9 +381,9 @@ impl World {
                 if role == Role::J {
                     self.observer.j_fault_at = Some(self.t);
                 }
-                let mut born = Companion::new(role, self.boots, self.clocks[role], LEASE);
+                let mut born = Companion::new(role, self.boots, self.clocks[role], LEASE, SLOT);
                 // In flight it takes nothing over.
-                born.phase = Phase::Aborted;
+                (born.aborted, born.joining) = (Some("back in the air".into()), false);
                 self.companions[role] = Some(born);
             }
         }
@@ -356,12 +403,12 @@ impl World {
         for _ in finished {
             self.count();
         }
-        let aborted = |c: &Option<Companion>| c.as_ref().is_none_or(|c| c.phase == Phase::Aborted);
+        let aborted = |c: &Option<Companion>| c.as_ref().is_none_or(|c| c.aborted.is_some());
         let any = Role::BOTH.into_iter().any(|role| aborted(&self.companions[role]));
         match self.revive_at {
             None if any => {
                 let causes = Role::BOTH.map(|role| {
-                    let cause = self.companions[role].as_ref().and_then(|c| c.aborted_by.clone());
+                    let cause = self.companions[role].as_ref().and_then(|c| c.aborted.clone());
                     cause.map_or(String::new(), |cause| format!("{role}: {cause}"))
                 });
                 self.observer.seen.aborts.push(format!("{:.3} s {}", self.t.as_secs_f64(), causes.concat()));
@@ -372,10 +419,7 @@ impl World {
                 let t = self.t;
                 for role in Role::BOTH {
                     if let Some(companion) = self.companions[role].as_mut() {
-                        companion.course = None;
-                        companion.pair.release(companion.clocks.local(t));
                         companion.begin(t);
-                        companion.react(t);
                     }
                 }
             }

@@ -1,6 +1,6 @@
 //! `veilwing report` on directories: refused with reason, and those of a flown fault.
 
-use veilwing::report::flight::store;
+use veilwing::desk::report::store;
 
 use crate::command::{directory, veilwing};
 use crate::page::sound;

@@ -1,5 +1,6 @@
 //! The flight report: one sound page, true to the flight, and a clear word for every directory that holds none.
 
+#![cfg(feature = "desk")]
 // Helpers of tests may fail the test.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
@@ -10,10 +11,8 @@ mod page;
 mod sample;
 
 use proptest::prelude::*;
-use veilwing::report::flight::timeline::{Listener, ViolationSummary};
-use veilwing::report::flight::{
-    Event, EventKind, Scene, Severity, Source, Timeline, html, load, store, table,
-};
+use veilwing::desk::report::timeline::{Listener, ViolationSummary};
+use veilwing::desk::report::{Event, EventKind, Scene, Severity, Source, Timeline, html, load, store, table};
 use veilwing::role::Role;
 
 use command::directory;

@@ -1,12 +1,12 @@
 //! A flight made by hand, with a fault.
 
-use veilwing::geo::Attitude;
-use veilwing::report::flight::timeline::{
+use veilwing::desk::report::timeline::{
     AirspaceScene, Heard, Listener, Place, PlannedSlot, RadioScene, SCENE_FORMAT, SlotSummary, Summary,
     VehicleState,
 };
-use veilwing::report::flight::{Event, EventKind, Sample, Scene, Severity, Source, Timeline};
-use veilwing::report::plan_document::VehicleDocument;
+use veilwing::desk::report::{Event, EventKind, Sample, Scene, Severity, Source, Timeline};
+use veilwing::geo::Attitude;
+use veilwing::planner::document::VehicleDocument;
 use veilwing::role::{PerVehicle, Role};
 
 pub fn pose(east_m: f64) -> VehicleDocument {

@@ -4,6 +4,7 @@
 //! `cargo run --release --example udp_faults` flies ten. On a machine that has other work to do, `UDP_FAULTS_SPEED=1` in
 //! the environment flies as fast as the wall's clock instead of four times that.
 
+#![cfg(feature = "desk")]
 // Helpers of tests may fail the test.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 

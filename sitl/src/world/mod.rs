@@ -8,6 +8,7 @@ mod radio;
 pub mod record;
 pub mod report;
 mod score;
+pub mod violation;
 
 use std::time::Duration;
 

@@ -2,15 +2,15 @@
 
 mod conduct;
 
-use std::collections::BTreeSet;
+use std::mem::{Discriminant, discriminant};
 use std::time::Duration;
 
 use nalgebra::Vector3;
 
 use super::config::{AirspaceConfig, Off, Reference};
-use super::report::Violation;
+use super::violation::{Breach, Violation};
 use crate::vehicle::autopilot::Traces;
-use conduct::{Emitting, Misconduct, Side};
+use conduct::{Emitting, Side};
 
 /// A vehicle that leaves its pose while it radiates has S4's 100 ms from the first evidence on the wire; the evidence
 /// itself may be one telemetry period and a few steps old.
@@ -29,6 +29,9 @@ const FENCE_MARGIN_M: f64 = 1.0;
 const BAND_MARGIN_M: f64 = 3.0;
 /// Take-off and landing: within this distance of home a vehicle may be below the band.
 const HOME_COLUMN_M: f64 = 10.0;
+
+/// I, which is not to be on the air when the pair is out of step.
+const I: Option<usize> = Some(0);
 
 /// One vehicle at one instant.
 #[derive(Debug, Clone)]
@@ -56,25 +59,13 @@ pub(crate) struct Seen {
     pub companion: bool,
 }
 
-/// What is going on; a violation is reported when one of these begins.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-enum Condition {
-    NoSlot(usize),
-    OutOfPose(usize),
-    Unprotected,
-    InfoFirst,
-    JamLeft,
-    Power(usize),
-    Near,
-    Fence(usize),
-    Band(usize),
-    Conduct(usize, Misconduct),
-}
+/// What is going on: with which vehicle, and which breach. A violation is reported when one of these begins.
+type Condition = (Option<usize>, Discriminant<Breach>);
 
 /// Keeps what must be remembered between two looks.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Monitor {
-    active: BTreeSet<Condition>,
+    active: Vec<Condition>,
     pub violations: Vec<Violation>,
     pub min_separation_m: Option<f64>,
     faulted: bool,
@@ -93,26 +84,25 @@ pub(crate) struct Monitor {
     pub allowance: Duration,
 }
 
-const NAMES: [&str; 2] = ["I", "J"];
-
 impl Monitor {
     /// From now on silence out of turn is what S4 asks for.
     pub fn fault(&mut self) {
         self.faulted = true;
     }
 
-    fn set(
-        &mut self,
-        condition: Condition,
-        holds: bool,
-        invariant: &'static str,
-        now: Duration,
-        detail: impl FnOnce() -> String,
-    ) {
-        if !holds {
-            self.active.remove(&condition);
-        } else if self.active.insert(condition) {
-            self.violations.push(Violation { invariant, at_s: now.as_secs_f64(), detail: detail() });
+    /// Takes note of whether a breach goes on: it is a violation when it begins.
+    fn set(&mut self, now: Duration, vehicle: Option<usize>, breach: Breach, holds: bool) {
+        let condition = (vehicle, discriminant(&breach));
+        let known = self.active.iter().position(|active| *active == condition);
+        match known {
+            Some(k) if !holds => {
+                self.active.swap_remove(k);
+            }
+            None if holds => {
+                self.active.push(condition);
+                self.violations.push(Violation { at: now, vehicle, breach });
+            }
+            _ => {}
         }
     }
 
@@ -142,12 +132,8 @@ impl Monitor {
 
     /// S1, S2 and S6 of one emitter.
     fn emission(&mut self, v: usize, now: Duration, seen: &Seen, max_power_w: f64) {
-        let invariant = ["S1", "S2"][v];
-        let name = NAMES[v];
         let radiates = seen.power_w.is_some();
-        self.set(Condition::NoSlot(v), radiates && seen.slot.is_none(), invariant, now, || {
-            format!("{name} radiates in no slot of the plan")
-        });
+        self.set(now, Some(v), Breach::NoSlot, radiates && seen.slot.is_none());
 
         let posed = radiates && seen.slot.is_some();
         let out = posed && seen.off != Off::Nothing;
@@ -163,16 +149,13 @@ impl Monitor {
             from_start && !self.faulted || now.saturating_sub(since) > FAINT_REACTION
         }) || self.far_out_since[v]
             .is_some_and(|since| now.saturating_sub(since) > POSE_REACTION);
-        self.set(Condition::OutOfPose(v), too_long, invariant, now, || {
-            let (metres, degrees) = seen.error;
-            format!("{name} radiates out of its pose: {metres:.2} m and {degrees:.2} deg off")
-        });
+        let (off_m, off_deg) = seen.error;
+        self.set(now, Some(v), Breach::OutOfPose { off_m, off_deg }, too_long);
 
-        let cap = seen.plan.map_or(max_power_w, |plan| plan.power_w.min(max_power_w));
-        let power = seen.power_w.unwrap_or(0.0);
-        self.set(Condition::Power(v), radiates && power > cap * (1.0 + POWER_MARGIN), "S6", now, || {
-            format!("{name} radiates {power:.6} W; at most {cap:.6} W is allowed")
-        });
+        let allowed_w = seen.plan.map_or(max_power_w, |plan| plan.power_w.min(max_power_w));
+        let power_w = seen.power_w.unwrap_or(0.0);
+        let too_much = radiates && power_w > allowed_w * (1.0 + POWER_MARGIN);
+        self.set(now, Some(v), Breach::Power { power_w, allowed_w }, too_much);
     }
 
     /// S1's jam and S3's order.
@@ -201,44 +184,38 @@ impl Monitor {
             Some((since, had_jam)) => (!had_jam, had_jam && since == now),
             None => (false, false),
         };
-        self.set(Condition::InfoFirst, bare && starts_bare, "S3", now, || "I is on before J is".to_owned());
-        let left = self.active.contains(&Condition::JamLeft) || loses_jam && !excused;
-        self.set(Condition::JamLeft, bare && left, "S3", now, || "J went off while I was on".to_owned());
+        self.set(now, I, Breach::InfoFirst, bare && starts_bare);
+        let left = self.active.contains(&(I, discriminant(&Breach::JamLeft))) || loses_jam && !excused;
+        self.set(now, I, Breach::JamLeft, bare && left);
         let too_long = self
             .bare_since
             .is_some_and(|(since, had_jam)| !had_jam || left || now.saturating_sub(since) > LEASE);
-        self.set(Condition::Unprotected, too_long, "S1", now, || {
-            "I radiates while J does not jam its slot".to_owned()
-        });
+        self.set(now, I, Breach::Unprotected, too_long);
     }
 
     fn separation(&mut self, now: Duration, seen: &[Seen; 2], least_m: f64) {
         let both = seen.iter().all(|s| s.airborne);
-        let distance = (seen[0].position - seen[1].position).norm();
+        let distance_m = (seen[0].position - seen[1].position).norm();
         if both {
-            self.min_separation_m = Some(self.min_separation_m.map_or(distance, |least| least.min(distance)));
+            self.min_separation_m =
+                Some(self.min_separation_m.map_or(distance_m, |least| least.min(distance_m)));
         }
-        self.set(Condition::Near, both && distance < least_m, "F1", now, || {
-            format!("the vehicles are {distance:.2} m apart; {least_m:.2} m is the least")
-        });
+        self.set(now, None, Breach::Near { distance_m, least_m }, both && distance_m < least_m);
     }
 
     /// F1 of one vehicle: the geofence and the altitude band.
     fn airspace(&mut self, v: usize, now: Duration, seen: &Seen, airspace: &AirspaceConfig) {
-        let name = NAMES[v];
         let p = seen.supposed;
         let at_home = (p.xy() - seen.home.xy()).norm() <= HOME_COLUMN_M;
         let free = seen.airborne && seen.confined;
-        let beyond = if free && !at_home { beyond_fence_m(&airspace.area_enu_m, p.x, p.y) } else { 0.0 };
-        self.set(Condition::Fence(v), beyond > FENCE_MARGIN_M, "F1", now, || {
-            format!("{name} is {beyond:.1} m outside the geofence, at ({:.1}, {:.1})", p.x, p.y)
-        });
+        let beyond_m = if free && !at_home { beyond_fence_m(&airspace.area_enu_m, p.x, p.y) } else { 0.0 };
+        let breach = Breach::Fence { beyond_m, position_m: [p.x, p.y] };
+        self.set(now, Some(v), breach, beyond_m > FENCE_MARGIN_M);
         let [low, high] = airspace.altitude_m;
         let below = p.z < low - BAND_MARGIN_M && !at_home;
         let above = p.z > high + BAND_MARGIN_M;
-        self.set(Condition::Band(v), free && (below || above), "F1", now, || {
-            format!("{name} is at {:.1} m, outside the band from {low:.1} to {high:.1} m", p.z)
-        });
+        let breach = Breach::Band { height_m: p.z, band_m: airspace.altitude_m };
+        self.set(now, Some(v), breach, free && (below || above));
     }
 }
 

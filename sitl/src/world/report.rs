@@ -1,6 +1,12 @@
-//! What the world measured of a flight: its part of the flight document.
+//! What the world measured of a flight: its part of the flight document, and violations in words.
 
-use serde::Serialize;
+use std::fmt;
+use std::time::Duration;
+
+use serde::ser::SerializeStruct;
+use serde::{Serialize, Serializer};
+
+use super::violation::{Breach, Violation};
 
 /// A value of each vehicle.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
@@ -42,17 +48,6 @@ pub struct SlotReport {
     pub attitude_control_rms_deg: PerVehicle<Option<f64>>,
 }
 
-/// An invariant that was broken.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Violation {
-    /// S1 to S6, F1 to F3.
-    pub invariant: &'static str,
-    /// Simulation time.
-    pub at_s: f64,
-    /// What happened, with the number that matters.
-    pub detail: String,
-}
-
 /// The world's account of a flight.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct FlightReport {
@@ -66,4 +61,81 @@ pub struct FlightReport {
     pub violations: Vec<Violation>,
     /// Least distance while both were in the air; `null` if they never were.
     pub min_separation_m: Option<f64>,
+}
+
+impl Serialize for Violation {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut object = serializer.serialize_struct("Violation", 3)?;
+        object.serialize_field("invariant", self.invariant().name())?;
+        object.serialize_field("at_s", &self.at.as_secs_f64())?;
+        object.serialize_field("detail", &self.to_string())?;
+        object.end()
+    }
+}
+
+/// What happened, with the number that matters.
+impl fmt::Display for Violation {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let name = match self.vehicle {
+            Some(0) => "I",
+            Some(_) => "J",
+            None => "the vehicles",
+        };
+        let radiates = |f: &mut fmt::Formatter<'_>, after: Duration, what: &str| {
+            write!(f, "{name} radiates {} ms after {what}", after.as_millis())
+        };
+        match self.breach {
+            Breach::NoSlot => write!(f, "{name} radiates in no slot of the plan"),
+            Breach::OutOfPose { off_m, off_deg } => {
+                write!(f, "{name} radiates out of its pose: {off_m:.2} m and {off_deg:.2} deg off")
+            }
+            Breach::Unprotected => write!(f, "I radiates while J does not jam its slot"),
+            Breach::InfoFirst => write!(f, "I is on before J is"),
+            Breach::JamLeft => write!(f, "J went off while I was on"),
+            Breach::Power { power_w, allowed_w } => {
+                write!(f, "{name} radiates {power_w:.6} W; at most {allowed_w:.6} W is allowed")
+            }
+            Breach::Near { distance_m, least_m } => {
+                write!(f, "{name} are {distance_m:.2} m apart; {least_m:.2} m is the least")
+            }
+            Breach::Fence { beyond_m, position_m: [x, y] } => {
+                write!(f, "{name} is {beyond_m:.1} m outside the geofence, at ({x:.1}, {y:.1})")
+            }
+            Breach::Band { height_m, band_m: [low, high] } => {
+                write!(f, "{name} is at {height_m:.1} m, outside the band from {low:.1} to {high:.1} m")
+            }
+            Breach::OutOfControl { after } => {
+                radiates(f, after, "HEARTBEAT showed that its companion flies no more")
+            }
+            Breach::BadEstimate { after } => {
+                radiates(f, after, "its autopilot reported that the estimate failed")
+            }
+            Breach::StateLate { after } => radiates(f, after, "its position or attitude was due on the wire"),
+            Breach::LinkCut { after } => radiates(f, after, "its autopilot's link was cut"),
+            Breach::Unheard { after } => radiates(f, after, "its companion last heard its peer"),
+            Breach::Bare { after } => {
+                radiates(f, after, "J fell silent out of turn, on links that lose nothing")
+            }
+            Breach::Outlives { after } => radiates(f, after, "its companion was gone"),
+            Breach::Endless { lasts } => write!(
+                f,
+                "{name} radiates by a command that lasts for {} ms more, whatever becomes of its companion",
+                lasts.as_millis()
+            ),
+            Breach::Setpoints { after } => write!(
+                f,
+                "{name}'s companion still sends setpoints {} ms after HEARTBEAT showed that another hand has the vehicle",
+                after.as_millis()
+            ),
+            Breach::TakesBack => write!(
+                f,
+                "{name}'s companion took the vehicle back from another hand, and no operator had asked it to"
+            ),
+            Breach::Ghost { after } => write!(
+                f,
+                "setpoints or HEARTBEAT of {name}'s companion come {} ms after it was gone",
+                after.as_millis()
+            ),
+        }
+    }
 }

@@ -332,6 +332,6 @@ impl Flight {
     }
 
     pub fn invariants(&self) -> Vec<(&'static str, String)> {
-        self.world.report().violations.into_iter().map(|v| (v.invariant, v.detail)).collect()
+        self.world.report().violations.into_iter().map(|v| (v.invariant().name(), v.to_string())).collect()
     }
 }

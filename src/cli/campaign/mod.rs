@@ -1,8 +1,6 @@
 //! `veilwing campaign`: many flights of one mission in virtual time, with faults drawn from a distribution.
 
-mod document;
 mod out;
-mod pool;
 mod shard;
 
 use std::io::IsTerminal;
@@ -10,16 +8,17 @@ use std::path::{Path, PathBuf};
 
 use sha2::{Digest, Sha256};
 
-use crate::config::{Faults, Mission};
+use crate::config::Mission;
+use crate::desk::campaign::{
+    CampaignDocument, Done, FlightLine, Identity, Times, ViolationLine, fly_all, merge,
+};
+use crate::desk::simulation::{Faults, Scenario, ScenarioError, draw};
 use crate::link::clock::Clock;
 use crate::planner::slots::hex;
-use crate::simulation::{Scenario, ScenarioError, draw};
 
 use super::planning::{document as plan_document, plan_mission};
-use super::{Exit, load_mission, print_json, print_text};
-use document::{CampaignDocument, FlightLine, Identity, Times, ViolationLine};
+use super::{Exit, interrupt, load_mission, print_json, print_text};
 use out::Out;
-use pool::Done;
 use shard::Shard;
 
 /// Fly a mission many times in virtual time, with faults drawn from a distribution, and count what happens.
@@ -62,7 +61,7 @@ pub(super) struct Args {
 
 pub(super) fn run(args: &Args) -> Exit {
     let outcome = match &args.mission {
-        None => shard::merge(&args.merge).map(|document| show(args, &document)),
+        None => merged(&args.merge).map(|document| show(args, &document)),
         Some(path) => match prepare(args, path) {
             Ok((mission, faults)) => fly(args, (&mission, path), &faults),
             Err(exit) => return exit,
@@ -72,6 +71,16 @@ pub(super) fn run(args: &Args) -> Exit {
         eprintln!("error: {message}");
         Exit::Unusable
     })
+}
+
+/// One document from those of the parts; says what is in none of them.
+fn merged(parts: &[PathBuf]) -> Result<CampaignDocument, String> {
+    let document = merge(parts).map_err(|error| error.to_string())?;
+    let runs = document.identity.campaign_runs;
+    if !document.complete {
+        eprintln!("warning: {} of {runs} flights are in none of the parts", runs - document.runs);
+    }
+    Ok(document)
 }
 
 fn prepare(args: &Args, path: &Path) -> Result<(Mission, Faults), Exit> {
@@ -141,7 +150,8 @@ fn fly(args: &Args, (mission, file): (&Mission, &Path), faults: &Faults) -> Resu
             eprint!("\r{} of {} flights ", flights.len(), runs.len());
         }
     };
-    let interrupted = pool::fly_all(&runs, threads, fly_one, note)?;
+    let interrupted = fly_all(&runs, threads, interrupt::requested(), fly_one, note)
+        .map_err(|error| format!("the event loop cannot start: {error}"))?;
     if progress {
         eprintln!();
     }

@@ -6,7 +6,6 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use mavlink::dialects::ardupilotmega::MavSeverity;
 use serde::Serialize;
 use veilwing_sitl::{Recorder, World};
 
@@ -15,16 +14,16 @@ use crate::cli::sitl::document::{FlightDocument, FlightResult, Messages};
 use crate::cli::sitl::files::Directory;
 use crate::config::Mission;
 use crate::config::file::{usable_directory, write_whole};
+use crate::desk::campaign::{CampaignDocument, FaultLine, FlightLine};
+use crate::desk::report::{self, Event, EventKind, Severity, Timeline};
+use crate::desk::simulation::{Change, Fault, Flown, Observer, Scenario, ScenarioError, Wire, Witness};
 use crate::link::Rejection;
 use crate::link::tlog::append_record;
 use crate::mission::Notice;
-use crate::report::flight::{self, Event, EventKind, Severity, Timeline};
-use crate::report::plan_document::PlanDocument;
+use crate::planner::document::PlanDocument;
 use crate::role::{PerVehicle, Role};
-use crate::simulation::{Change, Fault, Flown, Observer, Scenario, ScenarioError, Wire, Witness};
 use crate::time::Utc;
 
-use super::document::{CampaignDocument, FaultLine, FlightLine};
 use super::shard::Shard;
 
 /// The timeline of a flight has a record this often, and at each change.
@@ -105,7 +104,7 @@ impl Out {
         self.report(logs.write(&self.path));
         let records = logs.recorder.finish();
         let judged = (flown.report.violations.as_slice(), flown.excused.as_slice());
-        let timeline = flight::simulated::timeline(mission, &flown.world, &records, logs.events, judged);
+        let timeline = report::simulated::timeline(mission, &flown.world, &records, logs.events, judged);
         Ok((flown, timeline))
     }
 
@@ -176,20 +175,13 @@ impl Logs {
 
 impl Observer for Logs {
     fn said(&mut self, at: Duration, role: Role, phase: Option<&'static str>, notice: &Notice) {
-        self.line(at, &format!("{role}  {}", notice.text));
-        let severity = match notice.severity {
-            MavSeverity::MAV_SEVERITY_WARNING => Severity::Warning,
-            MavSeverity::MAV_SEVERITY_NOTICE
-            | MavSeverity::MAV_SEVERITY_INFO
-            | MavSeverity::MAV_SEVERITY_DEBUG => Severity::Info,
-            _ => Severity::Error,
-        };
-        let text = notice.text.clone();
+        self.line(at, &format!("{role}  {}", notice));
+        let text = notice.to_string();
         self.events.push(Event {
             at_s: at.as_secs_f64(),
             kind: EventKind::Notice,
             vehicle: Some(role),
-            severity,
+            severity: notice.severity().into(),
             phase: phase.map(str::to_owned),
             code: None,
             text,

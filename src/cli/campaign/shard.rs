@@ -1,10 +1,8 @@
-//! Parts of a campaign, for batch systems: which flights are a part's, and one document from many.
+//! Parts of a campaign, for batch systems: which flights are a part's.
 
-use std::collections::BTreeSet;
-use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-use super::document::{CampaignDocument, FORMAT, FlightLine, Times};
+use crate::desk::campaign::part_file_name;
 
 /// Part `index`, from 1, of `of`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -40,77 +38,8 @@ impl Shard {
 
     /// The name of the part's document.
     pub fn file_name(self) -> String {
-        format!("shard-{}-of-{}.json", self.index, self.of)
+        part_file_name(self.index, self.of)
     }
-}
-
-/// The documents that `paths` name: files, and of a directory its `shard-*.json`.
-fn documents(paths: &[PathBuf]) -> Result<Vec<PathBuf>, String> {
-    let mut all = Vec::new();
-    for path in paths {
-        if !path.is_dir() {
-            all.push(path.clone());
-            continue;
-        }
-        let unreadable = |error| format!("{}: {error}", path.display());
-        let mut found = Vec::new();
-        for entry in std::fs::read_dir(path).map_err(unreadable)? {
-            let name = entry.map_err(unreadable)?.file_name();
-            if name.to_string_lossy().starts_with("shard-") && name.to_string_lossy().ends_with(".json") {
-                found.push(path.join(name));
-            }
-        }
-        if found.is_empty() {
-            return Err(format!("{}: holds no shard-*.json; give the --out of the parts", path.display()));
-        }
-        found.sort();
-        all.append(&mut found);
-    }
-    Ok(all)
-}
-
-fn read(path: &Path) -> Result<CampaignDocument, String> {
-    let name = path.display();
-    let text = std::fs::read_to_string(path).map_err(|error| format!("{name}: {error}"))?;
-    let document: CampaignDocument = serde_json::from_str(&text)
-        .map_err(|error| format!("{name}: {error}; give documents that `veilwing campaign` wrote"))?;
-    if document.format != FORMAT {
-        return Err(format!("{name}: its format is {:?}, not {FORMAT:?}", document.format));
-    }
-    Ok(document)
-}
-
-/// One document from the parts.
-///
-/// # Errors
-/// A file that is no campaign document, parts of different campaigns, a flight that is there twice.
-pub(super) fn merge(paths: &[PathBuf]) -> Result<CampaignDocument, String> {
-    let mut first = None;
-    let mut flights: Vec<FlightLine> = Vec::new();
-    let mut seen = BTreeSet::new();
-    let mut times = Times::default();
-    for path in documents(paths)? {
-        let part = read(&path)?;
-        let identity = first.get_or_insert_with(|| part.identity.clone());
-        if part.identity != *identity {
-            return Err(format!(
-                "{}: part of another campaign: mission, plan, faults, --seed and --runs must be the same in all parts",
-                path.display()
-            ));
-        }
-        if let Some(twice) = part.flights.iter().find(|flight| !seen.insert(flight.run)) {
-            return Err(format!("{}: flight {} is in another part too", path.display(), twice.run));
-        }
-        flights.extend(part.flights);
-        times.wall_s += part.wall_s;
-        times.cpu_s += part.cpu_s;
-    }
-    let identity = first.ok_or("there is nothing to merge")?;
-    let missing = identity.campaign_runs.saturating_sub(flights.len() as u64);
-    if missing > 0 {
-        eprintln!("warning: {missing} of {} flights are in none of the parts", identity.campaign_runs);
-    }
-    Ok(CampaignDocument::new(identity, None, missing == 0, flights, times))
 }
 
 #[cfg(test)]

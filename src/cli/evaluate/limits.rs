@@ -2,8 +2,8 @@
 
 use crate::config::Mission;
 use crate::geo::polygon::Polygon;
+use crate::planner::document::{EditedPlan, EditedSlot, VehicleDocument};
 use crate::planner::plan::VehiclePlan;
-use crate::report::plan_document::{EditedPlan, EditedSlot, VehicleDocument};
 use crate::role::Role;
 use crate::units::Watts;
 

@@ -5,12 +5,12 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
 use serde::Serialize;
-use veilwing_sitl::FlightReport;
+use veilwing_sitl::{FlightReport, Violation};
 
 use crate::config::Mission;
+use crate::desk::simulation::Excused;
 use crate::planner::problem::Uncertainty;
 use crate::role::{PerVehicle, Role};
-use crate::simulation::Excused;
 
 use super::host::Flight;
 use super::process::{End, describe_end};
@@ -87,9 +87,9 @@ impl FlightDocument {
             false => FlightResult::Aborted,
         };
         let messages = Messages {
-            sent: flight.sent,
-            received: flight.received,
-            rejected: BTreeMap::from([("swallowed-by-fault", flight.swallowed)]),
+            sent: flight.traffic.sent,
+            received: flight.traffic.received,
+            rejected: BTreeMap::from([("swallowed-by-fault", flight.traffic.swallowed)]),
         };
         let excused = flight.excused.clone();
         let document = Self::new(result, flight.report.clone(), excused, plan_digest, wall_s, messages);
@@ -154,19 +154,14 @@ impl FlightDocument {
                 writeln!(text, "vehicle {role}: companion {}", describe_end(end))?;
             }
         }
+        let told = |violation: &Violation| {
+            format!("{} at {:.3} s: {violation}", violation.invariant().name(), violation.at.as_secs_f64())
+        };
         for violation in &self.report.violations {
-            writeln!(
-                text,
-                "VIOLATION {} at {:.3} s: {}",
-                violation.invariant, violation.at_s, violation.detail
-            )?;
+            writeln!(text, "VIOLATION {}", told(violation))?;
         }
         for Excused { violation, why } in &self.excused {
-            writeln!(
-                text,
-                "not counted: {} at {:.3} s: {} ({why})",
-                violation.invariant, violation.at_s, violation.detail
-            )?;
+            writeln!(text, "not counted: {} ({why})", told(violation))?;
         }
         if let Some(WorldLate { steps, worst_ms }) = self.world_late.as_ref().filter(|late| late.steps > 0) {
             writeln!(

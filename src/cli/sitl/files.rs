@@ -6,11 +6,11 @@ use serde::Serialize;
 
 use crate::config::file::{unwritable, usable_directory, write_whole};
 use crate::config::{Mission, Vehicle};
-use crate::report::flight::{self, Timeline};
+use crate::desk::report::{self, Timeline};
 use crate::role::Role;
 
-use crate::cli::report;
-use crate::simulation::vehicle_draft;
+use crate::cli::report::{REPORT, write};
+use crate::desk::simulation::vehicle_draft;
 
 /// Kept where the operator said, or temporary and removed at the end.
 pub(in crate::cli) struct Directory {
@@ -50,10 +50,10 @@ impl Directory {
         if !same(mission, &kept) {
             std::fs::copy(mission, &kept).map_err(|error| unwritable(&kept, &error))?;
         }
-        flight::store(&self.path, timeline).map_err(|error| error.to_string())?;
+        report::store(&self.path, timeline).map_err(|error| error.to_string())?;
         // From what has just been written, so that `veilwing report` gives the same.
-        let recorded = flight::load(&self.path).map_err(|error| error.to_string())?;
-        report::write(&self.path.join(report::REPORT), &recorded)
+        let recorded = report::load(&self.path).map_err(|error| error.to_string())?;
+        write(&self.path.join(REPORT), &recorded)
     }
 }
 

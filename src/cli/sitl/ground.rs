@@ -2,7 +2,7 @@
 
 use tokio::net::UdpSocket;
 
-use crate::config::{HostPort, LinkAddress};
+use crate::link::{HostPort, LinkAddress};
 
 /// The link of each vehicle's router that goes to the ground station; link 0 is the companion's.
 pub(super) const GROUND_LINK: usize = 1;

@@ -5,21 +5,21 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use rustix::process::Signal;
 use tokio::sync::mpsc;
 use tokio::time::MissedTickBehavior;
 use veilwing_sitl::{self as sim, World};
 
 use crate::cli::progress;
-use crate::config::{HostPort, Mission};
+use crate::config::Mission;
+use crate::desk::report::{Event, EventKind, Severity};
+use crate::desk::simulation::{self, Change, Excused, Fault, FaultKind, Late, Supervisor, index, judge};
+use crate::link::HostPort;
 use crate::link::clock::Clock;
-use crate::report::flight::{Event, EventKind, Severity};
 use crate::role::{PerVehicle, Role};
-use crate::simulation::{Excused, Fault, Late, Schedule, index, judge};
 
-use super::faults::Restart;
 use super::files::write_vehicle;
-use super::ground::{GROUND_LINK, GroundStation};
-use super::port::Port;
+use super::links::{Links, Traffic};
 use super::process::{Companion, End, Line, Spawning, describe_end, spawn_companion};
 
 /// The world advances in steps of this much wall time.
@@ -28,10 +28,6 @@ const STEP: Duration = Duration::from_millis(2);
 const LATE: Duration = Duration::from_millis(20);
 /// Progress lines without news come this often, in flight time.
 const PROGRESS_EVERY: Duration = Duration::from_secs(10);
-/// A companion whose peer has ended may take this much longer (flight time) before it is asked to stop ...
-const LAST_ONE: Duration = Duration::from_secs(300);
-/// ... and this much if its vehicle neither obeys it nor lands: it has nothing left to do.
-const LAST_ONE_IDLE: Duration = Duration::from_secs(15);
 /// The timeline has a record this often, and at each change.
 const RECORD_EVERY: Duration = Duration::from_millis(50);
 /// After being asked to stop, a companion has this much wall time.
@@ -78,84 +74,52 @@ pub(super) struct Flight {
     pub events: Vec<Event>,
     pub ends: PerVehicle<Option<End>>,
     pub interrupted: bool,
-    /// Datagrams that companions sent to their vehicle or to each other.
-    pub sent: u64,
-    /// Frames that companions were sent by their vehicles.
-    pub received: u64,
-    /// Datagrams that a fault swallowed.
-    pub swallowed: u64,
+    pub traffic: Traffic,
 }
 
 /// A flight under way.
-pub(super) struct Host<'a> {
-    pub setup: Setup<'a>,
+struct Host<'a> {
+    setup: Setup<'a>,
     clock: Clock,
-    wall: Clock,
-    pub autopilot: PerVehicle<Port>,
-    pub pair: PerVehicle<Port>,
-    ground: Option<GroundStation>,
-    pub companions: PerVehicle<Companion>,
+    links: Links,
+    companions: PerVehicle<Companion>,
     vehicle_files: PerVehicle<PathBuf>,
     lines: mpsc::UnboundedSender<(Role, Line)>,
-    pub schedule: Schedule,
-    /// Faults that have begun.
-    pub happened: Vec<(Duration, Fault)>,
     /// What the world was last told of the companions.
-    pub told: PerVehicle<sim::Circumstances>,
+    told: PerVehicle<sim::Circumstances>,
     /// How often each companion has been started again.
-    pub lives: PerVehicle<u32>,
+    lives: PerVehicle<u32>,
     late: Vec<Late>,
-    pub restarts: PerVehicle<Option<Restart>>,
-    first_end: Option<Duration>,
     interrupted: bool,
     next_progress: Duration,
     recorder: sim::Recorder,
-    pub events: Vec<Event>,
+    events: Vec<Event>,
 }
 
 /// Flies until both companions have ended.
 pub(super) async fn fly(mut setup: Setup<'_>) -> Result<Flight, String> {
-    let ground = match setup.ground_station {
-        Some(address) => Some(GroundStation::connect(address).await?),
-        None => None,
-    };
-    if ground.is_some() {
-        Role::BOTH.into_iter().for_each(|role| setup.world.open_link(index(role), GROUND_LINK));
-    }
-    let seed = setup.seed;
-    let autopilot = PerVehicle { i: Port::bind(seed, 0).await?, j: Port::bind(seed, 1).await? };
-    let pair = PerVehicle { i: Port::bind(seed, 2).await?, j: Port::bind(seed, 3).await? };
+    let links = Links::open(setup.seed, setup.ground_station, &mut setup.world).await?;
     let (lines, mut log) = mpsc::unbounded_channel();
     let write = |role: Role| {
-        let pair_port = match &setup.pair_relay {
-            Some(ports) => ports[role],
-            None => pair[role].number()?,
-        };
-        let ports = [autopilot[role].number()?, pair_port];
-        write_vehicle(setup.directory, setup.settings, role, ports)
+        let [autopilot, pair] = links.numbers(role)?;
+        let pair = setup.pair_relay.as_ref().map_or(pair, |ports| ports[role]);
+        write_vehicle(setup.directory, setup.settings, role, [autopilot, pair])
     };
     let vehicle_files = PerVehicle { i: write(Role::I)?, j: write(Role::J)? };
     let spawn = |role: Role| spawn_companion(&setup.spawning(), role, &vehicle_files[role], &lines);
     let companions = PerVehicle { i: spawn(Role::I)?, j: spawn(Role::J)? };
     let clock = Clock::start(setup.speed).map_err(|error| error.to_string())?;
-    let schedule = Schedule::new(setup.faults.clone());
+    let mut supervisor = Supervisor::new(setup.faults.clone(), setup.longest);
     let mut host = Host {
         setup,
         clock,
-        wall: Clock::real(),
-        autopilot,
-        pair,
-        ground,
+        links,
         companions,
         vehicle_files,
         lines,
-        schedule,
-        happened: Vec::new(),
         told: PerVehicle::default(),
         lives: PerVehicle::default(),
         late: Vec::new(),
-        restarts: PerVehicle::default(),
-        first_end: None,
         interrupted: false,
         next_progress: PROGRESS_EVERY,
         recorder: sim::Recorder::new(RECORD_EVERY),
@@ -166,12 +130,12 @@ pub(super) async fn fly(mut setup: Setup<'_>) -> Result<Flight, String> {
     let mut interrupt = std::pin::pin!(crate::cli::interrupt::requested());
     while !host.is_over() {
         tokio::select! {
-            _ = step.tick() => host.advance(),
+            _ = step.tick() => host.advance(&mut supervisor),
             Some((role, line)) = log.recv() => host.hear(role, line),
             () = &mut interrupt, if !host.interrupted => {
                 host.say("interrupted: both companions are asked to stop");
                 host.interrupted = true;
-                Role::BOTH.into_iter().for_each(|role| host.ask_to_stop(role));
+                Role::BOTH.into_iter().for_each(|role| supervisor.ask_to_stop(role, &mut host));
             }
         }
     }
@@ -181,48 +145,27 @@ pub(super) async fn fly(mut setup: Setup<'_>) -> Result<Flight, String> {
         host.hear(role, line);
     }
     host.settle();
-    Ok(host.finish())
+    Ok(host.finish(supervisor.happened()))
 }
 
 impl Host<'_> {
     /// One step: faults that are due, datagrams in, the world forward, datagrams out.
-    fn advance(&mut self) {
-        self.change_faults();
+    fn advance(&mut self, supervisor: &mut Supervisor) {
+        while let Some(change) = supervisor.due(&self.setup.world) {
+            self.note_change(&change);
+            supervisor.apply(change, self);
+        }
         self.tell_world();
-        let now = self.setup.world.now();
-        for role in Role::BOTH {
-            self.autopilot[role].listen(now);
-            while let Some(bytes) = self.autopilot[role].receive(now) {
-                self.setup.world.handle(index(role), 0, &bytes);
-            }
-            self.pair[role].listen(now);
-            while let Some(bytes) = self.pair[role].receive(now) {
-                self.pair[role.peer()].send(&bytes, now);
-            }
-        }
-        let mut buffer = [0; 2048];
-        while let Some(bytes) = self.ground.as_ref().and_then(|ground| ground.receive(&mut buffer)) {
-            Role::BOTH.into_iter().for_each(|role| self.setup.world.handle(index(role), GROUND_LINK, bytes));
-        }
+        self.links.listen(&mut self.setup.world);
         // What a fault or a command has just changed keeps its own instant.
         self.recorder.observe(&self.setup.world);
         let to = self.clock.now().since_start();
-        self.note_lateness(now, to);
+        self.note_lateness(self.setup.world.now(), to);
         self.setup.world.advance(to);
         self.recorder.observe(&self.setup.world);
-        while let Some((vehicle, link, frame)) = self.setup.world.poll_transmit() {
-            if let (GROUND_LINK, Some(ground)) = (link, &self.ground) {
-                ground.send(&frame);
-                continue;
-            }
-            self.autopilot[Role::BOTH[vehicle]].send(&frame, self.setup.world.now());
-        }
-        let now = self.setup.world.now();
-        for role in Role::BOTH {
-            self.autopilot[role].deliver(now);
-            self.pair[role].deliver(now);
-        }
-        self.watch_companions();
+        self.links.deliver(&mut self.setup.world);
+        Role::BOTH.into_iter().for_each(|role| self.see_end(role, supervisor));
+        supervisor.watch(self);
         self.note_progress();
     }
 
@@ -242,13 +185,9 @@ impl Host<'_> {
         while self.setup.world.poll_transmit().is_some() {}
     }
 
-    fn finish(self) -> Flight {
-        let ports = || Role::BOTH.into_iter().flat_map(|role| [&self.autopilot[role], &self.pair[role]]);
-        let (sent, swallowed) =
-            (ports().map(|port| port.sent).sum(), ports().map(|port| port.swallowed).sum());
-        let received = Role::BOTH.map(|role| self.autopilot[role].received).iter().sum();
+    fn finish(self, happened: &[(Duration, Fault)]) -> Flight {
         let mut report = self.setup.world.report();
-        let (violations, excused) = judge(std::mem::take(&mut report.violations), &self.happened, &self.late);
+        let (violations, excused) = judge(std::mem::take(&mut report.violations), happened, &self.late);
         report.violations = violations;
         Flight {
             report,
@@ -258,9 +197,7 @@ impl Host<'_> {
             events: self.events,
             ends: self.companions.map(|companion| companion.end),
             interrupted: self.interrupted,
-            sent,
-            received,
-            swallowed,
+            traffic: self.links.traffic(),
             world: self.setup.world,
         }
     }
@@ -269,51 +206,54 @@ impl Host<'_> {
         Role::BOTH.into_iter().all(|role| self.companions[role].end.is_some())
     }
 
-    fn watch_companions(&mut self) {
-        let now = self.setup.world.now();
-        for role in Role::BOTH {
-            let companion = &mut self.companions[role];
-            if companion.end.is_some() {
-                continue;
+    /// Takes note of the end of a companion process, or starts it again.
+    fn see_end(&mut self, role: Role, supervisor: &mut Supervisor) {
+        let companion = &mut self.companions[role];
+        if companion.end.is_some() {
+            return;
+        }
+        let Ok(Some(status)) = companion.child.try_wait() else { return };
+        if supervisor.comes_back(role) {
+            if !std::mem::replace(&mut companion.gone, true) {
+                self.setup.world.inject(sim::Fault::CompanionLost { vehicle: index(role) });
             }
-            if let Ok(Some(status)) = companion.child.try_wait() {
-                use std::os::unix::process::ExitStatusExt;
-                if self.restart(role) {
-                    continue;
-                }
-                let companion = &mut self.companions[role];
-                let end = match (companion.asked_to_stop, status.code(), status.signal()) {
-                    (Some(_), ..) => End::Stopped,
-                    (None, Some(code), _) => End::Code(code),
-                    (None, None, signal) => End::Signal(signal.unwrap_or_default()),
-                };
-                companion.end = Some(end);
-                if end != End::Code(0) {
-                    self.setup.world.inject(sim::Fault::CompanionLost { vehicle: index(role) });
-                }
-                self.first_end.get_or_insert(now);
-                let severity = if end == End::Code(0) { Severity::Info } else { Severity::Warning };
-                let text = format!("companion {}", describe_end(end));
-                self.say(&format!("{role}  {text}"));
-                self.note(EventKind::Process, Some(role), severity, text);
-            } else if companion.asked_to_stop.is_some_and(|at| self.wall.now() > at + STOP_WITHIN) {
-                // It does not listen: end it. Its transmitter falls silent by itself.
-                let _ = companion.child.start_kill();
+            if supervisor.start_if_due(role, self) {
+                return;
             }
         }
-        let snapshot = self.setup.world.snapshot();
+        let end = End::new(status, supervisor.asked_to_stop(role));
+        self.companions[role].end = Some(end);
+        if end != End::Code(0) {
+            self.setup.world.inject(sim::Fault::CompanionLost { vehicle: index(role) });
+        }
+        let severity = if end == End::Code(0) { Severity::Info } else { Severity::Warning };
+        let text = format!("companion {}", describe_end(end));
+        self.say(&format!("{role}  {text}"));
+        self.note(EventKind::Process, Some(role), severity, text);
+    }
+
+    /// Tells the world's monitor how the companions fare, as far as this process knows.
+    fn tell_world(&mut self) {
         for role in Role::BOTH {
-            let vehicle = &snapshot.vehicles[index(role)];
-            let coming_down = ["LAND", "RTL"].iter().any(|mode| vehicle.mode.contains(mode));
-            let patience = if vehicle.companion_controlled || coming_down { LAST_ONE } else { LAST_ONE_IDLE };
-            if self.first_end.is_some_and(|at| now > at + patience) || now > self.setup.longest {
-                self.ask_to_stop(role);
+            let companion = &self.companions[role];
+            let told = sim::Circumstances {
+                runs: companion.lives() && !companion.frozen,
+                life: self.lives[role],
+                vehicle_link: self.links.vehicle_passage(role),
+                from_peer: match self.setup.pair_relay {
+                    // What somebody else's relay does to it is not known here.
+                    Some(_) => sim::Passage::Impaired,
+                    None => self.links.pair_passage(role.peer()),
+                },
+            };
+            if std::mem::replace(&mut self.told[role], told) != told {
+                self.setup.world.set_circumstances(index(role), told);
             }
         }
     }
 
     /// Starts a companion once more; the telemetry logs of its earlier life are kept beside the new ones.
-    pub(super) fn spawn_again(&self, role: Role) -> Result<Companion, String> {
+    fn spawn_again(&self, role: Role) -> Result<Companion, String> {
         let name = role.to_string().to_lowercase();
         for link in ["autopilot", "pair"] {
             let log = |suffix: &str| self.setup.directory.join(format!("{name}-{link}{suffix}.tlog"));
@@ -324,17 +264,6 @@ impl Host<'_> {
             }
         }
         spawn_companion(&self.setup.spawning(), role, &self.vehicle_files[role], &self.lines)
-    }
-
-    fn ask_to_stop(&mut self, role: Role) {
-        let now = self.wall.now();
-        let companion = &mut self.companions[role];
-        if companion.end.is_none() && companion.asked_to_stop.is_none() {
-            companion.asked_to_stop = Some(now);
-            self.restarts[role] = None;
-            self.signal(role, rustix::process::Signal::TERM);
-            self.signal(role, rustix::process::Signal::CONT);
-        }
     }
 
     fn note_progress(&mut self) {
@@ -365,12 +294,82 @@ impl Host<'_> {
         }
     }
 
-    pub(super) fn note(&mut self, kind: EventKind, vehicle: Option<Role>, severity: Severity, text: String) {
+    /// A fault that begins or ends.
+    fn note_change(&mut self, change: &Change) {
+        let (fault, kind, over) = match change {
+            Change::Begins(fault) => (fault, EventKind::Fault, ""),
+            Change::Ends(fault) => (fault, EventKind::FaultOver, " is over"),
+        };
+        self.say(&format!("{}{over}", fault.describe()));
+        self.note(kind, fault.vehicle(), Severity::Warning, fault.what());
+        if let Some(event) = self.events.last_mut() {
+            event.code = Some(fault.kind.name().to_owned());
+        }
+    }
+
+    fn note(&mut self, kind: EventKind, vehicle: Option<Role>, severity: Severity, text: String) {
         let at_s = self.setup.world.now().as_secs_f64();
         self.events.push(Event { at_s, kind, vehicle, severity, phase: None, code: None, text });
     }
 
-    pub(super) fn say(&self, text: &str) {
+    fn say(&self, text: &str) {
         progress(&format!("[{:7.1} s] {text}", self.setup.world.now().as_secs_f64()));
+    }
+}
+
+impl simulation::Host for Host<'_> {
+    const LINK: &'static [FaultKind] = &[FaultKind::LinkLoss, FaultKind::LinkDegraded];
+
+    fn world(&mut self) -> &mut World {
+        &mut self.setup.world
+    }
+
+    fn lives(&self, role: Role) -> bool {
+        self.companions[role].lives()
+    }
+
+    fn kill(&mut self, role: Role) {
+        self.companions[role].signal(Signal::KILL);
+    }
+
+    fn start(&mut self, role: Role) -> bool {
+        match self.spawn_again(role) {
+            Ok(companion) => {
+                self.companions[role] = companion;
+                self.lives[role] += 1;
+                true
+            }
+            Err(error) => {
+                self.say(&format!("{role}  {error}"));
+                false
+            }
+        }
+    }
+
+    fn freeze(&mut self, role: Role, frozen: bool) {
+        self.companions[role].frozen = frozen;
+        self.companions[role].signal(if frozen { Signal::STOP } else { Signal::CONT });
+    }
+
+    fn stop(&mut self, role: Role) {
+        self.companions[role].signal(Signal::TERM);
+    }
+
+    fn stop_within(&self) -> Duration {
+        STOP_WITHIN.mul_f64(self.setup.speed)
+    }
+
+    fn fill_disk(&mut self, role: Role, full: bool) {
+        if let Err(error) = self.companions[role].fill_disk(full) {
+            self.say(&format!("{role}  the disk cannot be made to look full: {error}"));
+        }
+    }
+
+    fn set_pair_path(&mut self, from: Role, path: Option<simulation::Path>) {
+        self.links.set_pair_path(from, path);
+    }
+
+    fn set_autopilot_path(&mut self, role: Role, path: Option<simulation::Path>) {
+        self.links.set_autopilot_path(role, path);
     }
 }

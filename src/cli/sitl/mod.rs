@@ -2,21 +2,22 @@
 //! processes of their own, MAVLink over loopback UDP between them.
 
 pub(super) mod document;
-mod faults;
 pub(super) mod files;
 mod ground;
 mod host;
+mod links;
 mod port;
 mod process;
 
 use std::path::PathBuf;
 
 use crate::companion::settings::scheduling_allowance;
-use crate::config::{Faults, HostPort, Mission};
+use crate::config::Mission;
+use crate::desk::report;
+use crate::desk::simulation::{self, Faults, LONGEST, Scenario, draw};
+use crate::link::HostPort;
 use crate::link::clock::Clock;
-use crate::report::flight;
 use crate::role::PerVehicle;
-use crate::simulation::{self, LONGEST, Scenario, draw};
 
 use super::plan::write_plan;
 use super::planning::{document as plan_document, plan_mission};
@@ -136,7 +137,7 @@ fn fly(args: &Args, mission: &Mission, faults: &Faults) -> Result<Exit, String> 
     if let Some(out) = &args.out {
         let judged = (flown.report.violations.as_slice(), flown.excused.as_slice());
         let timeline =
-            flight::simulated::timeline(mission, &flown.world, &flown.records, flown.events.clone(), judged);
+            report::simulated::timeline(mission, &flown.world, &flown.records, flown.events.clone(), judged);
         directory.write_flight(&args.mission, &timeline)?;
         progress(&format!("kept in {}", out.display()));
     }

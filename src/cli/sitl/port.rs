@@ -5,8 +5,9 @@ use std::net::SocketAddr;
 use std::time::Duration;
 
 use tokio::net::UdpSocket;
+use veilwing_sitl::Passage;
 
-use crate::simulation::{Path, Pipe};
+use crate::desk::simulation::{Path, Pipe};
 
 /// Loopback itself: nothing lost, and no delay beside the operating system's.
 pub(super) const DIRECT: Path = Path { delay: Duration::ZERO, ..Path::GOOD };
@@ -56,6 +57,11 @@ impl Port {
     /// Changes what happens to what the companion is sent from now on.
     pub fn set_path_to(&mut self, path: Path) {
         self.to_companion.path = path;
+    }
+
+    /// How what the companion sends fares.
+    pub fn passage(&self) -> Passage {
+        self.from_companion.path.passage()
     }
 
     /// Takes in what the companion has sent.

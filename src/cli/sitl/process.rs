@@ -1,16 +1,17 @@
 //! The companion processes of a simulated flight.
 
+use std::io;
 use std::path::Path;
-use std::process::Stdio;
+use std::process::{ExitStatus, Stdio};
 
+use rustix::process::{Pid, Resource, Rlimit, Signal, kill_process, prlimit};
 use tokio::io::{AsyncBufReadExt, BufReader};
 use tokio::process::{Child, Command};
 use tokio::sync::mpsc;
 
 use crate::cli::progress;
-use crate::report::flight::Severity;
+use crate::desk::report::Severity;
 use crate::role::Role;
-use crate::time::Instant;
 
 /// How a companion process ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -26,10 +27,39 @@ pub(super) enum End {
 /// A companion process.
 pub(super) struct Companion {
     pub child: Child,
+    /// How it ended, if it was not to be started again.
     pub end: Option<End>,
-    pub asked_to_stop: Option<Instant>,
     /// Dead, to be started again.
     pub gone: bool,
+    /// Stopped by a signal.
+    pub frozen: bool,
+}
+
+impl Companion {
+    /// It exists, as far as its end has been seen.
+    pub fn lives(&self) -> bool {
+        self.end.is_none() && !self.gone
+    }
+
+    pub fn signal(&self, signal: Signal) {
+        if let Some(pid) = self.pid() {
+            // It may have ended in the meantime.
+            let _ = kill_process(pid, signal);
+        }
+    }
+
+    /// No file of it grows any more, or may again: what a full disk does to it. Its log on stderr is a pipe.
+    pub fn fill_disk(&self, full: bool) -> io::Result<()> {
+        let Some(pid) = self.pid() else { return Ok(()) };
+        let limit = Rlimit { current: full.then_some(0), maximum: None };
+        prlimit(Some(pid), Resource::Fsize, limit)?;
+        Ok(())
+    }
+
+    fn pid(&self) -> Option<Pid> {
+        let id = self.child.id()?;
+        i32::try_from(id).ok().and_then(Pid::from_raw)
+    }
 }
 
 /// How companions are started.
@@ -40,6 +70,18 @@ pub(super) struct Spawning<'a> {
     pub speed: f64,
     /// Begin without waiting for MISSION_START.
     pub start: bool,
+}
+
+impl End {
+    /// Of a process that was asked to stop, or was not.
+    pub fn new(status: ExitStatus, asked_to_stop: bool) -> Self {
+        use std::os::unix::process::ExitStatusExt;
+        match status.code() {
+            _ if asked_to_stop => Self::Stopped,
+            Some(code) => Self::Code(code),
+            None => Self::Signal(status.signal().unwrap_or_default()),
+        }
+    }
 }
 
 /// How a companion ended, in words.
@@ -103,7 +145,7 @@ pub(super) fn spawn_companion(
             }
         });
     }
-    Ok(Companion { child, end: None, asked_to_stop: None, gone: false })
+    Ok(Companion { child, end: None, gone: false, frozen: false })
 }
 
 /// A line of a companion's log, for the operator.

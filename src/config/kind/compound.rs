@@ -8,7 +8,7 @@ use super::value::{Fault, Item, Kind, miscount, wrong_type};
 use crate::role::{PerVehicle, Role};
 
 /// A fixed number of numbers, each with its name and range.
-pub(in crate::config) struct Numbers<const N: usize>(pub(in crate::config) [(&'static str, Number); N]);
+pub(crate) struct Numbers<const N: usize>(pub(crate) [(&'static str, Number); N]);
 
 impl<const N: usize> Kind for Numbers<N> {
     type Out = [f64; N];
@@ -53,52 +53,11 @@ impl<const N: usize> Kind for Numbers<N> {
     }
 }
 
-/// A number, or the lowest and the highest of a range that numbers are drawn from: `2.0` or `[0.5, 5.0]`.
-pub(in crate::config) struct Extent(pub(in crate::config) Number);
-
-impl Kind for Extent {
-    type Out = [f64; 2];
-
-    fn read(&self, item: &Item<'_>, faults: &mut Vec<Fault>) -> Option<[f64; 2]> {
-        if item.get_ref().as_array().is_none() {
-            return self.0.read(item, faults).map(|number| [number; 2]);
-        }
-        let ends = Numbers([("lowest", self.0), ("highest", self.0)]);
-        let ends = ends.read(item, faults)?;
-        match inverted(ends) {
-            Some(clause) => faults.push(Fault { at: item.span(), clause }),
-            None => return Some(ends),
-        }
-        None
-    }
-
-    fn fault(&self, ends: &[f64; 2]) -> Option<String> {
-        ends.iter().find_map(|end| self.0.fault(end)).or_else(|| inverted(*ends))
-    }
-
-    fn expected(&self) -> String {
-        format!("{}, or a range of them, [lowest, highest]", self.0.expected())
-    }
-
-    fn schema(&self) -> Json {
-        let one = self.0.schema();
-        json!({ "oneOf": [one, { "type": "array", "items": one, "minItems": 2, "maxItems": 2 }] })
-    }
-
-    fn canonical(&self, [low, high]: &[f64; 2]) -> Json {
-        json!([low + 0.0, high + 0.0])
-    }
-}
-
-fn inverted([low, high]: [f64; 2]) -> Option<String> {
-    (low > high).then(|| format!("is inverted: the lowest, {low}, is above the highest, {high}"))
-}
-
 /// A list of so many values of a kind.
-pub(in crate::config) struct List<K> {
-    pub(in crate::config) each: K,
-    pub(in crate::config) at_least: usize,
-    pub(in crate::config) at_most: usize,
+pub(crate) struct List<K> {
+    pub(crate) each: K,
+    pub(crate) at_least: usize,
+    pub(crate) at_most: usize,
 }
 
 impl<K: Kind> Kind for List<K> {
@@ -138,7 +97,7 @@ impl<K: Kind> Kind for List<K> {
 }
 
 /// One value for both vehicles, or a table with one for each: `0.5` or `{ i = 0.5, j = 0.2 }`.
-pub(in crate::config) struct Each<K>(pub(in crate::config) K);
+pub(crate) struct Each<K>(pub(crate) K);
 
 impl<K: Kind<Out: Copy>> Kind for Each<K> {
     type Out = PerVehicle<K::Out>;

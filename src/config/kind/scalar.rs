@@ -12,7 +12,7 @@ use crate::time::Utc;
 
 /// A finite number in a unit and a range.
 #[derive(Debug, Clone, Copy)]
-pub(in crate::config) struct Number {
+pub(crate) struct Number {
     unit: &'static str,
     min: f64,
     max: f64,
@@ -21,12 +21,12 @@ pub(in crate::config) struct Number {
 
 impl Number {
     /// At least `min`, at most `max`. The empty unit is a plain number.
-    pub(in crate::config) const fn within(unit: &'static str, min: f64, max: f64) -> Self {
+    pub(crate) const fn within(unit: &'static str, min: f64, max: f64) -> Self {
         Self { unit, min, max, above: false }
     }
 
     /// More than zero, at most `max`.
-    pub(in crate::config) const fn positive(unit: &'static str, max: f64) -> Self {
+    pub(crate) const fn positive(unit: &'static str, max: f64) -> Self {
         Self { unit, min: 0.0, max, above: true }
     }
 
@@ -111,9 +111,9 @@ impl Kind for Number {
 
 /// A whole number in a range.
 #[derive(Debug, Clone, Copy)]
-pub(in crate::config) struct Integer {
-    pub(in crate::config) min: u64,
-    pub(in crate::config) max: u64,
+pub(crate) struct Integer {
+    pub(crate) min: u64,
+    pub(crate) max: u64,
 }
 
 impl Kind for Integer {
@@ -154,7 +154,7 @@ impl Kind for Integer {
 }
 
 /// True or false.
-pub(in crate::config) struct Flag;
+pub(crate) struct Flag;
 
 impl Kind for Flag {
     type Out = bool;
@@ -185,8 +185,8 @@ impl Kind for Flag {
 }
 
 /// Text of at least one and at most so many characters, none of them a control character.
-pub(in crate::config) struct Text {
-    pub(in crate::config) max_chars: usize,
+pub(crate) struct Text {
+    pub(crate) max_chars: usize,
 }
 
 impl Kind for Text {
@@ -231,7 +231,7 @@ impl Kind for Text {
 }
 
 /// One of a few words.
-pub(in crate::config) struct Choice<T: 'static>(pub(in crate::config) &'static [(&'static str, T)]);
+pub(crate) struct Choice<T: 'static>(pub(crate) &'static [(&'static str, T)]);
 
 impl<T: Copy + PartialEq> Choice<T> {
     fn words(&self) -> impl Iterator<Item = &'static str> {
@@ -279,14 +279,14 @@ impl<T: Copy + PartialEq> Kind for Choice<T> {
 }
 
 /// A string with a syntax of its own.
-pub(in crate::config) struct Parsed<T> {
+pub(crate) struct Parsed<T> {
     syntax: &'static str,
     out: std::marker::PhantomData<T>,
 }
 
 impl<T> Parsed<T> {
     /// `syntax` says what should have been written, as a noun phrase.
-    pub(in crate::config) const fn new(syntax: &'static str) -> Self {
+    pub(crate) const fn new(syntax: &'static str) -> Self {
         Self { syntax, out: std::marker::PhantomData }
     }
 }
@@ -323,7 +323,7 @@ impl<T: FromStr<Err: Display> + Display> Kind for Parsed<T> {
 }
 
 /// A point in time, by a date and time with an offset, as TOML has them.
-pub(in crate::config) struct Moment;
+pub(crate) struct Moment;
 
 impl Kind for Moment {
     type Out = Utc;

@@ -7,16 +7,16 @@ use toml::de::DeValue;
 use crate::config::diagnostic::Span;
 
 /// What is wrong with a value, and which part of it: a clause that continues the setting's name.
-pub(in crate::config) struct Fault {
-    pub(in crate::config) at: Span,
-    pub(in crate::config) clause: String,
+pub(crate) struct Fault {
+    pub(crate) at: Span,
+    pub(crate) clause: String,
 }
 
 /// A value with its place in the text.
-pub(in crate::config) type Item<'d> = Spanned<DeValue<'d>>;
+pub(crate) type Item<'d> = Spanned<DeValue<'d>>;
 
 /// One kind of value.
-pub(in crate::config) trait Kind {
+pub(crate) trait Kind {
     /// What it is read into.
     type Out;
 
@@ -60,7 +60,7 @@ pub(super) fn wrong_type(kind: &impl Kind, item: &Item<'_>, faults: &mut Vec<Fau
 const PART_OF_THE_OTHER: f64 = 0.8;
 
 /// The word most like `text`, if any is like it at all: alike from the start, or one holding the other.
-pub(in crate::config) fn nearest<'w>(text: &str, words: impl Iterator<Item = &'w str>) -> Option<&'w str> {
+pub(crate) fn nearest<'w>(text: &str, words: impl Iterator<Item = &'w str>) -> Option<&'w str> {
     let text = text.to_lowercase();
     words
         .map(|word| {
@@ -74,7 +74,7 @@ pub(in crate::config) fn nearest<'w>(text: &str, words: impl Iterator<Item = &'w
 }
 
 /// What is wrong with the length of a list, as a clause that continues its name.
-pub(in crate::config) fn miscount(entries: usize, at_least: usize, at_most: usize) -> Option<String> {
+pub(crate) fn miscount(entries: usize, at_least: usize, at_most: usize) -> Option<String> {
     if entries < at_least {
         Some(format!("has {entries} entries, fewer than the {at_least} it needs"))
     } else if entries > at_most {

@@ -86,7 +86,7 @@ fn spec_what_a_file_may_not_say_a_draft_may_not() {
 
 #[test]
 fn spec_a_vehicle_by_value_is_the_vehicle_of_its_file() {
-    let link = |text: &str| text.parse::<LinkAddress>().unwrap();
+    let link = |text: &str| text.parse::<crate::link::LinkAddress>().unwrap();
     let levels = vec![Level { value: 2.0, power_w: 0.1 }, Level { value: 3.0, power_w: 0.5 }];
     let parameter = PowerParameter {
         name: "TX_POWER".to_owned(),

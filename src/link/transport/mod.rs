@@ -15,7 +15,7 @@ use std::time::Duration;
 pub use memory::MemoryEnd;
 
 use super::clock::Clock;
-use crate::config::LinkAddress;
+use crate::link::LinkAddress;
 use crate::time::Instant;
 
 /// A peer silent for longer gives way to whoever proves to be the peer at another address: an autopilot that

@@ -10,7 +10,7 @@ use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::net::{TcpListener, TcpStream};
 
 use super::{Arrival, Origin, PEER_TIMEOUT, Transport};
-use crate::config::HostPort;
+use crate::link::HostPort;
 use crate::time::Instant;
 
 /// A client that a cable was pulled from hears nothing and gets no error. After this long it connects anew.

@@ -8,7 +8,7 @@ use tokio::io::ReadBuf;
 use tokio::net::{UdpSocket, lookup_host};
 
 use super::{Arrival, Origin, PEER_TIMEOUT, Transport};
-use crate::config::HostPort;
+use crate::link::HostPort;
 use crate::time::Instant;
 
 /// `udpout:`: a socket connected to its peer, so that the kernel turns away everybody else.

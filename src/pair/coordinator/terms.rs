@@ -30,8 +30,25 @@ pub struct Settings {
 pub struct PlanTerms {
     /// SHA-256 of the plan.
     pub digest: [u8; 32],
-    /// Poses and powers by slot number, over all superframes.
-    pub slots: Vec<PerVehicle<VehiclePlan>>,
+    /// By slot number, over all superframes.
+    pub slots: Vec<SlotTerms>,
+}
+
+/// One slot of the plan, as the slot table has it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SlotTerms {
+    /// Poses and powers.
+    pub vehicles: PerVehicle<VehiclePlan>,
+    /// From the instant that the slot table counts from to the slot's opening.
+    pub opens: Duration,
+    /// The transit to the slot begins this long before its opening.
+    pub lead: Duration,
+    /// I may radiate from this long after the opening ...
+    pub radiate_from: Duration,
+    /// ... to this long after it.
+    pub radiate_until: Duration,
+    /// From the opening to the close.
+    pub length: Duration,
 }
 
 /// Local facts that the peer is told.
@@ -57,15 +74,6 @@ pub struct Local {
     pub returning: bool,
     /// Holding by the operator's order.
     pub paused: bool,
-}
-
-/// What J needs to judge a proposal.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Readiness {
-    /// The slot that comes next.
-    pub next_slot: u16,
-    /// Time needed to be on station for it.
-    pub needs: Duration,
 }
 
 /// A slot both sides have agreed on.

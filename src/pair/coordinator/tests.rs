@@ -28,8 +28,15 @@ fn coordinator(role: Role, boot_id: u32) -> Coordinator {
     let pose = Pose { position_enu_m: Enu::new(1.0, 2.0, 80.0), roll_rad: 0.5, pitch_rad: 0.1, yaw_rad: 0.0 };
     let vehicle = VehiclePlan { pose, tx_power_w: 0.5 };
     let mut coordinator = Coordinator::new(settings, Instant::ZERO);
-    coordinator
-        .set_plan(PlanTerms { digest: [2; 32], slots: vec![PerVehicle { i: vehicle, j: vehicle }; 3] });
+    let terms = SlotTerms {
+        vehicles: PerVehicle { i: vehicle, j: vehicle },
+        opens: NEEDS,
+        lead: NEEDS,
+        radiate_from: Duration::ZERO,
+        radiate_until: Duration::from_secs(1),
+        length: Duration::from_secs(1),
+    };
+    coordinator.set_plan(PlanTerms { digest: [2; 32], slots: vec![terms; 3] });
     coordinator
 }
 
@@ -64,7 +71,7 @@ fn pair() -> (Coordinator, Coordinator) {
         run(&mut i, &mut j, ms);
     }
     assert!(i.agrees() && j.agrees());
-    j.set_readiness(Some(Readiness { next_slot: 0, needs: NEEDS }));
+    j.set_readiness(Some(0));
     events(&mut i);
     events(&mut j);
     (i, j)
@@ -100,7 +107,7 @@ fn val_a_dead_boot_s_late_hello_changes_nothing_and_a_new_boot_is_believed() {
 #[test]
 fn val_both_commit_and_i_only_when_j_has_said_so() {
     let (mut i, mut j) = pair();
-    i.propose(0, utc(6000), NEEDS, at(2000));
+    i.propose(0, utc(6000), at(2000));
     i.handle_timeout(at(2000));
     sent(&mut i).iter().for_each(|m| j.handle_message(m, at(2000)));
     sent(&mut j).iter().for_each(|m| i.handle_message(m, at(2000)));
@@ -114,7 +121,7 @@ fn val_both_commit_and_i_only_when_j_has_said_so() {
 #[test]
 fn val_a_delayed_commit_commits_nobody() {
     let (mut i, mut j) = pair();
-    i.propose(0, utc(6000), NEEDS, at(2000));
+    i.propose(0, utc(6000), at(2000));
     i.handle_timeout(at(2000));
     sent(&mut i).iter().for_each(|m| j.handle_message(m, at(2000)));
     sent(&mut j).iter().for_each(|m| i.handle_message(m, at(2000)));
@@ -131,7 +138,7 @@ fn val_a_delayed_commit_commits_nobody() {
 #[test]
 fn val_only_the_very_next_slot_is_accepted() {
     let (mut i, mut j) = pair();
-    i.propose(1, utc(6000), NEEDS, at(2000));
+    i.propose(1, utc(6000), at(2000));
     run(&mut i, &mut j, 2000);
     assert_eq!(events(&mut i), vec![Event::Refused(1, VeilwingAnswer::VEILWING_ANSWER_WRONG_SLOT)]);
 }
@@ -140,12 +147,12 @@ fn val_only_the_very_next_slot_is_accepted() {
 fn val_a_step_of_utc_voids_what_was_compared() {
     let (mut i, mut j) = pair();
     i.set_utc(Some(utc(9000)), at(2000));
-    i.propose(0, utc(13_000), NEEDS, at(2000));
+    i.propose(0, utc(13_000), at(2000));
     assert_eq!(events(&mut i), vec![Event::Refused(0, VeilwingAnswer::VEILWING_ANSWER_CLOCK)]);
     // J's steps back between two comparisons.
     let (mut i2, _) = pair();
     j.set_utc(Some(utc(0)), at(2000));
-    i2.propose(0, utc(6000), NEEDS, at(2000));
+    i2.propose(0, utc(6000), at(2000));
     i2.handle_timeout(at(2000));
     sent(&mut j);
     sent(&mut i2).iter().for_each(|m| j.handle_message(m, at(2000)));
@@ -158,7 +165,7 @@ fn val_a_step_of_utc_voids_what_was_compared() {
 #[test]
 fn val_j_committed_alone_says_so() {
     let (mut i, mut j) = pair();
-    i.propose(0, utc(6000), NEEDS, at(2000));
+    i.propose(0, utc(6000), at(2000));
     i.handle_timeout(at(2000));
     sent(&mut i).iter().for_each(|m| j.handle_message(m, at(2000)));
     sent(&mut j).iter().for_each(|m| i.handle_message(m, at(2000)));

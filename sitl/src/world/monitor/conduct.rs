@@ -7,9 +7,10 @@
 
 use std::time::Duration;
 
-use super::{LEASE, Monitor, NAMES};
+use super::{I, LEASE, Monitor};
 use crate::vehicle::autopilot::{Shown, Taken, Traces};
 use crate::world::circumstances::{Circumstances, Passage};
+use crate::world::violation::Breach;
 
 /// S4: 100 ms from the first sign on the wire; the sign's and the command's way, and the steps of all who take part.
 const REACTION: Duration = Duration::from_millis(150);
@@ -17,22 +18,6 @@ const REACTION: Duration = Duration::from_millis(150);
 const CUT: Duration = LEASE.saturating_add(Duration::from_millis(100));
 /// What a companion has sent may be under way for so long, on a good link and on an impaired one.
 const UNDER_WAY: [Duration; 2] = [Duration::from_millis(100), Duration::from_millis(500)];
-
-/// What is going on with a companion.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) enum Misconduct {
-    OutOfControl,
-    BadEstimate,
-    StateLate,
-    LinkCut,
-    Unheard,
-    Bare,
-    Outlives,
-    Endless,
-    Setpoints,
-    TakesBack,
-    Ghost,
-}
 
 /// What is known of one companion.
 #[derive(Debug, Clone, Default)]
@@ -142,30 +127,30 @@ impl Monitor {
         } else {
             Duration::ZERO
         };
-        let signs = [
-            (
-                Misconduct::OutOfControl,
-                side.sign(traces.out_of_control),
-                reaction,
-                "HEARTBEAT showed that its companion flies no more",
-            ),
-            (
-                Misconduct::BadEstimate,
-                side.sign(traces.bad_estimate),
-                reaction,
-                "its autopilot reported that the estimate failed",
-            ),
-            (Misconduct::StateLate, state, reaction, "its position or attitude was due on the wire"),
-            (Misconduct::LinkCut, side.cut_since, CUT, "its autopilot's link was cut"),
-            (Misconduct::Unheard, side.unheard_since, LEASE + under_way, "its companion last heard its peer"),
-        ];
-        for (misconduct, since, allowed, what) in signs {
-            let held =
-                since.map(|since| now.saturating_sub(since)).filter(|held| radiates && *held > allowed);
-            self.set(super::Condition::Conduct(v, misconduct), held.is_some(), "S4", now, || {
-                format!("{} radiates {} ms after {what}", NAMES[v], held.unwrap_or_default().as_millis())
-            });
-        }
+        let of = |since: Option<Duration>, allowed: Duration| {
+            since.map(|since| now.saturating_sub(since)).filter(|held| radiates && *held > allowed)
+        };
+        let out_of_control = of(side.sign(traces.out_of_control), reaction);
+        let bad_estimate = of(side.sign(traces.bad_estimate), reaction);
+        let state_late = of(state, reaction);
+        let link_cut = of(side.cut_since, CUT);
+        let unheard = of(side.unheard_since, LEASE + under_way);
+        self.lasting(now, Some(v), out_of_control, |after| Breach::OutOfControl { after });
+        self.lasting(now, Some(v), bad_estimate, |after| Breach::BadEstimate { after });
+        self.lasting(now, Some(v), state_late, |after| Breach::StateLate { after });
+        self.lasting(now, Some(v), link_cut, |after| Breach::LinkCut { after });
+        self.lasting(now, Some(v), unheard, |after| Breach::Unheard { after });
+    }
+
+    /// A breach that goes on if it has a length.
+    fn lasting(
+        &mut self,
+        now: Duration,
+        vehicle: Option<usize>,
+        held: Option<Duration>,
+        breach: fn(Duration) -> Breach,
+    ) {
+        self.set(now, vehicle, breach(held.unwrap_or_default()), held.is_some());
     }
 
     /// S4 of the pair: J that falls silent out of turn says so, and I follows.
@@ -174,37 +159,21 @@ impl Monitor {
         let bare = self.bare_since.filter(|(_, had_jam)| well && *had_jam && emitting[0].radiates);
         let reaction = REACTION + self.allowance;
         let held = bare.map(|(since, _)| now.saturating_sub(since)).filter(|held| *held > reaction);
-        self.set(super::Condition::Conduct(0, Misconduct::Bare), held.is_some(), "S4", now, || {
-            let ms = held.unwrap_or_default().as_millis();
-            format!("I radiates {ms} ms after J fell silent out of turn, on links that lose nothing")
-        });
+        self.lasting(now, I, held, |after| Breach::Bare { after });
     }
 
     /// S5: what a companion leaves on the air when it is gone, and how long any command could last.
     fn outliving(&mut self, v: usize, now: Duration, emitting: Emitting) {
         let gone = self.sides[v].gone_since.map(|since| now.saturating_sub(since));
         let left = gone.filter(|gone| emitting.radiates && *gone > LEASE);
-        self.set(super::Condition::Conduct(v, Misconduct::Outlives), left.is_some(), "S5", now, || {
-            format!(
-                "{} radiates {} ms after its companion was gone",
-                NAMES[v],
-                left.unwrap_or_default().as_millis()
-            )
-        });
+        self.lasting(now, Some(v), left, |after| Breach::Outlives { after });
         let lasts = emitting.lasts.filter(|lasts| *lasts > LEASE);
-        self.set(super::Condition::Conduct(v, Misconduct::Endless), lasts.is_some(), "S5", now, || {
-            let ms = lasts.unwrap_or_default().as_millis();
-            format!(
-                "{} radiates by a command that lasts for {ms} ms more, whatever becomes of its companion",
-                NAMES[v]
-            )
-        });
+        self.lasting(now, Some(v), lasts, |lasts| Breach::Endless { lasts });
     }
 
     /// F2 and F3.
     fn control(&mut self, v: usize, now: Duration, traces: &Traces) {
         let side = &self.sides[v];
-        let name = NAMES[v];
         let after = |since: Option<Duration>, allowed: Duration| {
             let setpoint = traces.setpoint_at?;
             setpoint.checked_sub(since?).filter(|after| *after > allowed)
@@ -218,18 +187,8 @@ impl Monitor {
             .and_then(|(heard, gone)| heard.checked_sub(gone))
             .filter(|after| *after > under_way);
         let back = side.knows_of(traces.taken_back).is_some();
-        self.set(super::Condition::Conduct(v, Misconduct::Setpoints), goes_on.is_some(), "F2", now, || {
-            let ms = goes_on.unwrap_or_default().as_millis();
-            format!("{name}'s companion still sends setpoints {ms} ms after HEARTBEAT showed that another hand has the vehicle")
-        });
-        self.set(super::Condition::Conduct(v, Misconduct::TakesBack), back, "F2", now, || {
-            format!(
-                "{name}'s companion took the vehicle back from another hand, and no operator had asked it to"
-            )
-        });
-        self.set(super::Condition::Conduct(v, Misconduct::Ghost), ghost.is_some(), "F3", now, || {
-            let ms = ghost.unwrap_or_default().as_millis();
-            format!("setpoints or HEARTBEAT of {name}'s companion come {ms} ms after it was gone")
-        });
+        self.lasting(now, Some(v), goes_on, |after| Breach::Setpoints { after });
+        self.set(now, Some(v), Breach::TakesBack, back);
+        self.lasting(now, Some(v), ghost, |after| Breach::Ghost { after });
     }
 }

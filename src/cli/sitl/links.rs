@@ -1,0 +1,116 @@
+//! The links of a simulated flight over loopback UDP: each companion to its vehicle and to its peer, and a ground station
+//! to both vehicles.
+
+use veilwing_sitl::{Passage, World};
+
+use crate::desk::simulation::{Path, index};
+use crate::link::HostPort;
+use crate::role::{PerVehicle, Role};
+
+use super::ground::{GROUND_LINK, GroundStation};
+use super::port::{DIRECT, Port};
+
+/// The sockets of this process.
+pub(super) struct Links {
+    autopilot: PerVehicle<Port>,
+    pair: PerVehicle<Port>,
+    ground: Option<GroundStation>,
+}
+
+/// What has passed over the companions' links.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Traffic {
+    /// Datagrams that companions sent to their vehicle or to each other.
+    pub sent: u64,
+    /// Frames that companions were sent by their vehicles.
+    pub received: u64,
+    /// Datagrams that a fault swallowed.
+    pub swallowed: u64,
+}
+
+impl Links {
+    /// Opens the sockets; degraded links draw from `seed`. With a ground station, both vehicles speak to it at once.
+    pub async fn open(seed: u64, ground: Option<&HostPort>, world: &mut World) -> Result<Self, String> {
+        let ground = match ground {
+            Some(address) => Some(GroundStation::connect(address).await?),
+            None => None,
+        };
+        if ground.is_some() {
+            Role::BOTH.into_iter().for_each(|role| world.open_link(index(role), GROUND_LINK));
+        }
+        Ok(Self {
+            autopilot: PerVehicle { i: Port::bind(seed, 0).await?, j: Port::bind(seed, 1).await? },
+            pair: PerVehicle { i: Port::bind(seed, 2).await?, j: Port::bind(seed, 3).await? },
+            ground,
+        })
+    }
+
+    /// Where a companion reaches its vehicle and its peer: UDP ports.
+    pub fn numbers(&self, role: Role) -> Result<[u16; 2], String> {
+        Ok([self.autopilot[role].number()?, self.pair[role].number()?])
+    }
+
+    /// Takes in what has arrived: for the vehicles at once, from companion to companion by the path between them.
+    pub fn listen(&mut self, world: &mut World) {
+        let now = world.now();
+        for role in Role::BOTH {
+            self.autopilot[role].listen(now);
+            while let Some(bytes) = self.autopilot[role].receive(now) {
+                world.handle(index(role), 0, &bytes);
+            }
+            self.pair[role].listen(now);
+            while let Some(bytes) = self.pair[role].receive(now) {
+                self.pair[role.peer()].send(&bytes, now);
+            }
+        }
+        let mut buffer = [0; 2048];
+        while let Some(bytes) = self.ground.as_ref().and_then(|ground| ground.receive(&mut buffer)) {
+            Role::BOTH.into_iter().for_each(|role| world.handle(index(role), GROUND_LINK, bytes));
+        }
+    }
+
+    /// Hands out what the vehicles have to say, and what is through.
+    pub fn deliver(&mut self, world: &mut World) {
+        while let Some((vehicle, link, frame)) = world.poll_transmit() {
+            if let (GROUND_LINK, Some(ground)) = (link, &self.ground) {
+                ground.send(&frame);
+                continue;
+            }
+            self.autopilot[Role::BOTH[vehicle]].send(&frame, world.now());
+        }
+        for role in Role::BOTH {
+            self.autopilot[role].deliver(world.now());
+            self.pair[role].deliver(world.now());
+        }
+    }
+
+    /// Changes what happens to what the companion `from` sends to its peer; `None`: nothing does.
+    pub fn set_pair_path(&mut self, from: Role, path: Option<Path>) {
+        self.pair[from].set_path_from(path.unwrap_or(DIRECT));
+    }
+
+    /// Changes what happens to both directions of a companion's autopilot link; `None`: nothing does.
+    pub fn set_autopilot_path(&mut self, role: Role, path: Option<Path>) {
+        self.autopilot[role].set_path_from(path.unwrap_or(DIRECT));
+        self.autopilot[role].set_path_to(path.unwrap_or(DIRECT));
+    }
+
+    /// How datagrams fare between a companion and its vehicle.
+    pub fn vehicle_passage(&self, role: Role) -> Passage {
+        self.autopilot[role].passage()
+    }
+
+    /// How datagrams fare from a companion to its peer.
+    pub fn pair_passage(&self, from: Role) -> Passage {
+        self.pair[from].passage()
+    }
+
+    pub fn traffic(&self) -> Traffic {
+        let ports = || Role::BOTH.into_iter().flat_map(|role| [&self.autopilot[role], &self.pair[role]]);
+        Traffic {
+            sent: ports().map(|port| port.sent).sum(),
+            received: Role::BOTH.map(|role| self.autopilot[role].received).iter().sum(),
+            swallowed: ports().map(|port| port.swallowed).sum(),
+        }
+    }
+}

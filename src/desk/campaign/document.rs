@@ -1,0 +1,282 @@
+//! The campaign document (`veilwing-campaign/1`): one line a flight, and the totals made from the lines.
+//!
+//! The totals are a function of the lines in the order of their numbers, so that neither threads nor shards change a
+//! bit of them, and any documents of one campaign can be merged.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+
+use serde::{Deserialize, Serialize};
+
+use crate::desk::simulation::Flown;
+
+/// The document's format.
+pub const FORMAT: &str = "veilwing-campaign/1";
+
+/// What two documents must have in common to be parts of one campaign.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Identity {
+    /// The mission's name.
+    pub mission: String,
+    /// SHA-256 of its meaning, hexadecimal.
+    pub mission_digest: String,
+    /// SHA-256 of poses and powers, hexadecimal.
+    pub plan_digest: String,
+    /// Of the fault file in canonical form; absent without one.
+    pub faults_digest: Option<String>,
+    /// Of flight 0; flight k has this plus k.
+    pub seed: u64,
+    /// Flights of the whole campaign.
+    pub campaign_runs: u64,
+}
+
+/// How a flight ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Ending {
+    /// Every slot flown by both, landed.
+    Completed,
+    /// Not so.
+    Aborted,
+}
+
+/// A violation, with the seed that replays it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ViolationLine {
+    /// Its number, such as `S1`.
+    pub invariant: String,
+    /// Of the flight.
+    pub seed: u64,
+    /// Flight time, seconds.
+    pub at_s: f64,
+    /// What was seen.
+    pub detail: String,
+}
+
+/// A fault that came about.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct FaultLine {
+    /// Flight time, seconds.
+    pub at_s: f64,
+    /// As the fault file spells it.
+    pub kind: String,
+    /// To whom, how much, how long.
+    pub detail: String,
+}
+
+/// One flight.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct FlightLine {
+    /// Its number in the campaign, from 0.
+    pub run: u64,
+    /// Replays it.
+    pub seed: u64,
+    /// How it ended.
+    pub result: Ending,
+    /// Its length, seconds.
+    pub simulated_s: f64,
+    /// Over the time in which I radiated; `null` if it never did.
+    pub achieved_over_planned: Option<f64>,
+    /// Faults that came about.
+    pub faults: Vec<FaultLine>,
+    /// Violations that count.
+    pub violations: Vec<ViolationLine>,
+    /// Violations that are nobody's aboard.
+    pub excused: Vec<ViolationLine>,
+}
+
+impl FlightLine {
+    /// The line of a flight that was flown.
+    #[must_use]
+    pub fn new(run: u64, seed: u64, flown: &Flown) -> Self {
+        let line = |v: &veilwing_sitl::Violation| ViolationLine {
+            invariant: v.invariant().name().to_owned(),
+            seed,
+            at_s: v.at.as_secs_f64(),
+            detail: v.to_string(),
+        };
+        let faults = flown.faults.iter().map(|(at, fault)| FaultLine {
+            at_s: at.as_secs_f64(),
+            kind: fault.kind.name().to_owned(),
+            detail: fault.describe(),
+        });
+        Self {
+            run,
+            seed,
+            result: if flown.completed() { Ending::Completed } else { Ending::Aborted },
+            simulated_s: flown.report.flight_s,
+            achieved_over_planned: flown.achieved_over_planned(),
+            faults: faults.collect(),
+            violations: flown.report.violations.iter().map(line).collect(),
+            excused: flown.excused.iter().map(|excused| line(&excused.violation)).collect(),
+        }
+    }
+}
+
+/// Mean over flights and its standard error; `null` where there are too few.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Mean {
+    /// The mean.
+    pub mean: Option<f64>,
+    /// Its standard error.
+    pub standard_error: Option<f64>,
+    /// Flights in which I radiated.
+    pub flights: u64,
+}
+
+impl Mean {
+    fn of(values: &[f64]) -> Self {
+        let n = values.len() as f64;
+        let mean = values.iter().sum::<f64>() / n;
+        let squares: f64 = values.iter().map(|value| (value - mean).powi(2)).sum();
+        Self {
+            mean: (n > 0.0).then_some(mean),
+            standard_error: (n > 1.0).then(|| (squares / (n - 1.0) / n).sqrt()),
+            flights: values.len() as u64,
+        }
+    }
+}
+
+/// The document.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct CampaignDocument {
+    /// [`FORMAT`].
+    pub format: String,
+    /// Which campaign.
+    #[serde(flatten)]
+    pub identity: Identity,
+    /// `I/K` of a part.
+    pub shard: Option<String>,
+    /// Every flight that was asked for is there; not so after Ctrl-C.
+    pub complete: bool,
+    /// Flights in this document.
+    pub runs: u64,
+    /// Of them completed.
+    pub completed: u64,
+    /// Of them not completed, and nothing was violated.
+    pub aborted_safely: u64,
+    /// Violations that count, of all flights.
+    pub violations: Vec<ViolationLine>,
+    /// Violations that a transmitter out of order committed by itself.
+    pub excused: Vec<ViolationLine>,
+    /// Of all flights, seconds.
+    pub simulated_s: f64,
+    /// Of planning and flying; summed over merged parts.
+    pub wall_s: f64,
+    /// Processor time of all flights.
+    pub cpu_s: f64,
+    /// Achieved over planned secrecy rate.
+    pub achieved_over_planned: Mean,
+    /// How often each kind of fault came about.
+    pub faults: BTreeMap<String, u64>,
+    /// In the order of their numbers.
+    pub flights: Vec<FlightLine>,
+}
+
+/// What the flights took.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Times {
+    /// Of planning and flying, seconds.
+    pub wall_s: f64,
+    /// Processor time of all flights, seconds.
+    pub cpu_s: f64,
+}
+
+impl CampaignDocument {
+    /// The totals of these flights, which may come in any order.
+    #[must_use]
+    pub fn new(
+        identity: Identity,
+        shard: Option<String>,
+        complete: bool,
+        mut flights: Vec<FlightLine>,
+        times: Times,
+    ) -> Self {
+        flights.sort_by_key(|flight| flight.run);
+        let mut faults = BTreeMap::new();
+        for fault in flights.iter().flat_map(|flight| &flight.faults) {
+            *faults.entry(fault.kind.clone()).or_default() += 1;
+        }
+        let ratios: Vec<f64> = flights.iter().filter_map(|flight| flight.achieved_over_planned).collect();
+        let count = |wanted: fn(&FlightLine) -> bool| flights.iter().filter(|f| wanted(f)).count() as u64;
+        Self {
+            format: FORMAT.to_owned(),
+            identity,
+            shard,
+            complete,
+            runs: flights.len() as u64,
+            completed: count(|f| f.result == Ending::Completed),
+            aborted_safely: count(|f| f.result == Ending::Aborted && f.violations.is_empty()),
+            violations: flights.iter().flat_map(|f| f.violations.clone()).collect(),
+            excused: flights.iter().flat_map(|f| f.excused.clone()).collect(),
+            simulated_s: flights.iter().map(|f| f.simulated_s).sum(),
+            wall_s: times.wall_s,
+            cpu_s: times.cpu_s,
+            achieved_over_planned: Mean::of(&ratios),
+            faults,
+            flights,
+        }
+    }
+
+    /// The campaign for a reader; in `replay`, the command that flies one flight again, SEED stands for its seed.
+    #[must_use]
+    pub fn table(&self, replay: &str) -> String {
+        let mut text = String::new();
+        // Writing to a String cannot fail.
+        let _ = self.write_table(&mut text, replay);
+        text
+    }
+
+    fn write_table(&self, text: &mut String, replay: &str) -> std::fmt::Result {
+        let Identity { mission, seed, campaign_runs, .. } = &self.identity;
+        let part = self.shard.as_ref().map_or(String::new(), |shard| format!(", part {shard}"));
+        let last = seed.wrapping_add(campaign_runs.saturating_sub(1));
+        writeln!(text, "campaign of {campaign_runs} flights of {mission}{part}, seeds {seed} to {last}")?;
+        if !self.complete {
+            writeln!(text, "incomplete: not all of them were flown")?;
+        }
+        let violated = self.flights.iter().filter(|flight| !flight.violations.is_empty()).count();
+        writeln!(
+            text,
+            "{} flights: {} completed, {} aborted safely, {violated} with violations ({} in all)",
+            self.runs,
+            self.completed,
+            self.aborted_safely,
+            self.violations.len()
+        )?;
+        for (kind, count) in &self.faults {
+            writeln!(text, "  {kind:<28} {count:>7}")?;
+        }
+        if let (Some(mean), Some(error)) =
+            (self.achieved_over_planned.mean, self.achieved_over_planned.standard_error)
+        {
+            let flights = self.achieved_over_planned.flights;
+            writeln!(
+                text,
+                "achieved over planned secrecy rate: {mean:.5} +- {error:.5} (standard error over {flights} flights)"
+            )?;
+        }
+        for violation in &self.violations {
+            let ViolationLine { invariant, seed, at_s, detail } = violation;
+            writeln!(text, "VIOLATION {invariant} at {at_s:.3} s of seed {seed}: {detail}")?;
+        }
+        if let Some(first) = self.violations.first() {
+            writeln!(text, "replay: {}", replay.replace("SEED", &first.seed.to_string()))?;
+        }
+        if !self.excused.is_empty() {
+            writeln!(
+                text,
+                "{} more by transmitters out of order, which nobody can silence (\"excused\" in the document)",
+                self.excused.len()
+            )?;
+        }
+        writeln!(
+            text,
+            "{:.0} s simulated in {:.1} s of wall time: {:.0} times real time, {:.0} times per core",
+            self.simulated_s,
+            self.wall_s,
+            self.simulated_s / self.wall_s,
+            self.simulated_s / self.cpu_s
+        )
+    }
+}

@@ -1,0 +1,11 @@
+//! Many flights of one mission: flown on several threads, told in one document, merged from parts.
+
+mod document;
+mod merge;
+mod pool;
+
+pub use document::{
+    CampaignDocument, Ending, FORMAT, FaultLine, FlightLine, Identity, Mean, Times, ViolationLine,
+};
+pub use merge::{MergeError, merge, part_file_name};
+pub use pool::{Done, fly_all};

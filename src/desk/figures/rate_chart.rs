@@ -1,0 +1,160 @@
+//! The drawing of figures 4a to 4c, at the width of a printed column.
+
+use super::rates::{Curve, JITTER_DEG, MAX_POWERS_W, Rates, Study, UNCERTAINTY_M};
+use super::scenario::Summary;
+use crate::desk::drawing::axes::{Axes, step, ticks};
+use crate::desk::drawing::svg::{Anchor, At, Marker, Stroke, Svg, TEXT_PT, text_width};
+
+/// Width of a column of the paper in points (3.5 inches).
+const WIDTH: f64 = 252.0;
+const LEFT: f64 = 32.0;
+/// Free at the right, and to the left of the legend.
+const MARGIN: f64 = 6.0;
+const PLOT_HEIGHT: f64 = 150.0;
+/// Height of the panel of gaps, and of the space above it.
+const GAP_HEIGHT: f64 = 46.0;
+const GAP_SPACE: f64 = 9.0;
+/// From the lowest frame to the end of the drawing: figures and label of the power axis.
+const FOOT: f64 = 29.0;
+const LEGEND_ROW: f64 = 11.0;
+const MARKER_PT: f64 = 2.7;
+const BAND_OPACITY: f64 = 0.18;
+
+/// How a curve is drawn: told apart by colour, by dashes and by marker, so that grey print will do.
+#[derive(Debug, Clone, Copy)]
+struct Style {
+    label: &'static str,
+    stroke: Stroke,
+    marker: Option<Marker>,
+}
+
+fn style(curve: &Curve) -> Style {
+    let style = |label, colour, width, dashes, marker| Style {
+        label,
+        stroke: Stroke { colour, width, dashes },
+        marker,
+    };
+    match curve.name {
+        "cap" => style("upper bound (cap)", "#000000", 0.8, "6 1.5", None),
+        "veilwing" => style("veilwing", "#0b5394", 1.5, "", Some(Marker::Disc)),
+        "veilwing-on-estimates" => {
+            style("veilwing, on estimates", "#3d9bd9", 1.2, "1.5 1.5", Some(Marker::Circle))
+        }
+        "paper" => style("paper, one start", "#c8500a", 1.2, "5 2", Some(Marker::OpenSquare)),
+        "interior-point" => {
+            style("interior point, one start", "#2f8f5b", 1.2, "6 2 1.2 2", Some(Marker::Triangle))
+        }
+        _ => style("conventional, one start", "#7d7d7d", 1.2, "1.2 1.6", Some(Marker::Diamond)),
+    }
+}
+
+/// The figure.
+pub fn draw(rates: &Rates) -> String {
+    let lines = caption(rates);
+    let legend = legend_rows(rates);
+    let top = 6.0 + LEGEND_ROW * (lines.len() + legend.len()) as f64 + 3.0;
+    let height = top + PLOT_HEIGHT + GAP_SPACE + GAP_HEIGHT + FOOT;
+    let title = format!("Secrecy rate over maximum transmit power ({})", rates.study.name());
+    let mut svg = Svg::new(WIDTH, height, &title, &lines.join(" "));
+    for (row, line) in lines.iter().enumerate() {
+        svg.text((MARGIN, 7.0 + LEGEND_ROW * row as f64), Anchor::Start, line);
+    }
+    draw_legend(&mut svg, &legend, 7.0 + LEGEND_ROW * lines.len() as f64);
+
+    let width = WIDTH - LEFT - MARGIN;
+    let axes = |top: f64, height: f64, y: [f64; 2]| Axes {
+        corner: (LEFT, top),
+        size: (width, height),
+        x: [0.05, 1.15],
+        y,
+    };
+    let means = rates.curves.iter().map(|c| Line::new(&c.curve, &c.rates)).collect::<Vec<_>>();
+    let gaps = rates.curves.iter().map(|c| Line::new(&c.curve, &c.gaps)).collect::<Vec<_>>();
+    let above = axes(top, PLOT_HEIGHT, range(&means, 6.0));
+    panel(&mut svg, &above, &means, false, 6.0);
+    svg.text_upwards((7.5, top + PLOT_HEIGHT / 2.0), "mean secrecy rate (bit/s/Hz)");
+    let below = axes(above.bottom() + GAP_SPACE, GAP_HEIGHT, range(&gaps, 3.0));
+    panel(&mut svg, &below, &gaps, true, 3.0);
+    svg.text_upwards((7.5, below.corner.1 + GAP_HEIGHT / 2.0), &format!("below {}", rates.study.gap_to()));
+    svg.text((LEFT + width / 2.0, height - 7.0), Anchor::Middle, "maximum transmit power (W)");
+    svg.finish()
+}
+
+/// A curve in a panel: value and half width of its band by power.
+struct Line {
+    style: Style,
+    points: Vec<(f64, f64)>,
+}
+
+impl Line {
+    fn new(curve: &Curve, summaries: &[Summary]) -> Self {
+        Self { style: style(curve), points: summaries.iter().map(|s| (s.mean, s.standard_error)).collect() }
+    }
+}
+
+/// From 0, or the lowest value drawn if it is below, to a whole tick above the highest.
+fn range(lines: &[Line], most_ticks: f64) -> [f64; 2] {
+    let all = || lines.iter().flat_map(|line| &line.points);
+    let low = all().map(|(v, half)| v - half).fold(0.0, f64::min);
+    let high = all().map(|(v, half)| v + half).fold(1e-3, f64::max);
+    let step = step(high - low, most_ticks);
+    [(low / step).floor() * step, (high / step + 0.1).ceil() * step]
+}
+
+fn caption(rates: &Rates) -> Vec<String> {
+    let what = match rates.study {
+        Study::Plain => "No jitter, positions known".to_owned(),
+        Study::Jitter => format!("Roll and pitch jitter by {JITTER_DEG}\u{b0}, positions known"),
+        Study::Uncertain => {
+            format!("Jitter {JITTER_DEG}\u{b0}, eavesdroppers within {UNCERTAINTY_M} m of their estimates")
+        }
+    };
+    vec![what, format!("Mean of {} scenarios (bit/s/Hz); band: \u{b1} standard error", rates.scenarios)]
+}
+
+fn panel(svg: &mut Svg, axes: &Axes, lines: &[Line], lettered: bool, most_ticks: f64) {
+    let ys = ticks(axes.y, step(axes.y[1] - axes.y[0], most_ticks));
+    axes.grid(svg, &[], &ys);
+    let at = |values: &mut dyn Iterator<Item = f64>| -> Vec<At> {
+        MAX_POWERS_W.iter().zip(values).map(|(power, v)| axes.at(*power, v)).collect()
+    };
+    svg.clipped(axes.corner, axes.size, |svg| {
+        for line in lines.iter().filter(|line| line.style.marker.is_some()) {
+            let mut band = at(&mut line.points.iter().map(|(v, half)| v + half));
+            band.extend(at(&mut line.points.iter().map(|(v, half)| v - half)).into_iter().rev());
+            svg.area(&band, line.style.stroke.colour, BAND_OPACITY);
+        }
+        // Best first in the list: drawn last, on top.
+        for line in lines.iter().rev() {
+            svg.line(&at(&mut line.points.iter().map(|p| p.0)), &line.style.stroke);
+        }
+    });
+    for line in lines.iter().rev() {
+        let Some(marker) = line.style.marker else { continue };
+        for place in at(&mut line.points.iter().map(|p| p.0)) {
+            svg.marker(place, marker, line.style.stroke.colour, MARKER_PT);
+        }
+    }
+    axes.frame(svg, &MAX_POWERS_W, &ys, [lettered, true]);
+}
+
+/// The legend in rows of two.
+fn legend_rows(rates: &Rates) -> Vec<Vec<Style>> {
+    let styles: Vec<Style> = rates.curves.iter().map(|c| style(&c.curve)).collect();
+    styles.chunks(2).map(<[Style]>::to_vec).collect()
+}
+
+fn draw_legend(svg: &mut Svg, rows: &[Vec<Style>], top: f64) {
+    let first_column = rows.iter().filter_map(|row| row.first());
+    let widest = first_column.map(|style| text_width(style.label, TEXT_PT)).fold(0.0, f64::max);
+    for (r, row) in rows.iter().enumerate() {
+        for (column, style) in row.iter().enumerate() {
+            let (x, y) = (MARGIN + column as f64 * (24.0 + widest + 8.0), top + LEGEND_ROW * r as f64);
+            svg.line(&[(x, y), (x + 20.0, y)], &style.stroke);
+            if let Some(marker) = style.marker {
+                svg.marker((x + 10.0, y), marker, style.stroke.colour, MARKER_PT);
+            }
+            svg.text((x + 24.0, y), Anchor::Start, style.label);
+        }
+    }
+}

@@ -1,0 +1,9 @@
+//! What a desk needs and a vehicle does not: flights in the simulated world, campaigns of them, reports, the paper's
+//! figures. The onboard build leaves the whole room out.
+
+pub mod campaign;
+mod csv_text;
+mod drawing;
+pub mod figures;
+pub mod report;
+pub mod simulation;

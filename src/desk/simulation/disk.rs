@@ -1,0 +1,43 @@
+//! The disk under a companion's telemetry logs, in virtual time.
+
+use crate::mission::Notice;
+
+/// Takes records, or is full. As the companion's own writer, it says so once, and the flight goes on.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Disk {
+    pub full: bool,
+    /// The last record was lost.
+    failing: bool,
+    /// Records that were lost.
+    pub lost: u64,
+}
+
+impl Disk {
+    /// A record is to be written: whether it is, and what there is to say about it.
+    pub fn write(&mut self) -> (bool, Option<Notice>) {
+        self.lost += u64::from(self.full);
+        let changed = std::mem::replace(&mut self.failing, self.full) != self.full;
+        let notice = changed.then(|| match self.full {
+            true => Notice::LosingLog,
+            false => Notice::LogTakenAgain,
+        });
+        (!self.full, notice)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn val_a_full_disk_loses_records_and_says_so_once() {
+        let mut disk = Disk::default();
+        assert_eq!(disk.write(), (true, None));
+        disk.full = true;
+        assert_eq!(disk.write(), (false, Some(Notice::LosingLog)));
+        assert_eq!(disk.write(), (false, None));
+        disk.full = false;
+        assert_eq!(disk.write(), (true, Some(Notice::LogTakenAgain)));
+        assert_eq!((disk.write(), disk.lost), ((true, None), 2));
+    }
+}

@@ -1,0 +1,217 @@
+//! What can go wrong in a simulated flight, and the sizes that it can have.
+
+/// The kinds as files and documents spell them.
+pub(super) const NAMES: &[(&str, FaultKind)] = &[
+    ("companion-kill", FaultKind::CompanionKill),
+    ("companion-restart", FaultKind::CompanionRestart),
+    ("companion-stop", FaultKind::CompanionStop),
+    ("disk-full", FaultKind::DiskFull),
+    ("link-loss", FaultKind::LinkLoss),
+    ("link-degraded", FaultKind::LinkDegraded),
+    ("pair-loss", FaultKind::PairLoss),
+    ("pair-degraded", FaultKind::PairDegraded),
+    ("pilot-mode", FaultKind::PilotMode),
+    ("estimator-failure", FaultKind::EstimatorFailure),
+    ("gps-loss", FaultKind::GpsLoss),
+    ("estimator-reset", FaultKind::EstimatorReset),
+    ("clock-jump", FaultKind::ClockJump),
+    ("autopilot-restart", FaultKind::AutopilotRestart),
+    ("battery-low", FaultKind::BatteryLow),
+    ("rotor-loss", FaultKind::RotorLoss),
+    ("wind-step", FaultKind::WindStep),
+    ("transmitter-ignores-expiry", FaultKind::TransmitterIgnoresExpiry),
+    ("transmitter-stuck", FaultKind::TransmitterStuck),
+];
+
+/// Kinds of fault.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum FaultKind {
+    /// SIGKILL of the companion; it stays dead.
+    CompanionKill,
+    /// SIGKILL, and a new start after the duration.
+    CompanionRestart,
+    /// SIGSTOP of the companion, SIGCONT after the duration.
+    CompanionStop,
+    /// The disk under the companion's logs takes nothing.
+    DiskFull,
+    /// No frame passes between the vehicle and its companion.
+    LinkLoss,
+    /// That link loses, repeats, delays and reorders.
+    LinkDegraded,
+    /// No datagram passes between the companions.
+    PairLoss,
+    /// That link loses, repeats, delays and reorders.
+    PairDegraded,
+    /// The pilot takes over.
+    PilotMode,
+    /// The vehicle's position estimate fails.
+    EstimatorFailure,
+    /// GPS is lost: the position drifts, and jumps back with it.
+    GpsLoss,
+    /// The position estimate jumps, for good.
+    EstimatorReset,
+    /// The autopilot's UTC jumps.
+    ClockJump,
+    /// The autopilot restarts, in the air with its motors stopped.
+    AutopilotRestart,
+    /// The battery's charge falls at once.
+    BatteryLow,
+    /// A rotor stops.
+    RotorLoss,
+    /// The mean wind changes.
+    WindStep,
+    /// The transmitter obeys, but what it radiates never ends by itself.
+    TransmitterIgnoresExpiry,
+    /// The transmitter keeps what it radiates, whatever it is told.
+    TransmitterStuck,
+}
+
+impl FaultKind {
+    /// Every kind, in the order in which reports list them.
+    pub const ALL: &[Self] = &[
+        Self::LinkLoss,
+        Self::LinkDegraded,
+        Self::PairLoss,
+        Self::PairDegraded,
+        Self::CompanionKill,
+        Self::CompanionRestart,
+        Self::CompanionStop,
+        Self::DiskFull,
+        Self::PilotMode,
+        Self::EstimatorFailure,
+        Self::GpsLoss,
+        Self::EstimatorReset,
+        Self::ClockJump,
+        Self::AutopilotRestart,
+        Self::BatteryLow,
+        Self::RotorLoss,
+        Self::WindStep,
+        Self::TransmitterIgnoresExpiry,
+        Self::TransmitterStuck,
+    ];
+
+    /// The kind as files and documents spell it.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        NAMES.iter().find(|(_, kind)| *kind == self).map_or("", |(name, _)| name)
+    }
+
+    /// The kind that files and documents spell so.
+    #[must_use]
+    pub fn named(name: &str) -> Option<Self> {
+        NAMES.iter().find(|(known, _)| *known == name).map(|(_, kind)| *kind)
+    }
+
+    /// What happens, in words.
+    #[must_use]
+    pub const fn describe(self) -> &'static str {
+        match self {
+            Self::CompanionKill => "companion killed (SIGKILL)",
+            Self::CompanionRestart => "companion killed (SIGKILL), to be started again",
+            Self::CompanionStop => "companion stopped (SIGSTOP)",
+            Self::DiskFull => "disk under the companion's logs full",
+            Self::LinkLoss => "link between autopilot and companion cut",
+            Self::LinkDegraded => "link between autopilot and companion degraded",
+            Self::PairLoss => "pair link cut",
+            Self::PairDegraded => "pair link degraded",
+            Self::PilotMode => "pilot takes over",
+            Self::EstimatorFailure => "position estimate fails",
+            Self::GpsLoss => "GPS lost",
+            Self::EstimatorReset => "position estimate jumps",
+            Self::ClockJump => "autopilot's clock jumps",
+            Self::AutopilotRestart => "autopilot restarts",
+            Self::BatteryLow => "battery low",
+            Self::RotorLoss => "a rotor stops",
+            Self::WindStep => "wind changes",
+            Self::TransmitterIgnoresExpiry => "transmitter ignores expiry",
+            Self::TransmitterStuck => "transmitter sticks",
+        }
+    }
+
+    /// The sizes that belong to the kind.
+    #[must_use]
+    pub const fn magnitudes(self) -> &'static [Magnitude] {
+        match self {
+            Self::LinkDegraded | Self::PairDegraded => {
+                &[Magnitude::Loss, Magnitude::Duplication, Magnitude::Delay, Magnitude::Spread]
+            }
+            Self::WindStep => &[Magnitude::WindSpeed],
+            Self::EstimatorReset => &[Magnitude::Jump],
+            Self::ClockJump => &[Magnitude::ClockStep],
+            Self::BatteryLow => &[Magnitude::Charge],
+            Self::RotorLoss => &[Magnitude::Rotor],
+            _ => &[],
+        }
+    }
+
+    /// Whether it can end.
+    #[must_use]
+    pub const fn can_end(self) -> bool {
+        matches!(
+            self,
+            Self::CompanionRestart
+                | Self::CompanionStop
+                | Self::LinkLoss
+                | Self::LinkDegraded
+                | Self::PairLoss
+                | Self::PairDegraded
+                | Self::GpsLoss
+                | Self::DiskFull
+        )
+    }
+
+    /// Whether it must.
+    #[must_use]
+    pub const fn must_end(self) -> bool {
+        matches!(self, Self::CompanionRestart)
+    }
+
+    /// Whether it stops the companion, for a while or for good.
+    #[must_use]
+    pub const fn is_of_the_companion(self) -> bool {
+        matches!(self, Self::CompanionKill | Self::CompanionRestart | Self::CompanionStop)
+    }
+
+    /// Whether it leaves the transmitter to itself: nobody can silence it any more.
+    #[must_use]
+    pub const fn is_of_the_transmitter(self) -> bool {
+        matches!(self, Self::TransmitterStuck | Self::TransmitterIgnoresExpiry)
+    }
+
+    /// Whether it is between the vehicles, and so has no one vehicle of its own unless one direction is meant.
+    #[must_use]
+    pub const fn is_of_the_pair(self) -> bool {
+        matches!(self, Self::PairLoss | Self::PairDegraded)
+    }
+}
+
+/// The size of a fault.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Magnitude {
+    /// Probability that a datagram is lost.
+    Loss,
+    /// Probability that a datagram arrives twice.
+    Duplication,
+    /// Time under way, seconds.
+    Delay,
+    /// Uniform addition to it, seconds.
+    Spread,
+    /// Mean wind, m/s.
+    WindSpeed,
+    /// Of the position, horizontally, metres.
+    Jump,
+    /// Of the clock, forward if positive, seconds.
+    ClockStep,
+    /// Left in the battery, 0 to 1.
+    Charge,
+    /// Number of a rotor, from 0.
+    Rotor,
+}
+
+impl Magnitude {
+    /// Whether it is a whole number.
+    #[must_use]
+    pub const fn is_whole(self) -> bool {
+        matches!(self, Self::Rotor)
+    }
+}

@@ -1,0 +1,52 @@
+//! The pair in the simulated world, in virtual time: two companions' own code, the world, and the links between them,
+//! with no socket, no sleep and no clock. Every message crosses as bytes.
+//!
+//! `world` tells the world of a mission and its plan; `path` is a link that may lose, delay, repeat and reorder;
+//! `process` is one companion as its operating system would run it; `flight` moves all of them from event to event;
+//! `fault` draws what goes wrong; `supervisor` lets it befall the companions, and gives them up; `excuse` tells what is
+//! nobody's aboard; `scenario` flies a mission again and again, each time with a seed and its faults.
+
+mod disk;
+mod excuse;
+pub mod fault;
+mod flight;
+mod observer;
+mod path;
+mod process;
+mod scenario;
+mod supervisor;
+mod vehicle;
+mod world;
+
+pub use excuse::{Excused, Late, judge};
+pub use fault::{Change, Fault, FaultKind, Faults, Lengths, Schedule, draw};
+pub use flight::{Flight, FlightError, Setup};
+pub use observer::{Observer, Wire};
+pub use path::Path;
+pub(crate) use path::Pipe;
+pub use process::Given;
+pub use scenario::{Flown, LONGEST, Scenario, ScenarioError, Witness};
+pub use supervisor::{Host, Supervisor};
+pub use vehicle::{vehicle, vehicle_draft};
+pub use world::world_config;
+
+use std::time::Duration;
+
+use crate::role::Role;
+
+/// The vehicle's number in the simulated world.
+#[must_use]
+pub const fn index(role: Role) -> usize {
+    match role {
+        Role::I => 0,
+        Role::J => 1,
+    }
+}
+
+/// The first instant of a companion's own time; a process's time does not begin at zero, nor the two together.
+const fn reads_at_start(role: Role) -> Duration {
+    match role {
+        Role::I => Duration::from_secs(1),
+        Role::J => Duration::from_secs(7),
+    }
+}

@@ -1,0 +1,72 @@
+//! Why a mission was given up.
+
+use std::time::Duration;
+
+use crate::autopilot::EstimatorFault;
+use crate::role::Role;
+use crate::service::{GiveUp, Silence};
+
+use super::words;
+
+/// The first of what ended a mission before its time.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum Cause {
+    /// The autopilot left the companion's mode, and not by the companion's hand (F2).
+    #[error("the autopilot went to {0} by another hand")]
+    ControlLost(String),
+    /// The autopilot's messages stopped: which, and for how long.
+    #[error("{missing} from the autopilot for {:.1} s", silent_for.as_secs_f64())]
+    AutopilotLost {
+        /// What did not come.
+        missing: &'static str,
+        /// For how long.
+        silent_for: Duration,
+    },
+    /// The autopilot restarted in flight.
+    #[error("the autopilot restarted")]
+    AutopilotRestarted,
+    /// The autopilot disarmed in flight.
+    #[error("the autopilot disarmed")]
+    Disarmed,
+    /// The autopilot refused to give control or to arm.
+    #[error("{0}")]
+    Refused(Refusal),
+    /// The position estimate.
+    #[error("estimator: {0}")]
+    Estimator(EstimatorFault),
+    /// The other vehicle, or its companion.
+    #[error("{}", words::give_up(.0, .1))]
+    Peer(Role, GiveUp),
+    /// On a transit in turns the other is not where it should rest.
+    #[error("vehicle {0} is not where it should be for its turn to pass")]
+    OutOfTurn(Role),
+    /// A slot in which this vehicle did not radiate, with the last reason found.
+    #[error("slot {slot} was not served{}", words::because(silence))]
+    NotServed {
+        /// Its number over superframes.
+        slot: u16,
+        /// The last reason found within its airtime.
+        silence: Option<Silence>,
+    },
+    /// A climb or a return that did not end where it should.
+    #[error("{0} did not end where it should")]
+    Astray(&'static str),
+    /// By the operator.
+    #[error("the operator ordered the return")]
+    ReturnOrdered,
+    /// By the operator.
+    #[error("radio kill by the operator")]
+    Killed,
+}
+
+/// What the autopilot refused, and how it said so.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[error("autopilot refused {what}: {answer} {text}")]
+pub struct Refusal {
+    /// What was asked.
+    pub what: String,
+    /// Its answer.
+    pub answer: String,
+    /// Its STATUSTEXT, if any came with it.
+    pub text: String,
+}

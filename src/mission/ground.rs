@@ -1,0 +1,121 @@
+//! On the ground: what speaks against a take-off.
+
+use crate::planner::slots::Plan;
+use crate::preflight::{Check, Verdict, check};
+use crate::schedule::transit::Router;
+use crate::time::{Instant, Utc};
+
+use super::executive::Settings;
+use super::notice::Notice;
+use super::start::Start;
+use super::waiting::Waiting;
+
+/// What the time on the ground leaves behind.
+#[derive(Debug)]
+pub(super) struct Ground {
+    /// What the mission waits for to begin.
+    pub start: Start,
+    /// Whether the fence holds the plan; `None` without a plan.
+    geofence: Option<Check>,
+    preflight_ok: bool,
+    waiting: Waiting,
+    /// Warnings told, each once: their text without its figures.
+    warnings: Vec<String>,
+}
+
+impl Ground {
+    /// See [`Start::new`].
+    pub fn new(start_unasked: bool, start_utc: Option<Utc>) -> Self {
+        Self {
+            start: Start::new(start_unasked, start_utc),
+            geofence: None,
+            preflight_ok: false,
+            waiting: Waiting::default(),
+            warnings: Vec::new(),
+        }
+    }
+
+    /// Whether no check failed when they were made last.
+    pub fn preflight_ok(&self) -> bool {
+        self.preflight_ok
+    }
+
+    /// Judges a plan that has just come.
+    pub fn judge_plan(&mut self, plan: &Plan, settings: &Settings) {
+        self.geofence = Some(geofence(plan, settings));
+    }
+
+    /// What is known of the plan.
+    pub fn plan_check(&self) -> Check {
+        self.geofence.clone().unwrap_or_else(|| check("plan", Verdict::Fail, "is being made"))
+    }
+
+    /// Takes in all checks: gives back what fails, and what the operator is to be warned of.
+    pub fn judge(&mut self, checks: &[Check]) -> (Vec<String>, Vec<Notice>) {
+        let worded = |verdict: Verdict| {
+            let of_it = checks.iter().filter(move |check| check.result == verdict);
+            of_it.map(|check| format!("{}: {}", check.name, check.detail)).collect::<Vec<_>>()
+        };
+        let failed = worded(Verdict::Fail);
+        self.preflight_ok = failed.is_empty();
+        let mut warnings = if self.preflight_ok { worded(Verdict::Warn) } else { Vec::new() };
+        warnings.retain(|warning| {
+            let kind = warning.replace(|c: char| c.is_ascii_digit(), "");
+            let new = !self.warnings.contains(&kind);
+            if new {
+                self.warnings.push(kind);
+            }
+            new
+        });
+        (failed, warnings.into_iter().map(Notice::PreflightWarning).collect())
+    }
+
+    /// What is missing, if that has changed; again and again where `failed`.
+    pub fn wait_for(&mut self, missing: &[String], failed: bool, now: Instant) -> Option<Notice> {
+        match self.waiting.news(&missing.join("; "), now) {
+            Some(text) => Some(Notice::Waiting { text, again: false }),
+            None if failed => self.waiting.again(now).map(|text| Notice::Waiting { text, again: true }),
+            None => None,
+        }
+    }
+}
+
+/// Whether the fence and the altitude band hold every pose that the plan has for us.
+fn geofence(plan: &Plan, settings: &Settings) -> Check {
+    let router = match Router::new(&settings.airspace, &settings.limits) {
+        Ok(router) => router,
+        Err(error) => return check("geofence", Verdict::Fail, error.to_string()),
+    };
+    let poses = plan.slots.iter().map(|slot| (slot, slot.plan.vehicles[settings.role].pose.position_enu_m));
+    let outside = poses.into_iter().find(|(_, at)| !router.holds(at));
+    match outside {
+        None => check("geofence", Verdict::Pass, format!("holds all {} poses", plan.slots.len())),
+        Some((slot, at)) => {
+            let [low_m, high_m] = settings.airspace.altitude_m;
+            let detail = format!(
+                "the pose for {} at {:.1}, {:.1}, {:.1} m is outside; it should be within the area and {low_m} to {high_m} m",
+                slot.user, at.x, at.y, at.z
+            );
+            check("geofence", Verdict::Fail, detail)
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn spec_a_warning_is_told_once_whatever_its_figures_and_never_while_a_check_fails() {
+        let mut ground = Ground::new(false, None);
+        let warn = |mw: u32| check("transmitter", Verdict::Warn, format!("{mw} mW"));
+        let fail = check("plan", Verdict::Fail, "is being made");
+        let (failed, told) = ground.judge(&[warn(1), fail]);
+        assert_eq!((failed, told), (vec!["plan: is being made".to_owned()], vec![]));
+        assert!(!ground.preflight_ok());
+        let (failed, told) = ground.judge(&[warn(2)]);
+        assert!(failed.is_empty() && ground.preflight_ok());
+        assert_eq!(told, [Notice::PreflightWarning("transmitter: 2 mW".into())]);
+        assert_eq!(ground.judge(&[warn(3)]).1, []);
+    }
+}

@@ -1,0 +1,196 @@
+//! Live figures: NAMED_VALUE_FLOAT, one at a time in turn.
+//!
+//! | name | what |
+//! |---|---|
+//! | `SEC_RATE` | secrecy rate now, bit/s; 0 outside slots |
+//! | `SINR_USER` | SINR of the slot's user, dB |
+//! | `SINR_EVE` | SINR of the strongest eavesdropper, dB |
+//! | `SINR_E1`, ... | SINR of each eavesdropper, in the mission file's order, dB |
+//! | `TX_DBM` | own power as the transmitter acknowledged it, dBm |
+//!
+//! They are the mission's model at what this companion knows: its own estimated pose and acknowledged power, the
+//! peer's reported position, and the plan's power while the peer says that it radiates. The peer does not report its
+//! attitude: it counts as the plan's, jittering as the mission expects, by its mean gain (J's null on the user would
+//! otherwise look perfect). What an eavesdropper really hears nobody aboard can know.
+
+use std::time::Duration;
+
+use mavlink::dialects::ardupilotmega::{MavMessage, NAMED_VALUE_FLOAT_DATA};
+
+use crate::geo::Enu;
+use crate::mission::executive::Executive;
+use crate::mission::ground_station::information::boot_ms;
+use crate::pair::wire::VeilwingFlags;
+use crate::planner::problem::Radio;
+use crate::radio::link::{NEAREST_M, Transmitter, received_power_w};
+use crate::radio::pattern;
+use crate::radio::secrecy;
+use crate::role::Role;
+use crate::time::Instant;
+
+/// Nothing received at all is shown as this, in dB or dBm.
+const FLOOR_DB: f64 = -100.0;
+
+/// The nodes and the radio of a mission, for the live figures.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Scene {
+    /// The users, in the mission file's order, ENU.
+    pub users_enu_m: Vec<Enu>,
+    /// The eavesdroppers where they are thought to be, ENU.
+    pub eavesdroppers_enu_m: Vec<Enu>,
+    /// Bandwidth, noise and reference gain.
+    pub radio: Radio,
+}
+
+/// The model at this moment.
+#[derive(Debug, Clone, PartialEq)]
+struct Figures {
+    rate_bps: f64,
+    user_sinr: f64,
+    eavesdropper_sinr: Vec<f64>,
+    own_power_w: f64,
+}
+
+impl Figures {
+    fn strongest(&self) -> f64 {
+        self.eavesdropper_sinr.iter().copied().fold(0.0, f64::max)
+    }
+
+    /// The figure at `index` of the turn; `None` past its end.
+    fn named(&self, index: usize) -> Option<(String, f64)> {
+        let db = |ratio: f64| (10.0 * ratio.log10()).max(FLOOR_DB);
+        Some(match index {
+            0 => ("SEC_RATE".into(), self.rate_bps),
+            1 => ("SINR_USER".into(), db(self.user_sinr)),
+            2 => ("SINR_EVE".into(), db(self.strongest())),
+            3 => ("TX_DBM".into(), db(self.own_power_w * 1e3)),
+            _ => {
+                let number = index - 4;
+                (format!("SINR_E{}", number + 1), db(*self.eavesdropper_sinr.get(number)?))
+            }
+        })
+    }
+}
+
+impl Executive {
+    /// The next figure, if one is due.
+    pub(super) fn show_live(&mut self, now: Instant) {
+        if self.ground_station.live_hz <= 0.0
+            || now < self.ground_station.live_at
+            || !self.phase.is_in_service()
+        {
+            return;
+        }
+        self.ground_station.live_at = now + Duration::from_secs_f64(1.0 / self.ground_station.live_hz);
+        let figures = self.figures(now);
+        let next = figures.as_ref().and_then(|figures| figures.named(self.ground_station.live_next));
+        let (name, value) = match (next, &figures) {
+            (Some(next), _) => next,
+            // Round again.
+            (None, Some(figures)) => {
+                self.ground_station.live_next = 0;
+                ("SEC_RATE".into(), figures.rate_bps)
+            }
+            // Between slots nothing is protected, for nothing is sent.
+            (None, None) => ("SEC_RATE".into(), 0.0),
+        };
+        self.ground_station.live_next = if figures.is_some() { self.ground_station.live_next + 1 } else { 0 };
+        self.outbox.push_back(MavMessage::NAMED_VALUE_FLOAT(NAMED_VALUE_FLOAT_DATA {
+            time_boot_ms: boot_ms(now),
+            value: value as f32,
+            name: name.as_str().into(),
+        }));
+    }
+
+    /// The model at what is known now; `None` outside slots, and while a position is unknown or old.
+    fn figures(&self, now: Instant) -> Option<Figures> {
+        let entry = self.itinerary.as_ref()?.entry(self.service.slot()?.commitment.slot)?;
+        let planned = self.plan.as_ref()?.slots.get(entry.user_index)?.plan.vehicles;
+        let (role, peer) = (self.settings.role, self.service.peer());
+        if !self.autopilot.fresh(now) || !peer.heard_within(self.settings.pair.peer_timeout, now) {
+            return None;
+        }
+        let interlock = self.service.interlock();
+        let acknowledged = interlock.transmitter().acknowledged();
+        let lease = acknowledged.filter(|lease| interlock.is_on() && now < lease.expires_at);
+        let own = Transmitter {
+            position_enu_m: self.position()?,
+            axis: self.autopilot.state().attitude?.value.antenna_axis(),
+            tx_power_w: lease.map_or(0.0, |lease| lease.power_w),
+        };
+        let other_plan = planned[role.peer()];
+        let radiates = peer.says(VeilwingFlags::VEILWING_FLAGS_RADIATING);
+        let other = Transmitter {
+            position_enu_m: peer.position_enu_m?,
+            axis: other_plan.pose.antenna_axis(),
+            tx_power_w: if radiates { other_plan.tx_power_w } else { 0.0 },
+        };
+        let scene = &self.settings.scene;
+        let Radio { reference_gain, noise_power_w, .. } = scene.radio;
+        let at = |node: &Enu| {
+            let from_own = received_power_w(&own, node, reference_gain);
+            let from_other = mean_received_power_w(&other, node, reference_gain, self.settings.jitter_rad);
+            let (i, j) = match role {
+                Role::I => (from_own, from_other),
+                Role::J => (from_other, from_own),
+            };
+            i / (j + noise_power_w)
+        };
+        let user_sinr = at(scene.users_enu_m.get(entry.user_index)?);
+        let eavesdropper_sinr: Vec<f64> = scene.eavesdroppers_enu_m.iter().map(at).collect();
+        let heard = eavesdropper_sinr.iter().copied();
+        let rate_bps = secrecy::rate_bps(scene.radio.bandwidth_hz, user_sinr, heard);
+        Some(Figures { rate_bps, user_sinr, eavesdropper_sinr, own_power_w: own.tx_power_w })
+    }
+}
+
+/// Mean power received from a transmitter whose axis jitters by `jitter_rad` about each of its two transverse axes, to
+/// second order: with `t` the cosine between axis and direction, `E t^2 = t^2 + s^2 (1 - 3 t^2)`, so that
+/// `E G = G + s^2 (2 - 3 G)`.
+fn mean_received_power_w(from: &Transmitter, node: &Enu, reference_gain: f64, jitter_rad: f64) -> f64 {
+    let path = node - from.position_enu_m;
+    let still = pattern::gain(&path, &from.axis);
+    let mean = (still + jitter_rad * jitter_rad * (2.0 - 3.0 * still)).clamp(0.0, 1.0);
+    let square = path.norm_squared().max(NEAREST_M * NEAREST_M);
+    reference_gain * mean * from.tx_power_w.max(0.0) / square
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn val_the_mean_gain_is_that_of_many_jittered_axes() {
+        use crate::geo::Attitude;
+        use rand::{RngExt, SeedableRng};
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(1);
+        let jitter_rad = 2f64.to_radians();
+        let mut gauss = || jitter_rad * ((0..12).map(|_| rng.random::<f64>()).sum::<f64>() - 6.0);
+        for node in [Enu::zeros(), Enu::new(30.0, 0.0, 0.0), Enu::new(100.0, 20.0, 50.0)] {
+            let level =
+                Transmitter { position_enu_m: Enu::new(0.0, 0.0, 50.0), axis: Enu::z(), tx_power_w: 0.5 };
+            let n = 20_000;
+            let powers = (0..n).map(|_| {
+                let axis = Attitude::from_euler(gauss(), gauss(), 0.0).antenna_axis();
+                received_power_w(&Transmitter { axis, ..level }, &node, 1.0)
+            });
+            let mean = powers.sum::<f64>() / f64::from(n);
+            let formula = mean_received_power_w(&level, &node, 1.0, jitter_rad);
+            // At the null the power's standard deviation is its mean: 0.7% of it for the mean of 20,000.
+            assert!((formula / mean - 1.0).abs() < 0.03, "{node}: {formula} {mean}");
+        }
+    }
+
+    #[test]
+    fn val_names_fit_and_come_round() {
+        let figures =
+            Figures { rate_bps: 2e6, user_sinr: 100.0, eavesdropper_sinr: vec![0.0; 99], own_power_w: 0.5 };
+        let all: Vec<_> = (0..).map_while(|index| figures.named(index)).collect();
+        assert_eq!(all.len(), 4 + 99);
+        assert!(all.iter().all(|(name, value)| name.len() <= 10 && value.is_finite()), "{all:?}");
+        assert_eq!(all[1], ("SINR_USER".into(), 20.0));
+        assert_eq!(all[2], ("SINR_EVE".into(), FLOOR_DB));
+        assert!((all[3].1 - 26.99).abs() < 0.01);
+        assert_eq!(all[4].0, "SINR_E1");
+    }
+}

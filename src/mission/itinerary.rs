@@ -1,0 +1,82 @@
+//! The flight of a whole mission, once plan and both homes are known: the slot table and the way home after it.
+
+use crate::geo::{Attitude, Enu};
+use crate::pair::{PlanTerms, SlotTerms};
+use crate::planner::slots::Plan;
+use crate::role::{PerVehicle, Role};
+use crate::schedule::table::{Entry, Table, TableError};
+use crate::schedule::trajectory::{Start, Trajectory};
+use crate::schedule::transit::{Router, Separation, TransitError};
+
+use super::executive::Settings;
+
+/// Why the slots cannot be flown one after the other.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub(super) enum NoItinerary {
+    #[error("slot table: {0}")]
+    Table(#[from] TableError),
+    #[error("way home: {0}")]
+    Home(#[from] TransitError),
+}
+
+/// See the module.
+#[derive(Debug)]
+pub(super) struct Itinerary {
+    table: Table,
+    /// From the last slot's poses to above the homes, where both can fly at once.
+    pub way_home: Option<Trajectory>,
+}
+
+impl Itinerary {
+    /// The same on both vehicles, bit for bit.
+    pub fn new(plan: &Plan, homes: &PerVehicle<Enu>, settings: &Settings) -> Result<Self, NoItinerary> {
+        let start =
+            homes.map(|home| Start { position_enu_m: settings.above(home), attitude: Attitude::level() });
+        let router = Router::new(&settings.airspace, &settings.limits)?;
+        let users: Vec<_> = plan.slots.iter().map(|slot| vec![slot.plan.vehicles.map(|v| v.pose)]).collect();
+        let table = Table::build(&router, &start, &users, &settings.timing, settings.order)?;
+        let way_home = match table.entries.last() {
+            Some(last) => {
+                let from = PerVehicle::from_fn(|role| last.transit[role].end());
+                let home = router.home(&from, homes)?;
+                let together = home.separation == Separation::Paths;
+                together.then(|| home.trajectories[settings.role].clone())
+            }
+            None => None,
+        };
+        Ok(Self { table, way_home })
+    }
+
+    /// What the two companions agree on, slot by slot.
+    pub fn terms(&self, plan: &Plan) -> PlanTerms {
+        let terms = |entry: &Entry| {
+            let after_opening = |t: std::time::Duration| t.saturating_sub(entry.opens);
+            Some(SlotTerms {
+                vehicles: plan.slots.get(entry.user_index)?.plan.vehicles,
+                opens: entry.opens,
+                lead: entry.opens.saturating_sub(entry.transit_starts),
+                radiate_from: after_opening(entry.radiate_from),
+                radiate_until: after_opening(entry.radiate_until),
+                length: after_opening(entry.closes),
+            })
+        };
+        PlanTerms { digest: plan.digest, slots: self.table.entries.iter().filter_map(terms).collect() }
+    }
+
+    /// How many slots there are.
+    pub fn slots(&self) -> usize {
+        self.table.entries.len()
+    }
+
+    /// The table's entry of a slot.
+    pub fn entry(&self, slot: u16) -> Option<&Entry> {
+        self.table.entries.get(usize::from(slot))
+    }
+
+    /// A vehicle's way to a slot; of the other one's too where time alone keeps them apart.
+    pub fn transit(&self, slot: u16, role: Role) -> Option<(Trajectory, Option<Trajectory>)> {
+        let entry = self.entry(slot)?;
+        let in_turns = entry.separation == Separation::Time;
+        Some((entry.transit[role].clone(), in_turns.then(|| entry.transit[role.peer()].clone())))
+    }
+}

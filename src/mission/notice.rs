@@ -1,0 +1,220 @@
+//! What the operator is told: kinds and numbers, and the one place where they become words.
+
+use std::time::Duration;
+
+use mavlink::dialects::ardupilotmega::MavSeverity;
+
+use crate::autopilot::{EstimatorFault, Firmware};
+use crate::pair::wire::{VeilwingAnswer, VeilwingSilence};
+use crate::role::Role;
+use crate::schedule::transit::TransitError;
+use crate::service::{GiveUp, Silence};
+use crate::units::Watts;
+
+use super::cause::{Cause, Refusal};
+use super::ground_station::ParameterRefusal;
+use super::words;
+
+/// A line for the operator: goes out as STATUSTEXT and into the log. Its `Display` is the text, in plain words with the
+/// number that matters.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum Notice {
+    /// A plan is there, of so many slots.
+    #[error("planned {0} slots")]
+    Planned(usize),
+    /// The autopilot is there.
+    #[error("autopilot found: system {system}, {firmware:?}")]
+    AutopilotFound {
+        /// Its MAVLink system.
+        system: u8,
+        /// What it runs.
+        firmware: Firmware,
+    },
+    /// The autopilot does not yet do what it was asked for.
+    #[error("waiting for the autopilot to {what}: {why} ({:.0} s)", waited.as_secs_f64())]
+    AutopilotNotReady {
+        /// What it was asked for.
+        what: &'static str,
+        /// Its own words, or its answer.
+        why: String,
+        /// Since when.
+        waited: Duration,
+    },
+    /// The autopilot does not do what it was asked for.
+    #[error("{0}")]
+    AutopilotRefused(Refusal),
+    /// The estimate is not to be trusted; nothing follows in this phase.
+    #[error("estimator: {0}")]
+    Estimator(EstimatorFault),
+    /// What is missing before take-off. `failed`: a preflight check is among it.
+    #[error("waiting: {text}")]
+    Waiting {
+        /// All of it, in words.
+        text: String,
+        /// Told again, since a check goes on failing.
+        again: bool,
+    },
+    /// A preflight check warns.
+    #[error("preflight warning: {0}")]
+    PreflightWarning(String),
+    /// Nothing is missing.
+    #[error("preflight passed, taking off")]
+    TakingOff,
+    /// The climb is over.
+    #[error("airborne, ready for slots")]
+    Airborne,
+    /// A slot is agreed with the peer.
+    #[error("slot {slot} for {user}: agreed, opens in {:.1} s", opens_in.as_secs_f64())]
+    SlotAgreed {
+        /// Its number over superframes.
+        slot: u16,
+        /// The user it is for.
+        user: String,
+        /// From now to its opening.
+        opens_in: Duration,
+    },
+    /// The transmitter may radiate from now on.
+    #[error("slot {0}: on, {1}")]
+    On(u16, Watts),
+    /// The transmitter was told to be silent, out of turn.
+    #[error("silent: {0}")]
+    Silent(Silence),
+    /// A slot's time is over, in which this vehicle radiated.
+    #[error("slot {0} for {1}: over")]
+    SlotOver(u16, String),
+    /// A slot's time is over, in which this vehicle did not radiate.
+    #[error("slot {slot} for {user}: not served{}", words::because(silence))]
+    SlotNotServed {
+        /// Its number over superframes.
+        slot: u16,
+        /// The user it was for.
+        user: String,
+        /// The last reason found within its airtime.
+        silence: Option<Silence>,
+    },
+    /// Nothing is left to do.
+    #[error("all slots are over, returning")]
+    AllSlotsOver,
+    /// The way home begins.
+    #[error("returning home")]
+    ReturningHome,
+    /// There is no way home.
+    #[error("no way home, landing here: {0}")]
+    NoWayHome(TransitError),
+    /// A climb or a return that does not end.
+    #[error("still {} m from where it should be: the autopilot lands here", .0.map_or("?".into(), |m| format!("{m:.1}")))]
+    Astray(Option<f64>),
+    /// The mission is given up.
+    #[error("mission aborted: {0}")]
+    Aborted(Cause),
+    /// Control is another hand's (F2).
+    #[error("silent, hands off: {0}")]
+    HandsOff(Cause),
+    /// Landed by the autopilot, under us.
+    #[error("landed and disarmed")]
+    Landed,
+    /// Seen on the ground after a surrender.
+    #[error("on the ground and disarmed")]
+    OnTheGround,
+    /// The process is asked to end.
+    #[error("companion is ending: silent, autopilot holds")]
+    Ending,
+    /// The peer's first message.
+    #[error("vehicle {0} is heard")]
+    PeerFound(Role),
+    /// The peer has another mission file.
+    #[error("vehicle {0} flies another mission: copy the same mission file to both vehicles")]
+    MissionDiffers(Role),
+    /// The peer made another plan.
+    #[error("vehicle {0} made another plan of the same mission: same version on both?")]
+    PlanDiffers(Role),
+    /// Both vehicle files say the same role.
+    #[error("the other companion is vehicle {0} too: change role in one vehicle file")]
+    SameRole(Role),
+    /// The peer refuses a slot.
+    #[error("vehicle {peer} refused slot {slot}: {}", words::answer(*answer))]
+    Refused {
+        /// The peer.
+        peer: Role,
+        /// The slot's number over superframes.
+        slot: u16,
+        /// Why.
+        answer: VeilwingAnswer,
+    },
+    /// The peer fell silent out of turn.
+    #[error("vehicle {peer} fell silent: {}", words::reason(*reason))]
+    PeerSilent {
+        /// The peer.
+        peer: Role,
+        /// Why.
+        reason: VeilwingSilence,
+    },
+    /// The peer cannot be worked with; nothing follows in this phase.
+    #[error("{}", words::give_up(.0, .1))]
+    PeerGone(Role, GiveUp),
+    /// The radio kill.
+    #[error("radio kill: silent until the companion restarts")]
+    Killed,
+    /// The operator's pause.
+    #[error("paused by the operator: silent, holding")]
+    Paused,
+    /// The end of a pause.
+    #[error("going on by the operator's order")]
+    GoingOn,
+    /// A parameter that stays as it is.
+    #[error("{0}")]
+    ParameterRefused(ParameterRefusal),
+    /// A parameter that was written.
+    #[error("{0} is now {1}")]
+    ParameterSet(&'static str, f64),
+    /// The disk does not take the link's records.
+    #[error("telemetry log: records are being lost; flying goes on")]
+    LosingLog,
+    /// It does again.
+    #[error("telemetry log: the disk takes records again")]
+    LogTakenAgain,
+}
+
+impl Notice {
+    /// MAVLink severity.
+    #[must_use]
+    pub fn severity(&self) -> MavSeverity {
+        match self {
+            Self::Planned(_)
+            | Self::AutopilotFound { .. }
+            | Self::AutopilotNotReady { .. }
+            | Self::Waiting { again: false, .. }
+            | Self::TakingOff
+            | Self::Airborne
+            | Self::SlotAgreed { .. }
+            | Self::On(..)
+            | Self::SlotOver(..)
+            | Self::AllSlotsOver
+            | Self::ReturningHome
+            | Self::Landed
+            | Self::OnTheGround
+            | Self::PeerFound(_)
+            | Self::LogTakenAgain => MavSeverity::MAV_SEVERITY_INFO,
+            Self::Paused | Self::GoingOn | Self::ParameterSet(..) => MavSeverity::MAV_SEVERITY_NOTICE,
+            Self::AutopilotRefused(_)
+            | Self::Estimator(_)
+            | Self::Waiting { again: true, .. }
+            | Self::PreflightWarning(_)
+            | Self::Silent(_)
+            | Self::SlotNotServed { .. }
+            | Self::Ending
+            | Self::Refused { .. }
+            | Self::PeerSilent { .. }
+            | Self::PeerGone(..)
+            | Self::ParameterRefused(_)
+            | Self::LosingLog => MavSeverity::MAV_SEVERITY_WARNING,
+            Self::NoWayHome(_)
+            | Self::Astray(_)
+            | Self::Aborted(_)
+            | Self::MissionDiffers(_)
+            | Self::PlanDiffers(_)
+            | Self::SameRole(_) => MavSeverity::MAV_SEVERITY_ERROR,
+            Self::HandsOff(_) | Self::Killed => MavSeverity::MAV_SEVERITY_CRITICAL,
+        }
+    }
+}

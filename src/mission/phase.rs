@@ -1,0 +1,137 @@
+//! The phases of a flight, each with what only it needs.
+
+use std::time::Duration;
+
+use crate::schedule::trajectory::{Sample, Trajectory};
+use crate::time::Instant;
+
+use super::turns::Turns;
+
+/// What the setpoints follow.
+#[derive(Debug, Clone)]
+pub(super) struct Motion {
+    pub trajectory: Trajectory,
+    pub starts_at: Instant,
+}
+
+impl Motion {
+    pub fn sample(&self, now: Instant) -> Sample {
+        self.trajectory.sample(now.saturating_since(self.starts_at))
+    }
+
+    pub fn ends_at(&self) -> Instant {
+        self.starts_at + self.trajectory.duration()
+    }
+
+    /// Whether the trajectory is flown to its end, by the clock.
+    pub fn is_over(&self, now: Instant) -> bool {
+        now >= self.ends_at()
+    }
+}
+
+/// See the module.
+#[derive(Debug, Clone)]
+pub(super) enum Phase {
+    /// No autopilot, or no position yet.
+    Connecting,
+    /// On the ground; something is missing before take-off.
+    Standby,
+    /// Asking for the companion's mode, at rest on the ground.
+    TakingControl(Motion),
+    /// Asking to arm, likewise.
+    Arming(Motion),
+    /// To the lowest altitude of the band, above home.
+    Climbing(Motion),
+    /// In the pair's service: between slots, on the transit to one, or in it. `turns`: of a transit in which time alone
+    /// keeps the vehicles apart.
+    InService { motion: Motion, turns: Option<Turns> },
+    /// After a fault: hold at least until then, and then as long as the other's way home takes.
+    Holding { motion: Motion, since: Instant },
+    /// To above home.
+    Returning(Motion),
+    /// The autopilot lands.
+    Landing,
+    /// Control is the pilot's or the autopilot's own; watching.
+    Surrendered { since: Instant },
+    /// On the ground, over.
+    Ended,
+}
+
+/// An abort begins with a hold, long enough for the peer's word to come through.
+pub(super) const HOLD: Duration = Duration::from_secs(3);
+
+impl Phase {
+    /// For logs. `in_slot`: a slot is agreed on.
+    pub fn name(&self, in_slot: bool) -> &'static str {
+        match self {
+            Self::Connecting => "connecting",
+            Self::Standby => "standby",
+            Self::TakingControl(_) => "taking control",
+            Self::Arming(_) => "arming",
+            Self::Climbing(_) => "climbing",
+            Self::InService { .. } if in_slot => "slot",
+            Self::InService { .. } => "ready",
+            Self::Holding { .. } => "holding",
+            Self::Returning(_) => "returning",
+            Self::Landing => "landing",
+            Self::Surrendered { .. } => "surrendered",
+            Self::Ended => "ended",
+        }
+    }
+
+    /// Its place in the order of a flight.
+    pub fn number(&self, in_slot: bool) -> u8 {
+        match self {
+            Self::Connecting => 0,
+            Self::Standby => 1,
+            Self::TakingControl(_) => 2,
+            Self::Arming(_) => 3,
+            Self::Climbing(_) => 4,
+            Self::InService { .. } if !in_slot => 5,
+            Self::InService { .. } => 6,
+            Self::Holding { .. } => 7,
+            Self::Returning(_) => 8,
+            Self::Landing => 9,
+            Self::Surrendered { .. } => 10,
+            Self::Ended => 11,
+        }
+    }
+
+    /// What the setpoints follow; `None` where none are sent.
+    pub fn motion(&self) -> Option<&Motion> {
+        match self {
+            Self::TakingControl(motion)
+            | Self::Arming(motion)
+            | Self::Climbing(motion)
+            | Self::InService { motion, .. }
+            | Self::Holding { motion, .. }
+            | Self::Returning(motion) => Some(motion),
+            Self::Connecting | Self::Standby | Self::Landing | Self::Surrendered { .. } | Self::Ended => None,
+        }
+    }
+
+    /// On the ground, before anything was asked of the autopilot.
+    pub fn is_waiting(&self) -> bool {
+        matches!(self, Self::Connecting | Self::Standby)
+    }
+
+    /// In the air on the mission.
+    pub fn is_in_service(&self) -> bool {
+        matches!(self, Self::InService { .. })
+    }
+
+    /// In the air on the mission, or on its way up to it.
+    pub fn is_outward(&self) -> bool {
+        matches!(self, Self::Climbing(_) | Self::InService { .. })
+    }
+
+    /// Going home under our control, or about to.
+    pub fn is_returning(&self) -> bool {
+        matches!(self, Self::Holding { .. } | Self::Returning(_) | Self::Landing)
+    }
+
+    /// The mission is over for this vehicle, well or badly.
+    pub fn is_ending(&self) -> bool {
+        self.is_returning() || matches!(self, Self::Surrendered { .. } | Self::Ended)
+    }
+}

@@ -1,0 +1,43 @@
+//! Where this vehicle should be, for the autopilot, and how it stands, for the service.
+
+use crate::autopilot::Setpoint;
+use crate::service::Vehicle;
+use crate::time::Instant;
+
+use super::executive::{Executive, Stopping};
+
+impl Executive {
+    pub(super) fn feed_setpoint(&mut self, now: Instant) {
+        if matches!(self.stopping, Stopping::Since(_)) {
+            return;
+        }
+        if let Some(motion) = self.phase.motion() {
+            let sample = motion.sample(now);
+            let setpoint = Setpoint {
+                position_enu_m: sample.position_enu_m,
+                velocity_enu_m_s: sample.velocity_enu_m_s,
+                attitude: sample.attitude,
+            };
+            self.autopilot.set_setpoint(setpoint, now);
+        }
+    }
+
+    pub(super) fn vehicle(&self, now: Instant) -> Vehicle {
+        let state = self.autopilot.state();
+        Vehicle {
+            state_since: self.autopilot.state_since(),
+            state_period: self.autopilot.state_period(),
+            position_enu_m: state.position_enu_m.map(|p| p.value),
+            attitude: state.attitude.map(|attitude| (attitude.value, attitude.received_at)),
+            in_control: self.autopilot.in_control() && !matches!(self.stopping, Stopping::Since(_)),
+            estimator_ok: self.estimator_ok(),
+            arrived: self.phase.is_in_service()
+                && self.phase.motion().is_some_and(|motion| motion.is_over(now)),
+            home_enu_m: self.home_enu_m,
+            preflight_ok: self.ground.preflight_ok(),
+            ended: self.phase.is_ending(),
+            returning: self.phase.is_returning(),
+            landed: state.is_airborne() == Some(false),
+        }
+    }
+}

@@ -1,0 +1,50 @@
+//! The words for what the pair's service says in kinds.
+
+use crate::pair::wire::{VeilwingAnswer, VeilwingSilence};
+use crate::role::Role;
+use crate::service::{GiveUp, Silence};
+
+/// Why the service cannot go on, `peer` being the other vehicle.
+pub(super) fn give_up(peer: &Role, why: &GiveUp) -> String {
+    match why {
+        GiveUp::PeerLost(silent_for) => {
+            format!("nothing heard from vehicle {peer} for {:.1} s", silent_for.as_secs_f64())
+        }
+        GiveUp::PeerRestarted => format!("vehicle {peer}'s companion restarted"),
+        GiveUp::PeerLeft => format!("vehicle {peer} is not on its way to the agreed slot"),
+        GiveUp::PeerSilent(why) => format!("vehicle {peer} fell silent for good, {}", reason(*why)),
+        GiveUp::PeerEnded => format!("vehicle {peer} has ended its mission"),
+        GiveUp::Refused(slot, why) => format!("vehicle {peer} keeps refusing slot {slot}: {}", answer(*why)),
+    }
+}
+
+/// What is added to "not served".
+pub(super) fn because(silence: &Option<Silence>) -> String {
+    silence.map_or(String::new(), |silence| format!(": {silence}"))
+}
+
+/// Why the peer fell silent.
+pub(super) fn reason(reason: VeilwingSilence) -> &'static str {
+    match reason {
+        VeilwingSilence::VEILWING_SILENCE_POSE => "its pose left tolerance",
+        VeilwingSilence::VEILWING_SILENCE_CONTROL => "its autopilot left the companion's mode",
+        VeilwingSilence::VEILWING_SILENCE_LINK => "its autopilot link is stale",
+        VeilwingSilence::VEILWING_SILENCE_ESTIMATOR => "its position estimate failed",
+        VeilwingSilence::VEILWING_SILENCE_TRANSMITTER => "its transmitter does not answer",
+        VeilwingSilence::VEILWING_SILENCE_OPERATOR => "by the operator's order",
+        VeilwingSilence::VEILWING_SILENCE_SHUTDOWN => "its companion is ending",
+    }
+}
+
+/// What the peer said to a proposal.
+pub(super) fn answer(answer: VeilwingAnswer) -> &'static str {
+    match answer {
+        VeilwingAnswer::VEILWING_ANSWER_ACCEPTED => "accepted",
+        VeilwingAnswer::VEILWING_ANSWER_NOT_READY => "it is not ready",
+        VeilwingAnswer::VEILWING_ANSWER_WRONG_PLAN => "its plan differs",
+        VeilwingAnswer::VEILWING_ANSWER_WRONG_SLOT => "it expects another slot",
+        VeilwingAnswer::VEILWING_ANSWER_TOO_LATE => "it cannot be on station in time",
+        VeilwingAnswer::VEILWING_ANSWER_CLOCK => "the two clocks differ too much, or are not compared yet",
+        VeilwingAnswer::VEILWING_ANSWER_LIMITS => "a pose or power is beyond its limits",
+    }
+}

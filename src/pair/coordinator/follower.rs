@@ -1,0 +1,166 @@
+//! J's half: judges proposals, and grants leases on what it vouches for.
+
+use std::time::Duration;
+
+use crate::planner::plan::VehiclePlan;
+use crate::time::Instant;
+
+use super::super::lease::Book;
+use super::super::wire::{self, MavMessage, VeilwingAnswer};
+use super::shared_time::SharedTime;
+use super::terms::{Commitment, PlanTerms, Vouch};
+
+/// J commits no later than this before its transit begins: time for several statuses, of which I must hear one.
+const CONFIRM: Duration = Duration::from_millis(300);
+/// Poses and powers travel as f32: what is equal in f64 differs by this much relative to its size after the trip.
+const WIRE_TOLERANCE: f64 = 1e-6;
+
+/// See the module.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Follower {
+    /// The slot that comes next, if we are ready for one.
+    pub readiness: Option<u16>,
+    /// Accepted; awaits I's commit.
+    accepted: Option<Commitment>,
+    /// Proposals up to this one of I's present boot are over.
+    finished: u32,
+    pub vouch: Option<Vouch>,
+    pub book: Book,
+}
+
+impl Follower {
+    /// Whether a proposal awaits its commit.
+    pub fn is_accepting(&self) -> bool {
+        self.accepted.is_some()
+    }
+
+    /// What was agreed on, or about to be, is over.
+    pub fn release(&mut self, commitment: Option<Commitment>) {
+        let over = [commitment, self.accepted.take()].into_iter().flatten().map(|c| c.proposal).max();
+        self.finished = self.finished.max(over.unwrap_or(0));
+        self.vouch = None;
+    }
+
+    /// I restarted: its proposals and its clock begin anew.
+    pub fn new_boot(&mut self) {
+        self.finished = 0;
+        self.book.new_boot();
+    }
+
+    /// Answers a copy of a proposal; `None` for one that is over.
+    pub fn take_proposal(
+        &mut self,
+        propose: &wire::VEILWING_PROPOSE_DATA,
+        committed: Option<Commitment>,
+        plan: Option<&PlanTerms>,
+        time: &SharedTime,
+        now: Instant,
+    ) -> Option<MavMessage> {
+        if propose.proposal <= self.finished {
+            return None;
+        }
+        let answer = match committed {
+            Some(commitment) if commitment.proposal == propose.proposal => {
+                VeilwingAnswer::VEILWING_ANSWER_ACCEPTED
+            }
+            // A late copy of an earlier proposal must not displace the slot that is being flown.
+            Some(commitment) if commitment.proposal > propose.proposal => return None,
+            _ => match self.judge(propose, plan, time, now) {
+                Ok(commitment) => {
+                    let newer = self.accepted.is_none_or(|known| known.proposal < propose.proposal);
+                    if newer && committed.is_none() {
+                        self.accepted = Some(commitment);
+                    }
+                    VeilwingAnswer::VEILWING_ANSWER_ACCEPTED
+                }
+                Err(refusal) => refusal,
+            },
+        };
+        Some(MavMessage::VEILWING_ANSWER(wire::VEILWING_ANSWER_DATA {
+            boot_id: propose.boot_id,
+            proposal: propose.proposal,
+            answer,
+        }))
+    }
+
+    /// Judges a proposal by our own plan, readiness and clock.
+    fn judge(
+        &self,
+        propose: &wire::VEILWING_PROPOSE_DATA,
+        plan: Option<&PlanTerms>,
+        time: &SharedTime,
+        now: Instant,
+    ) -> Result<Commitment, VeilwingAnswer> {
+        let (Some(plan), Some(next)) = (plan, self.readiness) else {
+            return Err(VeilwingAnswer::VEILWING_ANSWER_NOT_READY);
+        };
+        if propose.plan_digest != wire::short(&plan.digest) {
+            return Err(VeilwingAnswer::VEILWING_ANSWER_WRONG_PLAN);
+        }
+        // Only the very next: the transit to any other begins where J is not.
+        let terms = plan.slots.get(usize::from(propose.slot)).filter(|_| propose.slot == next);
+        let terms = terms.ok_or(VeilwingAnswer::VEILWING_ANSWER_WRONG_SLOT)?;
+        let vehicles = &terms.vehicles;
+        if !same(&propose.i_position_enu_m, &propose.i_euler_rad, propose.i_power_w, &vehicles.i)
+            || !same(&propose.j_position_enu_m, &propose.j_euler_rad, propose.j_power_w, &vehicles.j)
+        {
+            return Err(VeilwingAnswer::VEILWING_ANSWER_WRONG_PLAN);
+        }
+        let opens = crate::time::Utc { unix_us: propose.opens_utc_us };
+        let opens_at = time.instant_of(opens).filter(|_| time.agrees());
+        let opens_at = opens_at.ok_or(VeilwingAnswer::VEILWING_ANSWER_CLOCK)?;
+        if opens_at < now + terms.lead + CONFIRM {
+            return Err(VeilwingAnswer::VEILWING_ANSWER_TOO_LATE);
+        }
+        let leaves_at = opens_at - terms.lead;
+        Ok(Commitment { proposal: propose.proposal, slot: propose.slot, opens_at, leaves_at })
+    }
+
+    /// Commits, if it is still ready and there is still time to say so.
+    pub fn take_commit(&mut self, commit: &wire::VEILWING_COMMIT_DATA, now: Instant) -> Option<Commitment> {
+        let commitment = self.accepted.take_if(|accepted| accepted.proposal == commit.proposal)?;
+        if self.readiness != Some(commitment.slot) || now + CONFIRM > commitment.leaves_at {
+            self.finished = self.finished.max(commitment.proposal);
+            return None;
+        }
+        Some(commitment)
+    }
+
+    /// Grants what can be vouched for; `None` if that is nothing.
+    pub fn take_request(
+        &mut self,
+        request: &wire::VEILWING_LEASE_REQUEST_DATA,
+        commitment: Commitment,
+        plan: &PlanTerms,
+        longest: Duration,
+        now: Instant,
+    ) -> Option<MavMessage> {
+        let vouch = self.vouch?;
+        let granted = self.book.grant(
+            request.time_us,
+            vouch.transmitter_expires_at,
+            vouch.round_trip,
+            longest,
+            vouch.closes_at,
+            now,
+        )?;
+        Some(MavMessage::VEILWING_LEASE_GRANT(wire::VEILWING_LEASE_GRANT_DATA {
+            time_us: request.time_us,
+            boot_id: request.boot_id,
+            proposal: commitment.proposal,
+            slot: commitment.slot,
+            duration_ms: u16::try_from(granted.as_millis()).ok()?,
+            plan_digest: wire::short(&plan.digest),
+        }))
+    }
+}
+
+/// Whether a pose and a power that came by wire are those of our own plan.
+fn same(position: &[f32; 3], euler: &[f32; 3], power_w: f32, own: &VehiclePlan) -> bool {
+    let close = |wire: &[f32], ours: &[f64]| {
+        wire.iter().zip(ours).all(|(&w, &o)| (f64::from(w) - o).abs() <= WIRE_TOLERANCE * o.abs().max(1.0))
+    };
+    close(position, own.pose.position_enu_m.as_slice())
+        && close(euler, &[own.pose.roll_rad, own.pose.pitch_rad, own.pose.yaw_rad])
+        && close(&[power_w], &[own.tx_power_w])
+}

@@ -1,0 +1,35 @@
+//! What the vehicle says of itself.
+
+use std::time::Duration;
+
+use crate::geo::{Attitude, Enu};
+use crate::time::Instant;
+
+/// What is known of the own vehicle at one instant.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Vehicle {
+    /// When the older of position and attitude was received last; `None` without either.
+    pub state_since: Option<Instant>,
+    /// How long that may go on without a new one: the period at which both come.
+    pub state_period: Duration,
+    /// Position, east-north-up about the mission's origin.
+    pub position_enu_m: Option<Enu>,
+    /// Attitude, and when it was measured.
+    pub attitude: Option<(Attitude, Instant)>,
+    /// Armed and in the companion's mode.
+    pub in_control: bool,
+    /// The autopilot has nothing to say against its own estimate.
+    pub estimator_ok: bool,
+    /// The transit to the slot's pose is flown to its end.
+    pub arrived: bool,
+    /// Where it took off, or stands.
+    pub home_enu_m: Option<Enu>,
+    /// No preflight check fails.
+    pub preflight_ok: bool,
+    /// The mission is over for this vehicle, well or badly.
+    pub ended: bool,
+    /// Going home under the companion's control, or about to.
+    pub returning: bool,
+    /// On the ground.
+    pub landed: bool,
+}

@@ -1,0 +1,21 @@
+//! What the pair does together, on one vehicle: agreeing on slots, serving them, and ending them so that nothing is
+//! transmitted unprotected and nothing jams the user (S1 to S6). No I/O, no autopilot: [`SlotService`] is told the
+//! vehicle's state and the time, and gives permits to its transmitter and messages to its peer.
+//!
+//! The executive flies by it, and the model check, the sweep and the fuzz target drive this very type.
+
+mod agreement_time;
+mod evidence;
+pub mod interlock;
+mod pose_monitor;
+mod refusals;
+mod slot;
+mod slot_service;
+mod staleness;
+
+pub use evidence::Vehicle;
+pub use interlock::{Ceilings, Permit, Silence};
+pub use pose_monitor::{Off, PoseMonitor, Tolerance};
+pub use slot::{Served, Slot};
+pub use slot_service::{Event, GiveUp, Outgoing, Settings, SlotService};
+pub use staleness::Freshness;

@@ -1,0 +1,67 @@
+//! A committed slot: its times on our monotonic clock, our power and pose in it.
+
+use crate::pair::{Commitment, SlotTerms};
+use crate::role::Role;
+use crate::time::Instant;
+
+use super::interlock::{Silence, Window};
+use super::pose_monitor::{PoseMonitor, Tolerance};
+
+/// See the module.
+#[derive(Debug, Clone)]
+pub struct Slot {
+    /// What was agreed on.
+    pub commitment: Commitment,
+    /// The plan's power in watts.
+    pub power_w: f64,
+    /// I may radiate from here ...
+    pub radiate_from: Instant,
+    /// ... to here; J from the opening until I is off, at most to the close.
+    pub radiate_until: Instant,
+    /// The slot's end.
+    pub closes_at: Instant,
+    /// To be ended early, in order: I is off at once, J vouches no more and is off once I is.
+    pub(super) closing: bool,
+    pub(super) monitor: PoseMonitor,
+    pub(super) served: Served,
+}
+
+/// Whether this vehicle's transmitter was on in a slot.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Served {
+    /// It was.
+    Yes,
+    /// It was not: the last reason that was found within the slot's airtime, if that ever began.
+    No(Option<Silence>),
+}
+
+impl Slot {
+    /// The slot agreed on, by the plan's terms.
+    pub(super) fn new(role: Role, commitment: Commitment, terms: &SlotTerms, tolerance: Tolerance) -> Self {
+        let vehicle = terms.vehicles[role];
+        Self {
+            commitment,
+            power_w: vehicle.tx_power_w,
+            radiate_from: commitment.opens_at + terms.radiate_from,
+            radiate_until: commitment.opens_at + terms.radiate_until,
+            closes_at: commitment.opens_at + terms.length,
+            closing: false,
+            monitor: PoseMonitor::new(vehicle.pose, tolerance),
+            served: Served::No(None),
+        }
+    }
+
+    /// When `role` may radiate. `leases_outstanding`: I may hold a lease of J.
+    pub(super) fn window(&self, role: Role, leases_outstanding: bool, now: Instant) -> Window {
+        let (from, until) = match role {
+            Role::I if self.closing => (self.radiate_from, now),
+            Role::I => (self.radiate_from, self.radiate_until),
+            // Once I has said that it is off and holds nothing, J has no more to protect.
+            Role::J if (self.closing || now >= self.radiate_until) && !leases_outstanding => {
+                (self.commitment.opens_at, now)
+            }
+            Role::J => (self.commitment.opens_at, self.closes_at),
+        };
+        Window { slot: self.commitment.slot, from, until, power_w: self.power_w }
+    }
+}

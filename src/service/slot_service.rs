@@ -1,0 +1,649 @@
+//! One vehicle's half of the pair's service.
+
+use std::collections::VecDeque;
+use std::time::Duration;
+
+use mavlink::MavHeader;
+use mavlink::dialects::ardupilotmega::MavMessage;
+
+use crate::pair::wire::{self, VeilwingAnswer, VeilwingFlags, VeilwingOrder, VeilwingSilence};
+use crate::pair::{self, Commitment, Coordinator, Local, Peer, PlanTerms, Vouch};
+use crate::role::Role;
+use crate::time::{Instant, Utc};
+use crate::transmitter::Transmitter;
+
+use super::agreement_time::AgreementTime;
+use super::evidence::Vehicle;
+use super::interlock::{Ceilings, Facts, Interlock, Permit, Silence};
+use super::pose_monitor::Tolerance;
+use super::refusals::{Refusal, Refusals};
+use super::slot::{Served, Slot};
+use super::staleness::{Freshness, Staleness};
+
+/// I asks for leases this long before it may radiate, so that it holds one when its time comes.
+const ASK_EARLY: Duration = Duration::from_millis(200);
+/// J vouches only for the plan's power, less what a radio's steps and the wire's rounding take away.
+const FULL_POWER: f64 = 0.99;
+/// A slot is proposed no earlier before the time that the agreement takes.
+const EARLY: Duration = Duration::from_secs(2);
+
+/// What does not change while the companion runs.
+#[derive(Debug, Clone)]
+pub struct Settings {
+    /// The pair protocol.
+    pub pair: pair::Settings,
+    /// Power ceilings beside the plan's.
+    pub ceilings: Ceilings,
+    /// The transmitter is simulated, or the mission authorises emission.
+    pub emission_authorised: bool,
+    /// How old the vehicle's state may become.
+    pub freshness: Freshness,
+}
+
+/// Why the pair's service cannot go on.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum GiveUp {
+    /// Nothing was heard from the peer for this long.
+    PeerLost(Duration),
+    /// The peer's companion restarted: it takes nothing over in the air.
+    PeerRestarted,
+    /// The peer is not on its way to the agreed slot.
+    PeerLeft,
+    /// The peer fell silent for a reason that does not pass.
+    PeerSilent(VeilwingSilence),
+    /// The peer has ended its mission.
+    PeerEnded,
+    /// The peer goes on refusing this slot.
+    Refused(u16, VeilwingAnswer),
+}
+
+/// What the owner must know.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Event {
+    /// First message of the peer.
+    PeerFound,
+    /// The peer flies another mission.
+    MissionDiffers,
+    /// The peer made another plan of the same mission.
+    PlanDiffers,
+    /// Both companions are configured for the same role.
+    SameRole,
+    /// The peer fell silent out of turn.
+    PeerSilent(VeilwingSilence),
+    /// An operator's order that came through the peer.
+    Ordered(VeilwingOrder),
+    /// A proposal of this slot was refused, for the first time.
+    Refused(u16, VeilwingAnswer),
+    /// A slot is agreed: the transit to it begins at its time.
+    Agreed(Commitment),
+    /// The transmitter may radiate from now on.
+    On(Permit),
+    /// The transmitter was told to be silent.
+    Off(Silence),
+    /// A slot's time is over, or it was ended early and all is quiet.
+    Over(u16, Served),
+    /// Every slot is over.
+    AllOver,
+    /// The owner should give the mission up, and say so by [`SlotService::abandon`].
+    GiveUp(GiveUp),
+    /// What [`SlotService::abandon`] had to wait for is done.
+    Abandoned,
+}
+
+/// A message of the service.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Outgoing {
+    /// To the transmitter.
+    Radio(Box<MavMessage>),
+    /// To the peer.
+    Pair(Box<wire::MavMessage>),
+}
+
+/// Where the vehicle stands in the mission's slots.
+#[derive(Debug, Clone)]
+enum Stage {
+    /// Takes no part: on the ground, or on its way up or home.
+    Away,
+    /// Between slots; `next` is to be agreed on.
+    Between { next: u16, refusals: Refusals },
+    /// A slot is agreed on; the transit to it included.
+    Committed(Box<Slot>),
+}
+
+/// See the module of the room.
+///
+/// # Calling contract
+/// 1. Hand in what happened: any of `handle_pair`, `handle_radio`, `handle_timeout`, an order (`pause`, `kill`, ...).
+/// 2. [`advance`](Self::advance): agreements, refusals and the ends of slots follow from it.
+/// 3. Drain [`poll_event`](Self::poll_event) and do what the events ask for.
+/// 4. [`decide`](Self::decide): the interlock decides on what is known now. A fault silences the transmitter at the very
+///    input that shows it (S4), so this must follow every input, at the same instant.
+/// 5. Drain [`poll_transmit`](Self::poll_transmit), and `poll_event` for what was switched.
+///
+/// Then sleep until [`poll_timeout`](Self::poll_timeout), which any of the calls may have moved, and call
+/// `handle_timeout` then. `now` never goes back.
+#[derive(Debug, Clone)]
+pub struct SlotService {
+    role: Role,
+    pair: Coordinator,
+    interlock: Interlock,
+    staleness: Staleness,
+    tolerance: Tolerance,
+    stage: Stage,
+    /// By the operator's order.
+    paused: bool,
+    /// J: to leave as soon as I is off (S3).
+    abandoning: bool,
+    agreement_time: AgreementTime,
+    /// I: the instant the slot table counts from, known from the first proposal on.
+    table_zero: Option<Instant>,
+    vehicle: Vehicle,
+    events: VecDeque<Event>,
+}
+
+impl SlotService {
+    /// A service that has heard nothing yet, and takes no part.
+    #[must_use]
+    pub fn new(settings: Settings, transmitter: Transmitter, tolerance: Tolerance, now: Instant) -> Self {
+        let role = settings.pair.role;
+        let lease = settings.pair.lease;
+        Self {
+            role,
+            interlock: Interlock::new(
+                role,
+                transmitter,
+                settings.ceilings,
+                lease,
+                settings.emission_authorised,
+            ),
+            pair: Coordinator::new(settings.pair, now),
+            staleness: Staleness::new(settings.freshness, now),
+            tolerance,
+            stage: Stage::Away,
+            paused: false,
+            abandoning: false,
+            agreement_time: AgreementTime::default(),
+            table_zero: None,
+            vehicle: Vehicle::default(),
+            events: VecDeque::new(),
+        }
+    }
+
+    /// Our plan, once it is made and its slots have their times.
+    pub fn set_plan(&mut self, plan: PlanTerms) {
+        self.pair.set_plan(plan);
+    }
+
+    /// How far a pose may be off in the slots to come.
+    pub fn set_tolerance(&mut self, tolerance: Tolerance) {
+        self.tolerance = tolerance;
+    }
+
+    /// A message of the peer.
+    pub fn handle_pair(&mut self, message: &wire::MavMessage, now: Instant) {
+        self.pair.handle_message(message, now);
+    }
+
+    /// A message of the link on which the transmitter is; what is not the transmitter's is ignored.
+    pub fn handle_radio(&mut self, header: MavHeader, message: &MavMessage, now: Instant) {
+        self.interlock.handle_message(header, message, now);
+    }
+
+    /// Does what is due.
+    pub fn handle_timeout(&mut self, now: Instant) {
+        self.staleness.judge_at(now);
+        self.pair.handle_timeout(now);
+        self.interlock.handle_timeout(now);
+    }
+
+    /// When `handle_timeout` must be called next, and why.
+    #[must_use]
+    pub fn poll_timeout(&self) -> (Instant, &'static str) {
+        let pair = self.pair.poll_timeout();
+        let overdue = self.staleness.overdue_at().filter(|_| self.interlock.is_on());
+        let pair = (pair.0, pair.1.name());
+        let others = [self.interlock.poll_timeout(), overdue.map(|at| (at, "late state"))];
+        others.into_iter().flatten().chain([pair]).min_by_key(|(at, _)| *at).unwrap_or(pair)
+    }
+
+    /// The next message to send.
+    pub fn poll_transmit(&mut self) -> Option<Outgoing> {
+        // Power first: nothing may delay an off.
+        let radio = self.interlock.poll_transmit().map(|m| Outgoing::Radio(Box::new(m)));
+        radio.or_else(|| self.pair.poll_transmit().map(|m| Outgoing::Pair(Box::new(m))))
+    }
+
+    /// The next event.
+    pub fn poll_event(&mut self) -> Option<Event> {
+        self.events.pop_front()
+    }
+
+    /// The vehicle is in the air: slots may be agreed on, from `next` on. `table_zero`: the instant that the slot table
+    /// counts from, if the mission begins at a given time; the vehicle hovers until then.
+    pub fn join(&mut self, next: u16, table_zero: Option<Instant>, now: Instant) {
+        self.table_zero = table_zero;
+        self.stage = Stage::Between { next, refusals: Refusals::none(now) };
+    }
+
+    /// The vehicle takes no part any more, but for the end of a slot under way: J jams until I is off, for a lease's
+    /// length at most, unless a fault of its own silences it (S3). `true` if that is now; [`Event::Abandoned`] follows
+    /// otherwise.
+    pub fn abandon(&mut self, now: Instant) -> bool {
+        if !self.must_jam_on(now) {
+            self.leave(now);
+            return true;
+        }
+        self.abandoning = true;
+        if let Stage::Committed(slot) = &mut self.stage {
+            slot.closing = true;
+        }
+        false
+    }
+
+    /// Whether the end of a slot under way is still waited for.
+    #[must_use]
+    pub fn is_abandoning(&self) -> bool {
+        self.abandoning
+    }
+
+    /// The vehicle takes no part any more, at once, for this reason: silent even where S3 asks for jamming on.
+    pub fn drop_out(&mut self, reason: VeilwingSilence, now: Instant) {
+        self.pair.silent(reason, now);
+        self.leave(now);
+    }
+
+    /// The companion is about to end: as [`Self::abandon`], and the peer is told.
+    pub fn shut_down(&mut self, now: Instant) -> bool {
+        if !self.abandoning {
+            self.pair.silent(VeilwingSilence::VEILWING_SILENCE_SHUTDOWN, now);
+        }
+        let quiet = self.abandon(now);
+        if quiet {
+            self.interlock.silence(now);
+        }
+        quiet
+    }
+
+    /// Tells the peer of a reason for silence that the vehicle's state does not show.
+    pub fn tell_silence(&mut self, reason: VeilwingSilence, now: Instant) {
+        self.pair.silent(reason, now);
+    }
+
+    /// The radio kill: silent, latched.
+    pub fn kill(&mut self, now: Instant) {
+        self.interlock.kill(now);
+        self.pair.silent(VeilwingSilence::VEILWING_SILENCE_OPERATOR, now);
+    }
+
+    /// A slot under way is ended in order (I silent at once, J once I is), its transit flown to the end so that the
+    /// next one begins where the table says; no other is agreed on. `false` if it is so already.
+    pub fn pause(&mut self, now: Instant) -> bool {
+        if std::mem::replace(&mut self.paused, true) {
+            return false;
+        }
+        match &mut self.stage {
+            Stage::Committed(slot) => slot.closing = true,
+            Stage::Away | Stage::Between { .. } => self.pair.release(now),
+        }
+        true
+    }
+
+    /// Ends a pause; `false` if there is none.
+    pub fn go_on(&mut self) -> bool {
+        std::mem::take(&mut self.paused)
+    }
+
+    /// Hands an operator's order on to the peer.
+    pub fn relay(&mut self, order: VeilwingOrder, now: Instant) {
+        self.pair.order(order, now);
+    }
+
+    /// Everything aboard shares the autopilot's MAVLink system, which is known once the autopilot is found.
+    pub fn adopt_system(&mut self, system: u8, now: Instant) {
+        self.interlock.adopt_system(system, now);
+    }
+
+    /// The slot that is agreed on.
+    #[must_use]
+    pub fn slot(&self) -> Option<&Slot> {
+        match &self.stage {
+            Stage::Committed(slot) => Some(slot),
+            Stage::Away | Stage::Between { .. } => None,
+        }
+    }
+
+    /// The number of the slot under way, or of the next one; 0 while the vehicle takes no part.
+    #[must_use]
+    pub fn slot_number(&self) -> u16 {
+        match &self.stage {
+            Stage::Away => 0,
+            Stage::Between { next, .. } => *next,
+            Stage::Committed(slot) => slot.commitment.slot,
+        }
+    }
+
+    /// I: the end of the jam lease in force.
+    #[must_use]
+    pub fn jam_lease(&self, now: Instant) -> Option<Instant> {
+        self.pair.lease(now)
+    }
+
+    /// The other side.
+    #[must_use]
+    pub fn peer(&self) -> &Peer {
+        self.pair.peer()
+    }
+
+    /// Whether mission and plan are known to be the same on both sides.
+    #[must_use]
+    pub fn agrees(&self) -> bool {
+        self.pair.agrees()
+    }
+
+    /// The transmitter behind the interlock, for everything but power.
+    #[must_use]
+    pub fn interlock(&self) -> &Interlock {
+        &self.interlock
+    }
+
+    /// Whether the operator has paused the pair, here or at the peer.
+    #[must_use]
+    pub fn is_paused(&self) -> bool {
+        self.paused || self.peer().says(VeilwingFlags::VEILWING_FLAGS_PAUSED)
+    }
+
+    /// Takes in what has happened: agreements, refusals, the ends of slots.
+    pub fn advance(&mut self, utc: Option<Utc>, now: Instant) {
+        self.pair.set_utc(utc, now);
+        while let Some(event) = self.pair.poll_event() {
+            self.on_pair(event, now);
+        }
+        if self.abandoning && !self.must_jam_on(now) {
+            self.leave(now);
+            self.events.push_back(Event::Abandoned);
+        }
+        match &self.stage {
+            Stage::Away => {}
+            Stage::Between { next, refusals } => self.seek(*next, *refusals, utc, now),
+            Stage::Committed(slot) => {
+                if self.is_over(slot, now) {
+                    self.end_slot(now);
+                } else {
+                    self.watch_peer_ending(slot.commitment.slot, Some(slot.radiate_until), now);
+                }
+            }
+        }
+    }
+
+    /// Lets the interlock decide, switches the transmitter accordingly, tells the peer of a silence out of turn, and
+    /// asks for leases (I) or vouches (J) as far as the decision allows.
+    pub fn decide(&mut self, vehicle: &Vehicle, now: Instant) {
+        self.vehicle = *vehicle;
+        self.staleness.feed(vehicle);
+        if let Stage::Committed(slot) = &mut self.stage {
+            slot.monitor.feed(vehicle);
+        }
+        let facts = self.facts(now);
+        let was_on = self.interlock.is_on();
+        let decision = self.interlock.apply(&facts, now);
+        self.note(decision, now);
+        match decision {
+            Ok(permit) if !was_on => self.events.push_back(Event::On(permit)),
+            Err(silence) if was_on => {
+                if let Some(reason) = silence_reason(silence) {
+                    self.pair.silent(reason, now);
+                }
+                self.events.push_back(Event::Off(silence));
+            }
+            Ok(_) | Err(_) => {}
+        }
+        self.ask_or_vouch(&facts, now);
+        self.warn_if_late(now);
+        self.tell_peer(now);
+    }
+
+    fn facts(&self, now: Instant) -> Facts {
+        let slot = self.slot();
+        let leases_outstanding = self.pair.leases_outstanding(now);
+        Facts {
+            window: slot.map(|slot| slot.window(self.role, leases_outstanding, now)),
+            state_fresh: self.staleness.may_radiate(self.role),
+            in_control: self.vehicle.in_control,
+            estimator_ok: self.vehicle.estimator_ok,
+            pose_ok: self.vehicle.arrived && slot.is_some_and(|slot| slot.monitor.check().is_ok()),
+            jam_lease: self.pair.lease(now),
+            peer_on_station: slot.is_some_and(|slot| self.is_peer_on_station(slot, now)),
+            leases_outstanding,
+        }
+    }
+
+    fn is_peer_on_station(&self, slot: &Slot, now: Instant) -> bool {
+        let peer = self.pair.peer();
+        peer.heard_within(self.pair.longest_lease(), now)
+            && peer.committed == Some(slot.commitment.proposal)
+            && peer.says(VeilwingFlags::VEILWING_FLAGS_ON_STATION)
+    }
+
+    /// What the slot's end will say of it.
+    fn note(&mut self, decision: Result<Permit, Silence>, now: Instant) {
+        let Stage::Committed(slot) = &mut self.stage else { return };
+        let airtime = slot.radiate_from <= now && now < slot.radiate_until;
+        match (decision, slot.served) {
+            (Ok(_), _) => slot.served = Served::Yes,
+            (Err(silence), Served::No(_)) if airtime => slot.served = Served::No(Some(silence)),
+            (Err(_), _) => {}
+        }
+    }
+
+    /// I: asks for leases while it could use one. J: vouches while its transmitter is acknowledged on and its own
+    /// interlock agrees.
+    fn ask_or_vouch(&mut self, facts: &Facts, now: Instant) {
+        let Stage::Committed(slot) = &self.stage else {
+            self.pair.want_lease(false, now);
+            self.pair.set_vouch(None);
+            return;
+        };
+        match self.role {
+            Role::I => {
+                let in_time = slot.radiate_from <= now + ASK_EARLY && now < slot.radiate_until;
+                let able = facts.pose_ok && facts.state_fresh && facts.in_control && facts.estimator_ok;
+                let wanted = in_time && able && self.interlock.may_radiate() && !slot.closing;
+                self.pair.want_lease(wanted, now);
+            }
+            Role::J => {
+                let on = self.interlock.is_on() && now < slot.radiate_until && !slot.closing;
+                let lease = self.interlock.transmitter().acknowledged().filter(|lease| {
+                    on && lease.slot == slot.commitment.slot && lease.power_w >= FULL_POWER * slot.power_w
+                });
+                self.pair.set_vouch(lease.map(|lease| Vouch {
+                    transmitter_expires_at: lease.expires_at,
+                    round_trip: self.interlock.round_trip(),
+                    closes_at: slot.closes_at,
+                }));
+            }
+        }
+    }
+
+    /// J: tells I that the jamming may end, as soon as state is late.
+    fn warn_if_late(&mut self, now: Instant) {
+        if !self.staleness.is_late() || !self.interlock.is_on() {
+            self.staleness.told = false;
+            return;
+        }
+        self.pair.set_vouch(None);
+        if !std::mem::replace(&mut self.staleness.told, true) {
+            self.pair.silent(VeilwingSilence::VEILWING_SILENCE_LINK, now);
+        }
+    }
+
+    fn tell_peer(&mut self, now: Instant) {
+        let vehicle = &self.vehicle;
+        let in_pose = self.slot().is_some_and(|slot| slot.monitor.check().is_ok());
+        let local = Local {
+            home_enu_m: vehicle.home_enu_m,
+            position_enu_m: vehicle.position_enu_m,
+            preflight_ok: vehicle.preflight_ok,
+            airborne: !matches!(self.stage, Stage::Away) && vehicle.in_control,
+            on_station: in_pose && self.staleness.is_fresh(now) && vehicle.in_control,
+            radiating: !self.interlock.is_off(now),
+            ended: vehicle.ended,
+            returning: vehicle.returning,
+            paused: self.paused,
+            landed: vehicle.landed,
+        };
+        self.pair.set_local(local, now);
+    }
+
+    /// Wants the slot `next`: J is ready for it, I proposes it.
+    fn seek(&mut self, next: u16, refusals: Refusals, utc: Option<Utc>, now: Instant) {
+        if self.watch_peer_ending(next, None, now) {
+            return;
+        }
+        let Some((opens, lead)) = self.pair.slot_terms(next).map(|terms| (terms.opens, terms.lead)) else {
+            self.leave(now);
+            self.events.push_back(Event::AllOver);
+            return;
+        };
+        let peer_ready = self.pair.peer().says(VeilwingFlags::VEILWING_FLAGS_AIRBORNE) && self.pair.agrees();
+        match self.role {
+            _ if self.paused => self.pair.set_readiness(None),
+            Role::J => self.pair.set_readiness(Some(next)),
+            Role::I => {
+                let may = peer_ready && !self.is_paused() && !self.pair.is_proposing();
+                let Some(utc) = utc.filter(|_| may && refusals.may_propose(now)) else { return };
+                let earliest = now + self.agreement_time.time(&self.pair) + lead;
+                let opens_at = self.table_zero.map_or(earliest, |zero| (zero + opens).max(earliest));
+                // Before a start at a given time both hover: a proposal now would be agreed on too early.
+                if opens_at <= earliest + EARLY {
+                    self.table_zero = Some(opens_at - opens);
+                    self.pair.propose(next, utc + opens_at.saturating_since(now), now);
+                }
+            }
+        }
+    }
+
+    /// Whether the peer has ended its mission while ours goes on: not so in the last slot, once its airtime is over.
+    fn watch_peer_ending(&mut self, slot: u16, radiate_until: Option<Instant>, now: Instant) -> bool {
+        let last = self.pair.slot_terms(slot.saturating_add(1)).is_none();
+        let winding_up = last && radiate_until.is_none_or(|until| now >= until);
+        let ended = self.peer().says(VeilwingFlags::VEILWING_FLAGS_ENDED) && !winding_up;
+        if ended {
+            self.events.push_back(Event::GiveUp(GiveUp::PeerEnded));
+        }
+        ended
+    }
+
+    fn is_over(&self, slot: &Slot, now: Instant) -> bool {
+        let quiet = self.interlock.is_off(now) && self.vehicle.arrived;
+        now >= slot.closes_at || slot.closing && quiet
+    }
+
+    fn end_slot(&mut self, now: Instant) {
+        let Some(slot) = self.slot() else { return };
+        let (number, served) = (slot.commitment.slot, slot.served);
+        self.events.push_back(Event::Over(number, served));
+        self.pair.release(now);
+        self.stage = Stage::Between { next: number.saturating_add(1), refusals: Refusals::none(now) };
+    }
+
+    /// J jams while I may radiate, whatever ends the mission, unless a fault of its own silences it (S3).
+    fn must_jam_on(&self, now: Instant) -> bool {
+        self.role == Role::J
+            && self.slot().is_some()
+            && self.interlock.is_on()
+            && self.pair.leases_outstanding(now)
+    }
+
+    fn leave(&mut self, now: Instant) {
+        self.abandoning = false;
+        self.stage = Stage::Away;
+        self.pair.release(now);
+        self.pair.set_readiness(None);
+    }
+
+    fn on_pair(&mut self, event: pair::Event, now: Instant) {
+        use pair::Event as Pair;
+        let event = match event {
+            Pair::PeerFound => Event::PeerFound,
+            Pair::MissionDiffers => Event::MissionDiffers,
+            Pair::PlanDiffers => Event::PlanDiffers,
+            Pair::SameRole => Event::SameRole,
+            Pair::Ordered(order) => Event::Ordered(order),
+            Pair::PeerLost(silent_for) => Event::GiveUp(GiveUp::PeerLost(silent_for)),
+            Pair::PeerRestarted => Event::GiveUp(GiveUp::PeerRestarted),
+            Pair::PeerSilent(reason) => {
+                self.events.push_back(Event::PeerSilent(reason));
+                if may_recover(reason) {
+                    return;
+                }
+                Event::GiveUp(GiveUp::PeerSilent(reason))
+            }
+            Pair::PeerLeft => {
+                // Later in a slot the leases decide, and the clocks may differ at its end.
+                let on_the_way = self.slot().is_some_and(|slot| now < slot.commitment.opens_at);
+                if !on_the_way || self.is_paused() {
+                    return;
+                }
+                Event::GiveUp(GiveUp::PeerLeft)
+            }
+            Pair::Refused(slot, answer) => match self.count_refusal(answer, now) {
+                Some(Refusal::First) => Event::Refused(slot, answer),
+                Some(Refusal::Last) => Event::GiveUp(GiveUp::Refused(slot, answer)),
+                Some(Refusal::Another) | None => return,
+            },
+            Pair::Committed(commitment) => match self.commit(commitment) {
+                true => Event::Agreed(commitment),
+                false => return self.pair.release(now),
+            },
+        };
+        self.events.push_back(event);
+    }
+
+    fn count_refusal(&mut self, answer: VeilwingAnswer, now: Instant) -> Option<Refusal> {
+        self.agreement_time.refused(answer);
+        match &mut self.stage {
+            Stage::Between { refusals, .. } => Some(refusals.count(now)),
+            Stage::Away | Stage::Committed(_) => None,
+        }
+    }
+
+    /// Takes up an agreed slot, if it is still wanted.
+    fn commit(&mut self, commitment: Commitment) -> bool {
+        if !matches!(self.stage, Stage::Between { .. }) || self.paused {
+            return false;
+        }
+        let Some(terms) = self.pair.slot_terms(commitment.slot) else { return false };
+        let mut slot = Slot::new(self.role, commitment, terms, self.tolerance);
+        slot.monitor.feed(&self.vehicle);
+        // Until the owner has begun the transit.
+        self.vehicle.arrived = false;
+        self.stage = Stage::Committed(Box::new(slot));
+        self.agreement_time.agreed();
+        self.pair.set_readiness(None);
+        true
+    }
+}
+
+/// Whether a silence of the peer is one for a moment. State that is late for good the peer follows up by ending its
+/// mission.
+fn may_recover(reason: VeilwingSilence) -> bool {
+    matches!(
+        reason,
+        VeilwingSilence::VEILWING_SILENCE_POSE
+            | VeilwingSilence::VEILWING_SILENCE_TRANSMITTER
+            | VeilwingSilence::VEILWING_SILENCE_LINK
+    )
+}
+
+/// What the peer is told of a silence out of turn; `None` for those that are its own news or in turn.
+fn silence_reason(silence: Silence) -> Option<VeilwingSilence> {
+    match silence {
+        Silence::Killed | Silence::NotAuthorised => Some(VeilwingSilence::VEILWING_SILENCE_OPERATOR),
+        Silence::Stale => Some(VeilwingSilence::VEILWING_SILENCE_LINK),
+        Silence::NotInControl => Some(VeilwingSilence::VEILWING_SILENCE_CONTROL),
+        Silence::Estimator => Some(VeilwingSilence::VEILWING_SILENCE_ESTIMATOR),
+        Silence::Pose => Some(VeilwingSilence::VEILWING_SILENCE_POSE),
+        Silence::NoPower => Some(VeilwingSilence::VEILWING_SILENCE_TRANSMITTER),
+        Silence::NoSlot | Silence::NoLease | Silence::NoPeer | Silence::Resting => None,
+    }
+}
