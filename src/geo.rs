@@ -234,7 +234,7 @@ mod tests {
     }
 
     #[test]
-    fn val_quaternions_that_are_no_rotation() {
+    fn spec_quaternions_that_are_no_rotation() {
         for q in [[0.0; 4], [f64::NAN, 0.0, 0.0, 0.0], [f64::INFINITY, 0.0, 0.0, 1.0], [1e-9, 0.0, 0.0, 0.0]]
         {
             assert_eq!(Attitude::from_mavlink(q), None, "{q:?}");

@@ -28,7 +28,7 @@ const METHODS: [Method; 5] =
     [Method::Veilwing, Method::Paper, Method::InteriorPoint, Method::Conventional, Method::JammerOrientation];
 
 #[test]
-fn prop_two_threads_equal_one_bit_for_bit() {
+fn spec_two_threads_equal_one_bit_for_bit() {
     for deg in [0.0, 2.0] {
         let problem = problem(&[[120.0, -40.0], [-300.0, 210.0], [50.0, 400.0]], deg);
         for method in METHODS {
@@ -46,7 +46,7 @@ fn prop_two_threads_equal_one_bit_for_bit() {
 }
 
 #[test]
-fn prop_threads_do_not_matter_over_uncertain_positions() {
+fn spec_threads_do_not_matter_over_uncertain_positions() {
     for objective in [Objective::Nominal, Objective::Mean, Objective::Quantile, Objective::WorstCase] {
         let mut problem = problem(&[[120.0, -40.0], [-300.0, 210.0]], 2.0);
         problem.objective = objective;
@@ -60,7 +60,7 @@ fn prop_threads_do_not_matter_over_uncertain_positions() {
 }
 
 #[test]
-fn prop_evaluate_agrees_with_the_plans_own_figure() {
+fn spec_evaluate_agrees_with_the_plans_own_figure() {
     for deg in [0.0, 2.0, 10.0] {
         let problem = problem(&[[120.0, -40.0], [-300.0, 210.0]], deg);
         let plan = plan_slot(&problem, &Options::default()).unwrap();
@@ -74,7 +74,7 @@ fn prop_evaluate_agrees_with_the_plans_own_figure() {
 }
 
 #[test]
-fn prop_plans_near_the_best_are_near_sound_and_apart() {
+fn spec_plans_near_the_best_are_near_sound_and_apart() {
     let mut several = 0;
     for (deg, objective) in [(0.0, Objective::Mean), (2.0, Objective::Mean), (2.0, Objective::Quantile)] {
         for x in [100.0, 220.0, 340.0] {
@@ -136,7 +136,7 @@ fn regress_digests_of_plans() {
 
 /// Nothing that shapes a plan calls the system's mathematical library, whose last digit differs from machine to machine.
 #[test]
-fn prop_the_planner_calls_no_function_of_the_systems_library() {
+fn spec_the_planner_calls_no_function_of_the_systems_library() {
     const FUNCTIONS: [&str; 18] = [
         "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sin_cos", "ln", "ln_1p", "log2", "log10",
         "exp", "exp2", "exp_m1", "powf", "powi", "hypot",
@@ -231,7 +231,7 @@ fn plan_all(problem: &Problem, what: &str) -> Vec<SlotPlan> {
 }
 
 #[test]
-fn prop_degenerate_inputs_have_sound_plans() {
+fn spec_degenerate_inputs_have_sound_plans() {
     for deg in [0.0, 2.0] {
         let usual = problem(&[[120.0, -40.0], [-300.0, 210.0]], deg);
         let change = |f: &dyn Fn(&mut Problem)| {
@@ -308,7 +308,7 @@ fn square(half: f64) -> Vec<Vector2<f64>> {
 }
 
 #[test]
-fn val_meaningless_problems_are_refused() {
+fn spec_meaningless_problems_are_refused() {
     let refuse = |f: &dyn Fn(&mut Problem)| {
         let mut changed = problem(&[[120.0, -40.0]], 2.0);
         f(&mut changed);
@@ -487,7 +487,7 @@ proptest! {
 }
 
 #[test]
-fn prop_rate_rises_with_maximum_power() {
+fn spec_rate_rises_with_maximum_power() {
     for deg in [0.0, 2.0] {
         let mut last = 0.0;
         for power in [0.05, 0.1, 0.3, 0.5, 1.0] {
@@ -501,7 +501,7 @@ fn prop_rate_rises_with_maximum_power() {
 }
 
 #[test]
-fn prop_freeing_yaw_gains_under_euler_jitter() {
+fn spec_freeing_yaw_gains_under_euler_jitter() {
     let mut problem = problem(&[[120.0, -40.0], [-300.0, 210.0]], 5.0);
     let bound = plan_slot(&problem, &Options::default()).unwrap().secrecy_rate_bps;
     problem.free_yaw = true;
@@ -594,7 +594,7 @@ mod reference {
     }
 
     #[test]
-    fn prop_planning_for_positions_pays() {
+    fn spec_planning_for_positions_pays() {
         let scenarios = data::eavesdroppers(2).unwrap();
         let mut sums = [[0.0; 3]; 4];
         let objectives = [Objective::Nominal, Objective::Mean, Objective::Quantile, Objective::WorstCase];

@@ -16,7 +16,7 @@ fn sources(folder: &Path, found: &mut Vec<std::path::PathBuf>) {
 }
 
 #[test]
-fn prop_the_main_crate_is_neither_a_dependency_nor_named() {
+fn spec_the_main_crate_is_neither_a_dependency_nor_named() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let manifest = std::fs::read_to_string(root.join("Cargo.toml")).unwrap();
     assert!(!manifest.lines().any(|l| l.split(['.', '=', ' ']).next() == Some("veilwing")), "{manifest}");

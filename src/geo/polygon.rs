@@ -266,13 +266,13 @@ mod tests {
     }
 
     #[test]
-    fn val_repeated_and_closing_corners_are_left_out() {
+    fn spec_repeated_and_closing_corners_are_left_out() {
         let closed = corners(&[[0., 0.], [9., 0.], [9., 0.], [9., 9.], [0., 0.]]);
         assert_eq!(Polygon::new(&closed), Polygon::new(&corners(&[[0., 0.], [9., 0.], [9., 9.]])));
     }
 
     #[test]
-    fn val_corners_that_enclose_nothing_are_no_polygon() {
+    fn spec_corners_that_enclose_nothing_are_no_polygon() {
         let polygon = |points: &[[f64; 2]]| Polygon::new(&corners(points)).map(|_| ());
         assert_eq!(
             polygon(&[[0., 0.], [1., 0.], [0., 0.]]),
@@ -286,7 +286,7 @@ mod tests {
     }
 
     #[test]
-    fn val_polygons_without_an_inside_are_named() {
+    fn spec_polygons_without_an_inside_are_named() {
         use NotSimple::{Closed, Crossing, Empty, Repeated};
         for (points, error) in [
             (&[[0., 0.], [9., 9.], [9., 0.], [0., 9.]][..], Crossing { first: 0, second: 2 }),

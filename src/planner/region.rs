@@ -216,7 +216,7 @@ mod tests {
     }
 
     #[test]
-    fn val_no_interior_no_region() {
+    fn spec_no_interior_no_region() {
         assert_eq!(Region::new(&polygon(&[[0.0, 0.0], [1.0, 1.0]])), None);
         assert_eq!(Region::new(&polygon(&[[0.0, 0.0], [1.0, 1.0], [2.0, 2.0]])), None);
     }

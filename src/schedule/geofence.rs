@@ -276,7 +276,7 @@ mod tests {
     }
 
     #[test]
-    fn val_a_gap_narrower_than_the_margin_is_still_passed() {
+    fn spec_a_gap_narrower_than_the_margin_is_still_passed() {
         // Two rooms joined by a gap of 0.02 m.
         let area = [
             [0., 0.],

@@ -239,7 +239,7 @@ mod tests {
     }
 
     #[test]
-    fn val_what_cannot_be_scheduled_is_refused_with_numbers() {
+    fn spec_what_cannot_be_scheduled_is_refused_with_numbers() {
         let users = [vec![poses(0.0)], vec![poses(495.0)]];
         assert_eq!(built(&[], &TIMING, Order::Listed), Err(TableError::Empty { users: 0, superframes: 2 }));
         assert_eq!(

@@ -65,7 +65,7 @@ fn val_bound_holds_at_the_best_known_and_meets_the_gap() {
 }
 
 #[test]
-fn prop_false_thresholds_are_never_certified() {
+fn spec_false_thresholds_are_never_certified() {
     // To the last box at half a metre or coarser: a refutation does not end the trial.
     for (k, row) in
         rows("no_jitter.csv").iter().filter(|r| r[0] == 2.0 && r[2] == 0.5).enumerate().step_by(10)
@@ -129,7 +129,7 @@ fn val_chain_under_jitter_holds_at_every_known_plan() {
 }
 
 #[test]
-fn prop_false_thresholds_under_jitter_are_never_certified() {
+fn spec_false_thresholds_under_jitter_are_never_certified() {
     // The example tries many more: `--example certify -- false-thresholds`.
     for row in rows("jitter.csv").iter().filter(|r| r[0] == 2.0).step_by(13) {
         let p = problem(&scenario(2, row[1] as usize), 0.5, row[2].to_radians());
@@ -142,7 +142,7 @@ fn prop_false_thresholds_under_jitter_are_never_certified() {
 }
 
 #[test]
-fn prop_near_a_node_the_bound_is_without_the_decoupled_formulas() {
+fn spec_near_a_node_the_bound_is_without_the_decoupled_formulas() {
     // An eavesdropper inside the airspace: within a millimetre links follow another law.
     let mut p = problem(&scenario(2, 9), 0.5, 1.0_f64.to_radians());
     p.eavesdroppers[0].position_enu_m.z = 100.0;
@@ -152,7 +152,7 @@ fn prop_near_a_node_the_bound_is_without_the_decoupled_formulas() {
 }
 
 #[test]
-fn prop_bound_is_deterministic_and_falls_back() {
+fn spec_bound_is_deterministic_and_falls_back() {
     let p = problem(&scenario(2, 9), 0.5, 1.0_f64.to_radians());
     let budget = Budget { boxes: 400_000, relative_gap: 0.03, ..Budget::JITTER };
     let bound = best_bound(&p, 25.4e6, budget).unwrap();

@@ -465,7 +465,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_clipping_lifts_negative_samples_to_zero() {
+    fn spec_clipping_lifts_negative_samples_to_zero() {
         let problem = Problem::paper([[5.0, 0.0], [-300.0, 210.0]], 0.5, 10f64.to_radians());
         let samples = Samples::new(&problem, 512, 1, 3, Sequence::Sobol);
         let (mut signed, mut clipped) = (0.0, 0.0);
@@ -480,7 +480,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_the_narrowest_vectors_give_the_same_bits() {
+    fn spec_the_narrowest_vectors_give_the_same_bits() {
         let problem = Problem::paper([[120.0, -40.0], [-300.0, 210.0]], 0.5, 2f64.to_radians());
         let samples = Samples::new(&problem, 256, 1, 3, Sequence::Sobol);
         let (mut wide, mut narrow) = ([0.0; 14], [0.0; 14]);

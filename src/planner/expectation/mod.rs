@@ -282,7 +282,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_objectives_over_discs_are_in_order() {
+    fn spec_objectives_over_discs_are_in_order() {
         let mut problem = scenario();
         for e in &mut problem.eavesdroppers {
             e.uncertainty = Uncertainty::Disc { radius_m: 50.0 };
