@@ -10,16 +10,45 @@
 use nalgebra::{Matrix3, Point3, Rotation3, UnitQuaternion, Vector3};
 
 mod local;
+mod ned;
 pub mod polygon;
 
 pub use local::{LocalFrame, Projection};
+pub use ned::{Ned, NedVelocity};
 
 use crate::radio::pattern;
 
-/// A position in the mission frame, or a difference of two.
+/// A position in the mission frame in metres, or a difference of two. Everything reckons in this frame, so it is the plain
+/// vector; what is not a position in it, and could be taken for one, has a type of its own: [`EnuVelocity`], [`Ned`],
+/// [`NedVelocity`].
 pub type Enu = Vector3<f64>;
-/// A position or velocity in a north-east-down frame.
-pub type Ned = Vector3<f64>;
+
+/// A velocity in the mission frame in m/s.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct EnuVelocity(Vector3<f64>);
+
+impl EnuVelocity {
+    /// At rest.
+    pub const ZERO: Self = Self(Vector3::new(0.0, 0.0, 0.0));
+
+    /// From its components to the east, north and up in m/s.
+    #[must_use]
+    pub const fn new(east: f64, north: f64, up: f64) -> Self {
+        Self(Vector3::new(east, north, up))
+    }
+
+    /// From a vector with these components.
+    #[must_use]
+    pub const fn from_vector(vector: Vector3<f64>) -> Self {
+        Self(vector)
+    }
+
+    /// As a vector, to reckon with.
+    #[must_use]
+    pub const fn vector(self) -> Vector3<f64> {
+        self.0
+    }
+}
 
 /// A point on or above the WGS 84 ellipsoid.
 ///
@@ -67,9 +96,9 @@ impl Geodetic {
     }
 }
 
-/// Swaps a vector between ENU and NED axes (the same map both ways).
-#[must_use]
-pub fn swap_enu_ned(v: Vector3<f64>) -> Vector3<f64> {
+/// A vector with its axes swapped between ENU and NED (the same map both ways). Only here: who swaps axes by hand has a
+/// vector whose frame no type tells.
+fn swap_enu_ned(v: Vector3<f64>) -> Vector3<f64> {
     Vector3::new(v.y, v.x, -v.z)
 }
 
@@ -101,6 +130,13 @@ impl Attitude {
         let q = Self::enu_ned() * self.0 * Self::flu_frd();
         let sign = if q.w < 0.0 { -1.0 } else { 1.0 };
         [sign * q.w, sign * q.i, sign * q.j, sign * q.k]
+    }
+
+    /// Roll, pitch and heading of the quaternion MAVLink carries, in radians: about FRD's x, y and z from NED.
+    #[must_use]
+    pub fn to_mavlink_euler(&self) -> (f64, f64, f64) {
+        let [w, x, y, z] = self.to_mavlink();
+        UnitQuaternion::new_normalize(nalgebra::Quaternion::new(w, x, y, z)).euler_angles()
     }
 
     /// From the quaternion MAVLink carries. `None` if it is not a rotation (zero, not finite).
@@ -201,7 +237,7 @@ mod tests {
     const PRAGUE: Geodetic = Geodetic { lat_deg: 50.0755, lon_deg: 14.4378, alt_m: 200.0 };
 
     /// The attitude MAVLink carries, applied to FRD's up: the antenna axis in NED.
-    fn axis_ned_from_wire([w, x, y, z]: [f64; 4]) -> Ned {
+    fn axis_ned_from_wire([w, x, y, z]: [f64; 4]) -> Vector3<f64> {
         UnitQuaternion::new_unchecked(nalgebra::Quaternion::new(w, x, y, z)) * Vector3::new(0.0, 0.0, -1.0)
     }
 
@@ -230,6 +266,17 @@ mod tests {
                     && (pitch + theta).abs() < 1e-12
                     && (yaw - FRAC_PI_2).abs() < 1e-12
             );
+        }
+    }
+
+    #[test]
+    fn val_mavlinks_angles_at_any_yaw() {
+        // The paper's roll is about body x, which FLU and FRD share; pitch and heading change their sign and zero.
+        for (roll, pitch, yaw) in [(0.3, 0.0, 0.0), (0.0, 0.4, 0.0), (-0.7, 0.9, 1.1), (1.2, -1.3, -2.0)] {
+            let (r, p, h) = Attitude::from_euler(roll, pitch, yaw).to_mavlink_euler();
+            assert!((r - roll).abs() < 1e-9 && (p + pitch).abs() < 1e-9, "{r} {p}");
+            let turn = (h - (FRAC_PI_2 - yaw)).rem_euclid(2.0 * PI);
+            assert!(turn.min(2.0 * PI - turn) < 1e-9, "{h}");
         }
     }
 

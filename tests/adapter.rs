@@ -11,7 +11,7 @@ use mavlink::dialects::ardupilotmega::{MavMessage, MavSeverity};
 use mavlink::{MavHeader, MavlinkVersion, Message};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use veilwing::autopilot::{Actuation, Autopilot, Event, Mode, Setpoint, Settings, Verdict};
-use veilwing::geo::{Attitude, Enu, Geodetic};
+use veilwing::geo::{Attitude, Enu, EnuVelocity, Geodetic};
 use veilwing::time::Instant;
 use veilwing::transmitter::{self, Transmitter};
 use veilwing_sitl::{Airframe, Firmware, JitterConfig, Origin, Role, SensorConfig, Vehicle, VehicleConfig};
@@ -19,6 +19,8 @@ use veilwing_sitl::{Airframe, Firmware, JitterConfig, Origin, Role, SensorConfig
 const MISSION: Geodetic = Geodetic { lat_deg: 50.0755, lon_deg: 14.4378, alt_m: 200.0 };
 const OWN: (u8, u8) = (1, 191);
 const STEP: Duration = Duration::from_millis(5);
+/// Between two setpoints, which fall half-way between two instants of the vehicle's telemetry.
+const TICK_MS: u128 = 20;
 const EPOCH_US: u64 = 1_790_000_000_000_000;
 
 struct World {
@@ -98,9 +100,6 @@ impl World {
             self.autopilot.handle_message(header, &message, now);
             self.transmitter.handle_message(header, &message, now);
         }
-        if let Some(setpoint) = self.setpoint {
-            self.autopilot.set_setpoint(setpoint, now);
-        }
         if self.now.as_millis().is_multiple_of(1000) {
             self.send(&veilwing::autopilot::heartbeat(
                 mavlink::dialects::ardupilotmega::MavState::MAV_STATE_ACTIVE,
@@ -108,6 +107,9 @@ impl World {
         }
         while self.autopilot.poll_timeout().is_some_and(|(at, _)| at <= now) {
             self.autopilot.handle_timeout(now);
+        }
+        if let Some(setpoint) = self.setpoint.filter(|_| self.now.as_millis() % TICK_MS == TICK_MS / 2) {
+            self.autopilot.set_setpoint(setpoint, now);
         }
         while self.transmitter.poll_timeout().is_some_and(|(at, _)| at <= now) {
             self.transmitter.handle_timeout(now);
@@ -140,7 +142,7 @@ impl World {
     }
 
     fn place(&mut self, position_enu_m: Enu, attitude: Attitude) {
-        self.setpoint = Some(Setpoint { position_enu_m, velocity_enu_m_s: Vector3::zeros(), attitude });
+        self.setpoint = Some(Setpoint { position_enu_m, velocity_enu_m_s: EnuVelocity::ZERO, attitude });
     }
 
     /// Found, ready, in control, armed, at 20 m.

@@ -1,6 +1,6 @@
 //! A mission has one plan, whichever command makes it.
 
-#![cfg(feature = "sitl")]
+#![cfg(feature = "desk")]
 // Helpers of tests may fail the test.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 

@@ -3,58 +3,72 @@
 use std::time::Duration;
 
 use mavlink::MavHeader;
-use mavlink::dialects::ardupilotmega::{
-    HEARTBEAT_DATA, MavAutopilot, MavMessage, MavModeFlag, MavSeverity, MavState, MavType,
-};
+use mavlink::dialects::ardupilotmega::{HEARTBEAT_DATA, MavMessage, MavModeFlag, MavSeverity};
 
-use super::bridge::Bridge;
-use super::command::{CommandQueue, Purpose};
-use super::control::{Control, Phase};
+use super::command::{CommandQueue, Outcome, Purpose};
+use super::context::Context;
+use super::control::{self, Control};
 use super::discovery::Discovery;
+use super::event::Event;
+use super::firmware::specifics::Specifics;
 use super::firmware::{Firmware, Mode};
-use super::goal::Aim;
-use super::guard::LandDetectorGuard;
 use super::link::LinkWatch;
+use super::outbox::{Address, Outbox};
 use super::parameter::Parameters;
-use super::preflight;
-use super::setpoint::Stream;
-use super::settings::{Event, Setpoint, Settings};
+use super::position_control::Measured;
+use super::preflight::{self, Evidence};
+use super::pursuit::Aim;
+use super::setpoint::{Setpoint, Stream, Surroundings};
+use super::settings::Settings;
 use super::state::{Timed, VehicleState};
-use super::statustext::{self, Assembly};
+use super::statustext::Texts;
 use super::streams::Streams;
 use super::telemetry::Telemetry;
-use super::{Address, Outbox};
 use crate::preflight::Check;
 use crate::time::{Instant, Utc};
 
-/// How long an autopilot is asked to disarm.
-const DISARM_TIMEOUT: Duration = Duration::from_secs(10);
-
-/// The companion's side of the connection to one autopilot. See the module's documentation.
+/// The companion's side of the connection to one autopilot.
+///
+/// A state machine without I/O, clock or thread: it acts in its methods alone, each of which is handed the instant at
+/// which it is called. These never go back. To drive it:
+///
+/// - Give every message of the link to [`handle_message`](Self::handle_message), from whomever it is.
+/// - Call [`handle_timeout`](Self::handle_timeout) once the instant of [`poll_timeout`](Self::poll_timeout) has come, and
+///   until that lies ahead. Too early does nothing; what was due is done late.
+/// - Make requests ([`take_control`](Self::take_control), [`arm`](Self::arm), [`take_off`](Self::take_off),
+///   [`land`](Self::land), [`return_to_launch`](Self::return_to_launch), [`hold`](Self::hold),
+///   [`disarm`](Self::disarm)) when it suits. Each ends in one of the events that its documentation names, unless another
+///   takes its place: of control, and of arming, one thing at a time is asked for. None is made again by itself.
+/// - Call [`set_setpoint`](Self::set_setpoint) at [`Settings::rate_hz`], the only clock of the stream, from before
+///   `take_control` until the vehicle is to be another's. Of what falls due at one instant, `handle_timeout` comes first.
+/// - After any of these, drain [`poll_transmit`](Self::poll_transmit) and [`poll_event`](Self::poll_event) until both give
+///   `None`, and only then ask [`poll_timeout`](Self::poll_timeout): each call may have changed all three.
+///
+/// Events are answered by requests, never by setpoints that go on: after [`Event::ControlLost`], [`Event::LinkLost`] and
+/// [`Event::Restarted`] setpoints go nowhere until control has been taken again (F2). It has no end of its own; after
+/// [`release`](Self::release), or at any time, it may be dropped, and the autopilot's own failsafe is left (F3).
 #[derive(Debug)]
 pub struct Autopilot {
-    pub(super) settings: Settings,
-    pub(super) out: Outbox,
-    /// The autopilot in use.
-    pub(super) peer: Option<(Firmware, Address)>,
+    settings: Settings,
+    out: Outbox,
     discovery: Discovery,
-    pub(super) link: LinkWatch,
-    pub(super) telemetry: Telemetry,
-    pub(super) commands: CommandQueue,
-    pub(super) parameters: Parameters,
-    pub(super) streams: Streams,
-    pub(super) stream: Stream,
-    pub(super) control: Control,
-    pub(super) guard: LandDetectorGuard,
-    /// Whether this flight has left the ground. It ends by disarming alone: a land detector may be mistaken.
-    pub(super) flown: bool,
-    pub(super) previous_mode: Option<Mode>,
-    pub(super) bridge: Bridge,
-    /// Thrust per unit along each body axis, from the autopilot's rotors.
-    pub(super) rotor_scales: Option<[f64; 3]>,
-    pub(super) last_text: Option<Timed<String>>,
-    assembly: Assembly,
-    text_id: u16,
+    peer: Option<Peer>,
+    link: LinkWatch,
+    telemetry: Telemetry,
+    streams: Streams,
+    commands: CommandQueue,
+    parameters: Parameters,
+    texts: Texts,
+    control: Control,
+    stream: Stream,
+}
+
+/// The autopilot in use.
+#[derive(Debug)]
+struct Peer {
+    firmware: Firmware,
+    address: Address,
+    specifics: Specifics,
 }
 
 impl Autopilot {
@@ -63,23 +77,16 @@ impl Autopilot {
     pub fn new(settings: Settings, _now: Instant) -> Self {
         Self {
             out: Outbox::default(),
-            peer: None,
             discovery: Discovery::new(settings.autopilot_system, settings.firmware),
+            peer: None,
             link: LinkWatch::new(settings.link_timeout),
             telemetry: Telemetry::new(settings.mission_origin, settings.position_jump_m),
+            streams: Streams::default(),
             commands: CommandQueue::default(),
             parameters: Parameters::default(),
-            streams: Streams::default(),
-            stream: Stream::new(&settings),
+            texts: Texts::default(),
             control: Control::new(),
-            guard: LandDetectorGuard::default(),
-            flown: false,
-            previous_mode: None,
-            bridge: Bridge::default(),
-            rotor_scales: None,
-            last_text: None,
-            assembly: Assembly::default(),
-            text_id: 0,
+            stream: Stream::new(&settings),
             settings,
         }
     }
@@ -93,7 +100,8 @@ impl Autopilot {
         {
             self.adopt(found, now);
         }
-        let Some((firmware, address)) = self.peer.filter(|(_, address)| *address == sender) else { return };
+        let peer = self.peer.as_ref().filter(|peer| peer.address == sender);
+        let Some(firmware) = peer.map(|peer| peer.firmware) else { return };
         if self.telemetry.shows_restart(message) {
             self.handle_restart(firmware, now);
         }
@@ -106,31 +114,21 @@ impl Autopilot {
         self.streams.heard(message);
         match message {
             MavMessage::HEARTBEAT(m) => self.handle_heartbeat(firmware, m, now),
-            MavMessage::COMMAND_ACK(m) => {
-                if let Some((purpose, outcome)) = self.commands.handle_ack(m, self.settings.own, now) {
-                    self.command_ended(purpose, outcome, now);
-                } else {
-                    self.offset_answered(m, now);
-                }
-            }
+            MavMessage::COMMAND_ACK(m) => match self.commands.handle_ack(m, self.settings.own, now) {
+                Some((purpose, outcome)) => self.command_ended(purpose, outcome, now),
+                None => self.hand(now, |_, specifics, context| specifics.acknowledged(m, context)),
+            },
             MavMessage::PARAM_VALUE(m) => {
-                self.parameters.handle_value(m, firmware);
-                self.learn_rotors();
+                self.parameters.handle_value(m, firmware.integer_form());
+                self.learn_scales();
             }
-            MavMessage::STATUSTEXT(m) => {
-                if let Some(text) = self.assembly.handle(m) {
-                    self.last_text = Some(Timed::new(text.clone(), now));
-                    self.out.tell(Event::StatusText { severity: m.severity, text });
-                }
-            }
+            MavMessage::STATUSTEXT(m) => self.texts.handle(m, now, &mut self.out),
             _ => {
                 self.telemetry.handle(message, now, &mut self.out);
-                let state = &self.telemetry.state;
-                self.flown |= state.is_armed() && state.is_airborne() == Some(true);
-                self.check_climb();
+                self.hand(now, |control, _, context| control.handle_telemetry(context));
             }
         }
-        self.pump(firmware, address, now);
+        self.pump(now);
     }
 
     /// Does what is due at `now`.
@@ -138,32 +136,31 @@ impl Autopilot {
         if let Some(found) = self.discovery.advance(now) {
             self.adopt(found, now);
         }
-        let Some((firmware, address)) = self.peer else { return self.stream.stop() };
         if self.link.advance(now, &mut self.out) {
-            self.drop_control();
+            self.control.drop(&mut self.commands);
             self.commands.clear();
         }
-        if !self.link.is_lost() {
+        if self.peer.is_some() && !self.link.is_lost() {
             self.streams.advance(now, &mut self.commands);
-            self.advance_goals(now);
-            self.guard_land_detector(now);
+            let streamed_for = self.stream.streamed_for(now);
+            self.hand(now, |control, _, context| control.advance(streamed_for, context));
+            self.advance_specifics(now);
             self.parameters.refresh(!self.telemetry.state.is_armed(), now);
-            self.tick(firmware, address, now);
         }
-        self.pump(firmware, address, now);
+        self.pump(now);
     }
 
     /// The next message to send, addressed; the caller stamps our own (system, component).
     pub fn poll_transmit(&mut self) -> Option<MavMessage> {
-        self.out.messages.pop_front()
+        self.out.next_message()
     }
 
     /// The next event.
     pub fn poll_event(&mut self) -> Option<Event> {
-        self.out.events.pop_front()
+        self.out.next_event()
     }
 
-    /// When [`Self::handle_timeout`] is next to be called, and for what.
+    /// When [`Self::handle_timeout`] is next to be called, and for what; `None` while nothing is waited for.
     #[must_use]
     pub fn poll_timeout(&self) -> Option<(Instant, &'static str)> {
         let alive = |at: Option<Instant>| at.filter(|_| !self.link.is_lost());
@@ -174,7 +171,6 @@ impl Autopilot {
             (alive(self.parameters.timeout()), "parameter"),
             (alive(self.streams.timeout()), "telemetry"),
             (alive(self.control.timeout()), "control"),
-            (alive(self.stream.timeout()), "setpoint"),
         ]
         .into_iter()
         .filter_map(|(at, reason)| at.map(|at| (at, reason)))
@@ -184,64 +180,74 @@ impl Autopilot {
     /// Takes the companion's mode: for PX4 once setpoints have streamed for a second, so keep setting them. Ends in
     /// [`Event::ControlTaken`] or [`Event::Refused`].
     pub fn take_control(&mut self, now: Instant) {
-        self.start_taking(now);
-        self.flush(now);
+        let streamed_for = self.stream.streamed_for(now);
+        self.request(Aim::Mode(Mode::Companion), now, |control, _, context| {
+            control.take(streamed_for, context);
+        });
     }
 
     /// Arms, asking again while the autopilot is not ready. Ends in [`Event::Armed`] or [`Event::Refused`].
     pub fn arm(&mut self, now: Instant) {
-        self.pursue(Aim::Arm, self.settings.readiness_timeout, now);
-        self.flush(now);
+        self.request(Aim::Arm, now, |control, _, context| control.arm(context));
     }
 
     /// Climbs to this altitude above home in metres; ends in [`Event::Airborne`] or [`Event::Refused`]. ArduCopter does
     /// it by itself, and setpoints are kept from it meanwhile. PX4 is flown up by the executive's setpoints; with
     /// [`Actuation::ThrustVector`](super::Actuation::ThrustVector) thrust rises first until the vehicle leaves the ground.
     pub fn take_off(&mut self, altitude_above_home_m: f64, now: Instant) {
-        self.start_climb(altitude_above_home_m, now);
-        self.flush(now);
+        self.request(Aim::TakeOff { altitude_m: altitude_above_home_m }, now, |control, _, context| {
+            control.take_off(altitude_above_home_m, context);
+        });
     }
 
-    /// Sets where the vehicle should be now. It is streamed for the setpoint's lifetime and not a tick longer (F3).
+    /// Sets where the vehicle should be at `now`. It goes out at once, stamped with that instant, and once: what is not
+    /// set again is not sent again (F3), so the caller's pace is the stream's.
     pub fn set_setpoint(&mut self, setpoint: Setpoint, now: Instant) {
-        self.stream.set(setpoint, now);
+        if self.link.is_lost() {
+            return;
+        }
+        self.advance_specifics(now);
+        if let Some((position_enu_m, velocity_enu_m_s)) = self.telemetry.motion() {
+            self.control.note_lift_off(position_enu_m, velocity_enu_m_s);
+        }
+        let around = self.surroundings(now);
+        if let Some(commanded) = self.stream.set(&setpoint, around.as_ref(), now, &mut self.out) {
+            self.hand(now, |control, specifics, context| {
+                specifics.drive(commanded, control.is_held(), context);
+            });
+        }
+        self.pump(now);
     }
 
     /// Stops the setpoints and whatever else is pursued; the autopilot stays in its mode.
-    pub fn release(&mut self, _now: Instant) {
-        self.drop_control();
+    pub fn release(&mut self, now: Instant) {
+        self.control.drop(&mut self.commands);
+        self.end_unwanted_stream(now);
     }
 
     /// Lets the autopilot land. Ends in [`Event::HandedOver`] or [`Event::Refused`], as do the next two.
     pub fn land(&mut self, now: Instant) {
-        self.start_handing_over(Mode::Land, now);
-        self.flush(now);
+        self.hand_over(Mode::Land, now);
     }
 
     /// Lets the autopilot return to its home and land.
     pub fn return_to_launch(&mut self, now: Instant) {
-        self.start_handing_over(Mode::Return, now);
-        self.flush(now);
+        self.hand_over(Mode::Return, now);
     }
 
     /// Lets the autopilot hold its place.
     pub fn hold(&mut self, now: Instant) {
-        self.start_handing_over(Mode::Hold, now);
-        self.flush(now);
+        self.hand_over(Mode::Hold, now);
     }
 
     /// Disarms, never by force: an autopilot in the air refuses. Ends in [`Event::Disarmed`] or [`Event::Refused`].
     pub fn disarm(&mut self, now: Instant) {
-        self.pursue(Aim::Disarm, DISARM_TIMEOUT, now);
-        self.flush(now);
+        self.request(Aim::Disarm, now, |control, _, context| control.disarm(context));
     }
 
     /// Says something to whoever listens, in chunks if it is long.
     pub fn statustext(&mut self, severity: MavSeverity, text: &str) {
-        self.text_id = self.text_id.checked_add(1).unwrap_or(1);
-        statustext::chunks(severity, text, self.text_id)
-            .into_iter()
-            .for_each(|message| self.out.send(message));
+        self.texts.say(severity, text, &mut self.out);
     }
 
     /// We speak as a component of this MAVLink system from now on.
@@ -264,9 +270,7 @@ impl Autopilot {
     /// When the older of position and attitude was received; `None` while one is unknown or the link is lost.
     #[must_use]
     pub fn state_since(&self) -> Option<Instant> {
-        let state = &self.telemetry.state;
-        let (position, attitude) = (state.position_enu_m?, state.attitude?);
-        (!self.link.is_lost()).then(|| position.received_at.min(attitude.received_at))
+        self.telemetry.state.pose_since().filter(|_| !self.link.is_lost())
     }
 
     /// Time between two messages of position or attitude, whichever is longer, as granted and as they come.
@@ -290,8 +294,7 @@ impl Autopilot {
     /// Whether we took control and the last heartbeat shows the companion's mode, armed.
     #[must_use]
     pub fn in_control(&self) -> bool {
-        let state = &self.telemetry.state;
-        self.control.phase == Phase::Held && state.mode() == Some(Mode::Companion) && state.is_armed()
+        self.control.is_held() && control::is_ours(&self.telemetry.state)
     }
 
     /// UTC by the autopilot's clock.
@@ -315,35 +318,44 @@ impl Autopilot {
     /// Everything that speaks for or against a flight, as far as the autopilot is concerned.
     #[must_use]
     pub fn preflight(&self, now: Instant) -> Vec<Check> {
-        preflight::checks(self, self.discovery.candidates(), now)
+        let Some(peer) = &self.peer else {
+            return vec![preflight::none_found(self.discovery.candidates())];
+        };
+        let mut all = preflight::checks(&Evidence {
+            firmware: peer.firmware,
+            system: peer.address.0,
+            settings: &self.settings,
+            state: self.state(),
+            streams: &self.streams,
+            fresh: self.fresh(now),
+            utc_uncertainty: self.utc_uncertainty(),
+        });
+        all.extend(peer.specifics.checks(&self.parameters, &self.settings));
+        all
     }
 
     fn adopt(&mut self, (address, firmware): (Address, Firmware), now: Instant) {
-        self.peer = Some((firmware, address));
+        self.peer = Some(Peer { firmware, address, specifics: Specifics::new(firmware, &self.settings) });
         self.telemetry.state.system = Some(address.0);
         self.telemetry.state.firmware = Some(firmware);
         self.out.tell(Event::Discovered { system: address.0, firmware });
-        self.read_parameters(firmware);
-        self.streams.start(firmware, self.settings.rate_hz, &mut self.commands, now);
-        self.pump(firmware, address, now);
+        self.begin(firmware, now);
+        self.pump(now);
     }
 
     fn handle_restart(&mut self, firmware: Firmware, now: Instant) {
-        self.drop_control();
+        self.control.forget(&mut self.commands);
         self.commands.clear();
         self.telemetry.forget();
-        self.flown = false;
-        self.previous_mode = None;
         self.out.tell(Event::Restarted);
-        self.read_parameters(firmware);
-        self.streams.start(firmware, self.settings.rate_hz, &mut self.commands, now);
+        self.begin(firmware, now);
     }
 
-    fn read_parameters(&mut self, firmware: Firmware) {
+    /// Asks an autopilot of which nothing is known for all that is needed.
+    fn begin(&mut self, firmware: Firmware, now: Instant) {
         self.parameters.read(firmware.parameters());
-        self.rotor_scales = None;
-        self.learn_rotors();
-        self.probe_bridge();
+        self.hand(now, |_, specifics, context| specifics.begin(context));
+        self.streams.start(firmware, self.settings.rate_hz, &mut self.commands, now);
     }
 
     fn handle_heartbeat(&mut self, firmware: Firmware, heartbeat: &HEARTBEAT_DATA, now: Instant) {
@@ -353,47 +365,118 @@ impl Autopilot {
         state.vehicle_type = Some(heartbeat.mavtype);
         state.mode = Some(Timed::new(mode, now));
         let was_armed = state.armed.replace(Timed::new(armed, now)).is_some_and(|armed| armed.value);
-        self.handle_mode(mode, armed, was_armed, now);
+        self.hand(now, |control, _, context| control.handle_heartbeat(mode, was_armed, context));
     }
 
-    fn command_ended(&mut self, purpose: Purpose, outcome: super::command::Outcome, now: Instant) {
+    fn command_ended(&mut self, purpose: Purpose, outcome: Outcome, now: Instant) {
         match purpose {
             Purpose::Interval(id) => self.streams.answered(id, outcome),
-            Purpose::Bridge => self.bridge_probed(outcome),
-            Purpose::Offsets => self.switch_answered(outcome, now),
             Purpose::Request(_) => {}
-            Purpose::Mode | Purpose::Arming | Purpose::TakeOff => self.answered(purpose, outcome, now),
+            Purpose::Bridge | Purpose::Offsets => {
+                self.hand(now, |_, specifics, context| specifics.answered(purpose, outcome, context));
+            }
+            Purpose::Mode | Purpose::Arming | Purpose::TakeOff => {
+                self.control.answered(purpose, outcome, now);
+            }
+        }
+    }
+
+    fn learn_scales(&mut self) {
+        let specifics = self.peer.as_mut().map(|peer| &mut peer.specifics);
+        if let Some(scales) = specifics.and_then(|s| s.parameter_heard(&mut self.parameters)) {
+            self.stream.learn_scales(scales);
+        }
+    }
+
+    fn advance_specifics(&mut self, now: Instant) {
+        let (fresh, in_control) = (self.fresh(now), self.in_control());
+        self.hand(now, |control, specifics, context| {
+            let in_flight = in_control && !control.is_climbing() && control.is_flying(context.state);
+            specifics.advance(in_flight, fresh, context);
+        });
+    }
+
+    /// What a setpoint is built on; `None` while none may go out, and while position or attitude are not fresh: it would
+    /// be a guess.
+    fn surroundings(&self, now: Instant) -> Option<Surroundings> {
+        let Peer { firmware, address, specifics } = self.peer.as_ref()?;
+        let state = &self.telemetry.state;
+        if !self.control.lets_out_setpoints(*firmware, state) || !self.fresh(now) {
+            return None;
+        }
+        let (position_enu_m, velocity_enu_m_s) = self.telemetry.motion()?;
+        Some(Surroundings {
+            target: *address,
+            takes_attitude_targets: firmware.takes_attitude_targets(),
+            frame: self.telemetry.frame()?,
+            measured: Measured { position_enu_m, velocity_enu_m_s, attitude: state.attitude?.value },
+            footing: self.control.footing(state),
+            may_tilt: specifics.allows_tilt(&self.parameters),
+        })
+    }
+
+    fn hand_over(&mut self, to: Mode, now: Instant) {
+        self.request(Aim::Mode(to), now, |control, specifics, context| {
+            specifics.level(context.commands);
+            control.hand_over(to, context);
+        });
+    }
+
+    /// Makes a request of an autopilot that can hear it.
+    fn request(
+        &mut self,
+        aim: Aim,
+        now: Instant,
+        make: impl FnOnce(&mut Control, &mut Specifics, &mut Context),
+    ) {
+        let firmware = self.peer.as_ref().map(|peer| peer.firmware);
+        if firmware.is_none() {
+            self.out.tell(aim.refused(firmware, "no autopilot on the link"));
+        } else if self.link.is_lost() {
+            self.out.tell(aim.refused(firmware, "the autopilot's link is lost"));
+        } else {
+            self.hand(now, make);
+            self.pump(now);
+        }
+    }
+
+    /// Hands something to control and to the firmware's own parts, if there is an autopilot.
+    fn hand(&mut self, now: Instant, input: impl FnOnce(&mut Control, &mut Specifics, &mut Context)) {
+        let Some(Peer { firmware, address, specifics }) = &mut self.peer else { return };
+        let mut context = Context {
+            now,
+            firmware: *firmware,
+            target: *address,
+            settings: &self.settings,
+            state: &self.telemetry.state,
+            last_text: self.texts.last(),
+            commands: &mut self.commands,
+            parameters: &mut self.parameters,
+            out: &mut self.out,
+        };
+        input(&mut self.control, specifics, &mut context);
+    }
+
+    /// Nothing of a stream outlives the phase that it belongs to.
+    fn end_unwanted_stream(&mut self, now: Instant) {
+        if !self.control.wants_setpoints() {
+            self.stream.stop();
+            self.hand(now, |_, specifics, context| specifics.released(context.commands));
         }
     }
 
     /// Sends commands and parameters that are due.
-    fn pump(&mut self, firmware: Firmware, address: Address, now: Instant) {
+    fn pump(&mut self, now: Instant) {
+        self.end_unwanted_stream(now);
         if self.link.is_lost() {
             return;
         }
+        let Some((firmware, address)) = self.peer.as_ref().map(|peer| (peer.firmware, peer.address)) else {
+            return;
+        };
         for (purpose, outcome) in self.commands.advance(now, address, &mut self.out) {
             self.command_ended(purpose, outcome, now);
         }
-        self.parameters.advance(now, firmware, address, &mut self.out);
+        self.parameters.advance(now, firmware.integer_form(), address, &mut self.out);
     }
-
-    fn flush(&mut self, now: Instant) {
-        if let Some((firmware, address)) = self.peer {
-            self.pump(firmware, address, now);
-        }
-    }
-}
-
-/// Our own HEARTBEAT: an onboard controller without an autopilot of its own. The executive sends it once a second,
-/// with its true status (F3).
-#[must_use]
-pub fn heartbeat(status: MavState) -> MavMessage {
-    MavMessage::HEARTBEAT(HEARTBEAT_DATA {
-        custom_mode: 0,
-        mavtype: MavType::MAV_TYPE_ONBOARD_CONTROLLER,
-        autopilot: MavAutopilot::MAV_AUTOPILOT_INVALID,
-        base_mode: MavModeFlag::empty(),
-        system_status: status,
-        mavlink_version: 3,
-    })
 }

@@ -3,9 +3,9 @@
 
 use std::time::Duration;
 
-use mavlink::dialects::ardupilotmega::{COMMAND_ACK_DATA, COMMAND_LONG_DATA, MavMessage, MavResult};
+use mavlink::dialects::ardupilotmega::{COMMAND_ACK_DATA, COMMAND_LONG_DATA, MavCmd, MavMessage, MavResult};
 
-use super::{Address, Outbox};
+use super::outbox::{Address, Outbox};
 use crate::time::Instant;
 
 const ANSWER_TIMEOUT: Duration = Duration::from_millis(500);
@@ -128,5 +128,22 @@ impl CommandQueue {
 
     pub(super) fn timeout(&self) -> Option<Instant> {
         self.pending.iter().filter_map(|pending| pending.waits_until).min()
+    }
+}
+
+/// A COMMAND_LONG with its first two parameters; the queue fills in the address.
+pub(super) fn long(command: MavCmd, [param1, param2]: [f32; 2]) -> COMMAND_LONG_DATA {
+    COMMAND_LONG_DATA {
+        param1,
+        param2,
+        param3: 0.0,
+        param4: 0.0,
+        param5: 0.0,
+        param6: 0.0,
+        param7: 0.0,
+        command,
+        target_system: 0,
+        target_component: 0,
+        confirmation: 0,
     }
 }

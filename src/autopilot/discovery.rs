@@ -4,9 +4,10 @@ use std::time::Duration;
 
 use mavlink::dialects::ardupilotmega::{HEARTBEAT_DATA, MavAutopilot, MavType};
 
+use super::event::Event;
 use super::firmware::Firmware;
-use super::settings::{Event, FirmwareChoice};
-use super::{Address, Outbox};
+use super::outbox::{Address, Outbox};
+use super::settings::FirmwareChoice;
 use crate::time::Instant;
 
 /// Without a configured system id, how long to listen for a second autopilot before the first is taken.

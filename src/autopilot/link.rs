@@ -2,8 +2,8 @@
 
 use std::time::Duration;
 
-use super::Outbox;
-use super::settings::Event;
+use super::event::Event;
+use super::outbox::Outbox;
 use crate::time::Instant;
 
 /// Heartbeats come once a second; the mode is unknown when five in a row are missing. A link that loses one message in ten

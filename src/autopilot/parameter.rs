@@ -1,7 +1,6 @@
 //! The parameters the companion needs: read by name, a few at a time, and written.
 //!
 //! An autopilot that does not know a name says nothing (ArduCopter) or too little (PX4): silence is an answer.
-//! PX4 carries integers bytewise in the float field, ArduPilot converts them.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -10,8 +9,9 @@ use mavlink::dialects::ardupilotmega::{
     MavMessage, MavParamType, PARAM_REQUEST_READ_DATA, PARAM_SET_DATA, PARAM_VALUE_DATA,
 };
 
-use super::firmware::Firmware;
-use super::{Address, Outbox};
+use super::outbox::{Address, Outbox};
+use super::param_value::{IntegerForm, ParamValue};
+use crate::preflight::{Check, Verdict, check};
 use crate::time::Instant;
 
 const ANSWER_TIMEOUT: Duration = Duration::from_millis(500);
@@ -19,26 +19,6 @@ const ATTEMPTS: u8 = 4;
 const READS_IN_FLIGHT: usize = 4;
 /// On the ground everything is read again this often: someone may be putting right what the preflight named.
 const AGAIN: Duration = Duration::from_secs(5);
-
-/// A parameter's value.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum ParamValue {
-    /// Of one of the integer types.
-    Int(i64),
-    /// Of one of the floating-point types.
-    Real(f64),
-}
-
-impl ParamValue {
-    /// The value as a number.
-    #[must_use]
-    pub fn as_f64(self) -> f64 {
-        match self {
-            Self::Int(value) => value as f64,
-            Self::Real(value) => value,
-        }
-    }
-}
 
 /// What is known of a parameter.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -104,6 +84,29 @@ impl Parameters {
         }
     }
 
+    /// Judges a parameter before a flight: `judge` gives the verdict and what the value should be.
+    pub(super) fn check(
+        &self,
+        name: &'static str,
+        judge: impl FnOnce(f64) -> (Verdict, &'static str),
+    ) -> Check {
+        match self.get(name) {
+            // It may be the one that should fail. Asking ends: what does not answer is unknown.
+            Knowledge::Pending => check(name, Verdict::Fail, "not read yet"),
+            Knowledge::Unknown => check(name, Verdict::Warn, "the autopilot does not answer: not known"),
+            Knowledge::Known(value) => {
+                let (result, should_be) = judge(value.as_f64());
+                let shown = match value {
+                    ParamValue::Int(value) => value.to_string(),
+                    ParamValue::Real(value) => value.to_string(),
+                };
+                let detail =
+                    if result == Verdict::Pass { shown } else { format!("{shown}, should be {should_be}") };
+                check(name, result, detail)
+            }
+        }
+    }
+
     /// Whether one of the parameters with this prefix is still asked for.
     pub(super) fn is_reading(&self, prefix: &str) -> bool {
         self.entries.iter().any(|(name, e)| name.starts_with(prefix) && e.known.is_none() && !e.silent)
@@ -136,10 +139,10 @@ impl Parameters {
         self.entries.get(name).is_some_and(|entry| entry.write.is_some())
     }
 
-    pub(super) fn handle_value(&mut self, message: &PARAM_VALUE_DATA, firmware: Firmware) {
+    pub(super) fn handle_value(&mut self, message: &PARAM_VALUE_DATA, form: IntegerForm) {
         let Ok(name) = message.param_id.to_str() else { return };
         let Some(entry) = self.entries.get_mut(name) else { return };
-        let Some(value) = decode(message.param_value, message.param_type, firmware) else { return };
+        let Some(value) = form.decode(message.param_value, message.param_type) else { return };
         entry.known = Some((value, message.param_type));
         entry.read = None;
         if entry
@@ -151,7 +154,7 @@ impl Parameters {
     }
 
     /// Sends what is due.
-    pub(super) fn advance(&mut self, now: Instant, firmware: Firmware, target: Address, out: &mut Outbox) {
+    pub(super) fn advance(&mut self, now: Instant, form: IntegerForm, target: Address, out: &mut Outbox) {
         let waiting =
             |entry: &Entry| entry.read.is_some_and(|read| read.waits_until.is_some_and(|until| until > now));
         let mut in_flight = self.entries.values().filter(|entry| waiting(entry)).count();
@@ -177,7 +180,7 @@ impl Parameters {
             if write.waits_until.is_none_or(|until| until <= now) {
                 step(write, now);
                 out.send(MavMessage::PARAM_SET(PARAM_SET_DATA {
-                    param_value: encode(*value, kind, firmware),
+                    param_value: form.encode(*value, kind),
                     target_system: target.0,
                     target_component: target.1,
                     param_id: name.as_str().into(),
@@ -200,54 +203,4 @@ impl Parameters {
 fn step(exchange: &mut Exchange, now: Instant) {
     exchange.sent = exchange.sent.saturating_add(1);
     exchange.waits_until = Some(now + ANSWER_TIMEOUT);
-}
-
-/// The value in a PARAM_VALUE; `None` if it is not finite.
-fn decode(raw: f32, kind: MavParamType, firmware: Firmware) -> Option<ParamValue> {
-    let bytes = raw.to_le_bytes();
-    let integer = match kind {
-        MavParamType::MAV_PARAM_TYPE_REAL32 | MavParamType::MAV_PARAM_TYPE_REAL64 => {
-            return raw.is_finite().then_some(ParamValue::Real(f64::from(raw)));
-        }
-        _ if firmware == Firmware::ArduPilot => {
-            return raw.is_finite().then_some(ParamValue::Int(raw.round() as i64));
-        }
-        MavParamType::MAV_PARAM_TYPE_UINT8 => i64::from(bytes[0]),
-        MavParamType::MAV_PARAM_TYPE_INT8 => i64::from(i8::from_le_bytes([bytes[0]])),
-        MavParamType::MAV_PARAM_TYPE_UINT16 => i64::from(u16::from_le_bytes([bytes[0], bytes[1]])),
-        MavParamType::MAV_PARAM_TYPE_INT16 => i64::from(i16::from_le_bytes([bytes[0], bytes[1]])),
-        MavParamType::MAV_PARAM_TYPE_UINT32 => i64::from(u32::from_le_bytes(bytes)),
-        _ => i64::from(i32::from_le_bytes(bytes)),
-    };
-    Some(ParamValue::Int(integer))
-}
-
-fn encode(value: f64, kind: MavParamType, firmware: Firmware) -> f32 {
-    let real = matches!(kind, MavParamType::MAV_PARAM_TYPE_REAL32 | MavParamType::MAV_PARAM_TYPE_REAL64);
-    if real || firmware == Firmware::ArduPilot {
-        return value as f32;
-    }
-    // Two's complement, little-endian: the low bytes are right for every narrower type too.
-    f32::from_le_bytes((value.round() as i64 as u32).to_le_bytes())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn val_px4_integers_travel_bytewise_and_ardupilot_converts_them() {
-        let px4 = |raw: i32| {
-            decode(f32::from_le_bytes(raw.to_le_bytes()), MavParamType::MAV_PARAM_TYPE_INT32, Firmware::Px4)
-        };
-        for raw in [5, -1, 1_234_567, i32::MIN] {
-            assert_eq!(px4(raw), Some(ParamValue::Int(i64::from(raw))));
-            let wire = encode(f64::from(raw), MavParamType::MAV_PARAM_TYPE_INT32, Firmware::Px4);
-            assert_eq!(wire.to_le_bytes(), raw.to_le_bytes());
-        }
-        let copter = decode(16.0, MavParamType::MAV_PARAM_TYPE_INT8, Firmware::ArduPilot);
-        assert_eq!(copter, Some(ParamValue::Int(16)));
-        assert_eq!(encode(16.0, MavParamType::MAV_PARAM_TYPE_INT8, Firmware::ArduPilot), 16.0);
-        assert_eq!(decode(f32::NAN, MavParamType::MAV_PARAM_TYPE_REAL32, Firmware::Px4), None);
-    }
 }

@@ -8,7 +8,7 @@
 
 use nalgebra::Vector3;
 
-use crate::geo::{Attitude, Enu};
+use crate::geo::{Attitude, Enu, EnuVelocity};
 
 const GRAVITY_M_S2: f64 = 9.806_65;
 const LEAST_HOVER_THRUST: f64 = 0.02;
@@ -62,7 +62,7 @@ pub struct Measured {
     /// Position in metres, ENU.
     pub position_enu_m: Enu,
     /// Velocity in m/s, ENU.
-    pub velocity_enu_m_s: Vector3<f64>,
+    pub velocity_enu_m_s: EnuVelocity,
     /// Attitude.
     pub attitude: Attitude,
 }
@@ -110,21 +110,20 @@ impl PositionControl {
         self.hover_thrust
     }
 
-    /// The thrust command along body FRD axes (up is negative z) after a step of `dt_s`. Always finite and within
-    /// the limit. With `learn` off (on the ground) integral and hover thrust stay as they are.
+    /// The thrust command along body FRD axes (up is negative z) after a step of `dt_s` in the air. Always finite and
+    /// within the limit.
     pub fn step(
         &mut self,
         position_enu_m: Enu,
-        velocity_enu_m_s: Vector3<f64>,
+        velocity_enu_m_s: EnuVelocity,
         measured: &Measured,
         dt_s: f64,
-        learn: bool,
     ) -> Vector3<f64> {
         let s = self.settings;
         let axes = |[horizontal, vertical]: [f64; 2]| Vector3::new(horizontal, horizontal, vertical);
         let far = (position_enu_m - measured.position_enu_m).norm() > s.error_limit_m;
         let error = limited(position_enu_m - measured.position_enu_m, s.error_limit_m);
-        let velocity_error = velocity_enu_m_s - measured.velocity_enu_m_s;
+        let velocity_error = velocity_enu_m_s.vector() - measured.velocity_enu_m_s.vector();
         let feedback =
             axes(s.proportional_s2).component_mul(&error) + axes(s.velocity_s).component_mul(&velocity_error);
         let wanted = limited(feedback + self.integral_m_s2, s.acceleration_limit_m_s2);
@@ -137,7 +136,7 @@ impl PositionControl {
         let command = if saturated { scaled * (s.thrust_limit / largest) } else { scaled };
 
         let limited_force = wanted.norm() + 1e-9 >= s.acceleration_limit_m_s2;
-        if learn && dt_s > 0.0 && !far && !saturated && !limited_force {
+        if dt_s > 0.0 && !far && !saturated && !limited_force {
             let step = axes(s.integral_s3).component_mul(&error) * dt_s;
             self.integral_m_s2 = limited(self.integral_m_s2 + step, s.integral_limit_m_s2);
             self.learn_hover(dt_s);
@@ -188,8 +187,9 @@ mod tests {
                 Vector3::new(frd.x * self.thrust_n[0], -frd.y * self.thrust_n[1], -frd.z * self.thrust_n[2]);
             let force = self.measured.attitude.rotation() * flu + self.wind_n;
             let acceleration = force / self.mass_kg - Vector3::z() * GRAVITY_M_S2;
-            self.measured.velocity_enu_m_s += acceleration * dt_s;
-            self.measured.position_enu_m += self.measured.velocity_enu_m_s * dt_s;
+            let velocity = self.measured.velocity_enu_m_s.vector() + acceleration * dt_s;
+            self.measured.velocity_enu_m_s = EnuVelocity::from_vector(velocity);
+            self.measured.position_enu_m += velocity * dt_s;
         }
     }
 
@@ -200,7 +200,7 @@ mod tests {
     fn plant(roll_deg: f64, pitch_deg: f64) -> Plant {
         let attitude = Attitude::from_euler(roll_deg.to_radians(), pitch_deg.to_radians(), 0.4);
         let measured =
-            Measured { position_enu_m: Enu::zeros(), velocity_enu_m_s: Vector3::zeros(), attitude };
+            Measured { position_enu_m: Enu::zeros(), velocity_enu_m_s: EnuVelocity::ZERO, attitude };
         Plant { mass_kg: 4.0, thrust_n: [133.9, 133.9, 115.9], wind_n: Vector3::zeros(), measured }
     }
 
@@ -217,7 +217,7 @@ mod tests {
         ] {
             let mut control = PositionControl::new(settings);
             let at = plant(roll, pitch).measured;
-            let thrust = control.step(Enu::zeros(), Vector3::zeros(), &at, 0.02, true);
+            let thrust = control.step(Enu::zeros(), EnuVelocity::ZERO, &at, 0.02);
             assert!((thrust - expected).norm() < 1e-9, "roll {roll} pitch {pitch}: {thrust}");
         }
     }
@@ -229,7 +229,7 @@ mod tests {
             plant.wind_n = Vector3::new(3.0, -2.0, 1.0);
             let mut control = PositionControl::new(Settings { hover_thrust: 0.3, ..omnicopter() });
             for _ in 0..3000 {
-                let thrust = control.step(Enu::zeros(), Vector3::zeros(), &plant.measured, 0.02, true);
+                let thrust = control.step(Enu::zeros(), EnuVelocity::ZERO, &plant.measured, 0.02);
                 assert!(thrust.amax() <= 1.0);
                 plant.step(thrust, 0.02);
             }
@@ -252,7 +252,7 @@ mod tests {
             });
             let mut sum = 0.0;
             for _ in 0..500 {
-                let thrust = control.step(Enu::zeros(), Vector3::zeros(), &plant.measured, 0.02, true);
+                let thrust = control.step(Enu::zeros(), EnuVelocity::ZERO, &plant.measured, 0.02);
                 plant.step(thrust, 0.02);
                 sum += plant.measured.position_enu_m.norm_squared();
             }
@@ -268,7 +268,7 @@ mod tests {
         let mut control = PositionControl::new(settings);
         let below = plant(0.0, 0.0).measured;
         for _ in 0..1000 {
-            let thrust = control.step(Enu::new(0.0, 0.0, 50.0), Vector3::zeros(), &below, 0.02, true);
+            let thrust = control.step(Enu::new(0.0, 0.0, 50.0), EnuVelocity::ZERO, &below, 0.02);
             assert!(thrust.amax() <= 0.35 + 1e-12);
         }
         assert_eq!(control, PositionControl::new(settings));
@@ -279,7 +279,7 @@ mod tests {
         let mut control = PositionControl::new(Settings::default());
         let mut at = plant(0.0, 0.0).measured;
         at.position_enu_m.x = f64::NAN;
-        let thrust = control.step(Enu::new(f64::INFINITY, 0.0, 0.0), Vector3::zeros(), &at, 0.02, true);
+        let thrust = control.step(Enu::new(f64::INFINITY, 0.0, 0.0), EnuVelocity::ZERO, &at, 0.02);
         assert!(thrust.iter().all(|c| c.is_finite()));
     }
 }

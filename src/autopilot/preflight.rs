@@ -1,49 +1,59 @@
 //! What speaks for or against a flight: named checks, each with the offending value and what it should be.
 
-use mavlink::dialects::ardupilotmega::{MavResult, MavType};
+use std::time::Duration;
 
-use super::adapter::Autopilot;
-use super::firmware::px4::LAND_DETECTOR_SPEED;
-use super::firmware::{Firmware, ardupilot};
-use super::parameter::{Knowledge, ParamValue};
-use super::settings::Actuation;
-use super::state::Landed;
+use mavlink::dialects::ardupilotmega::MavType;
+
+use super::firmware::Firmware;
+use super::settings::{Actuation, Settings};
+use super::state::{Landed, VehicleState};
+use super::streams::Streams;
 use crate::preflight::{Check, Verdict, check};
-use crate::time::Instant;
 
-/// A tilt limit of the autopilot must leave this much beyond the plan, in degrees.
-const TILT_MARGIN_DEG: f64 = 15.0;
 /// Position and attitude at this part of the rate asked for still fly: an autopilot on a loaded machine is slow evenly.
 const FLYABLE: f64 = 0.4;
 /// Local and global position may disagree by this much, in metres.
 const ORIGIN_TOLERANCE_M: f64 = 5.0;
 
-/// All checks that concern the autopilot.
-pub(super) fn checks(autopilot: &Autopilot, candidates: usize, now: Instant) -> Vec<Check> {
-    let Some((firmware, address)) = autopilot.peer else {
-        let detail = match candidates {
-            0 => "no heartbeat of a PX4 or ArduCopter autopilot on the link: check the link's address"
-                .to_owned(),
-            n => format!("{n} autopilots on the link: name one with autopilot.system_id"),
-        };
-        return vec![check("autopilot", Verdict::Fail, detail)];
+/// What the checks look at.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Evidence<'a> {
+    pub(super) firmware: Firmware,
+    pub(super) system: u8,
+    pub(super) settings: &'a Settings,
+    pub(super) state: &'a VehicleState,
+    pub(super) streams: &'a Streams,
+    /// Whether position and attitude are fresh.
+    pub(super) fresh: bool,
+    pub(super) utc_uncertainty: Option<Duration>,
+}
+
+/// The check that fails where no autopilot was found, of which `candidates` compete.
+pub(super) fn none_found(candidates: usize) -> Check {
+    let detail = match candidates {
+        0 => "no heartbeat of a PX4 or ArduCopter autopilot on the link: check the link's address".to_owned(),
+        n => format!("{n} autopilots on the link: name one with autopilot.system_id"),
     };
-    let version = autopilot.state().version.map_or(String::new(), |(a, b, c)| format!(" {a}.{b}.{c}"));
-    let mut all =
-        vec![check("autopilot", Verdict::Pass, format!("{firmware}{version}, system {}", address.0))];
-    all.extend(vehicle(autopilot, firmware));
-    all.extend(telemetry(autopilot, now));
-    all.extend(readiness(autopilot));
-    match firmware {
-        Firmware::Px4 => px4(autopilot, &mut all),
-        Firmware::ArduPilot => arducopter(autopilot, &mut all),
-    }
+    check("autopilot", Verdict::Fail, detail)
+}
+
+/// The checks that every autopilot has to pass.
+pub(super) fn checks(evidence: &Evidence) -> Vec<Check> {
+    let (firmware, system) = (evidence.firmware, evidence.system);
+    let version = evidence.state.version.map_or(String::new(), |(a, b, c)| format!(" {a}.{b}.{c}"));
+    let mut all = vec![
+        check("autopilot", Verdict::Pass, format!("{firmware}{version}, system {system}")),
+        vehicle_type(evidence.state.vehicle_type),
+        actuation(firmware, evidence.settings.actuation),
+    ];
+    all.extend(telemetry(evidence));
+    all.extend(readiness(evidence.state, evidence.settings));
     all
 }
 
-fn vehicle(autopilot: &Autopilot, firmware: Firmware) -> Vec<Check> {
+fn vehicle_type(vehicle_type: Option<MavType>) -> Check {
     let multirotor = matches!(
-        autopilot.state().vehicle_type,
+        vehicle_type,
         Some(
             MavType::MAV_TYPE_QUADROTOR
                 | MavType::MAV_TYPE_COAXIAL
@@ -55,35 +65,30 @@ fn vehicle(autopilot: &Autopilot, firmware: Firmware) -> Vec<Check> {
                 | MavType::MAV_TYPE_GENERIC_MULTIROTOR
         )
     );
-    let kind = autopilot.state().vehicle_type.map_or("unknown".to_owned(), |kind| format!("{kind:?}"));
-    let kind = if multirotor {
+    let kind = vehicle_type.map_or("unknown".to_owned(), |kind| format!("{kind:?}"));
+    if multirotor {
         check("vehicle type", Verdict::Pass, kind)
     } else {
         check("vehicle type", Verdict::Fail, format!("{kind}, should be a multirotor: set MAV_TYPE"))
-    };
-    let actuation = autopilot.settings().actuation;
-    let detail = format!("{actuation} on {firmware}");
-    let actuation = match (firmware.cannot(actuation), firmware, actuation) {
-        (Some(why), ..) => check("actuation", Verdict::Fail, why),
-        (None, Firmware::Px4, Actuation::Pose) => check(
-            "actuation",
-            Verdict::Warn,
-            "pose: stock PX4 obeys the last of position and attitude target; use a fork that tracks both, or thrust_vector",
-        ),
-        _ => check("actuation", Verdict::Pass, detail),
-    };
-    vec![kind, actuation]
+    }
 }
 
-fn telemetry(autopilot: &Autopilot, now: Instant) -> Vec<Check> {
+fn actuation(firmware: Firmware, actuation: Actuation) -> Check {
+    match (firmware.cannot(actuation), firmware.caveat(actuation)) {
+        (Some(why), _) => check("actuation", Verdict::Fail, why),
+        (None, Some(beware)) => check("actuation", Verdict::Warn, beware),
+        (None, None) => check("actuation", Verdict::Pass, format!("{actuation} on {firmware}")),
+    }
+}
+
+fn telemetry(evidence: &Evidence) -> Vec<Check> {
     let mut all = Vec::new();
-    let fresh = autopilot.fresh(now);
-    all.push(if fresh {
+    all.push(if evidence.fresh {
         check("position and attitude", Verdict::Pass, "fresh")
     } else {
         check("position and attitude", Verdict::Fail, "not received within the freshness limit")
     });
-    let slow = autopilot.streams.report().filter(|stream| !stream.good).collect::<Vec<_>>();
+    let slow = evidence.streams.report().filter(|stream| !stream.good).collect::<Vec<_>>();
     if slow.is_empty() {
         all.push(check("telemetry", Verdict::Pass, "every stream comes at its rate"));
     }
@@ -97,7 +102,7 @@ fn telemetry(autopilot: &Autopilot, now: Instant) -> Vec<Check> {
             format!("{}: {rate}, should be {:.0} Hz", stream.name, stream.wanted_hz),
         ));
     }
-    all.push(match autopilot.utc_uncertainty() {
+    all.push(match evidence.utc_uncertainty {
         Some(within) => {
             check("clock", Verdict::Pass, format!("UTC from SYSTEM_TIME within {} ms", within.as_millis()))
         }
@@ -106,8 +111,7 @@ fn telemetry(autopilot: &Autopilot, now: Instant) -> Vec<Check> {
     all
 }
 
-fn readiness(autopilot: &Autopilot) -> Vec<Check> {
-    let state = autopilot.state();
+fn readiness(state: &VehicleState, settings: &Settings) -> Vec<Check> {
     let flag = |name, value: Option<bool>, worst: Verdict, bad: &str| match value {
         Some(true) => check(name, Verdict::Pass, "good"),
         Some(false) => check(name, worst, bad),
@@ -124,7 +128,7 @@ fn readiness(autopilot: &Autopilot) -> Vec<Check> {
         }
         _ => check("local origin", Verdict::Pass, "known"),
     };
-    let min_percent = autopilot.settings().min_battery * 100.0;
+    let min_percent = settings.min_battery * 100.0;
     let battery = match state.battery.and_then(|battery| battery.value.remaining) {
         None => check("battery", Verdict::Warn, "the autopilot does not say"),
         Some(left) if left * 100.0 < min_percent => check(
@@ -162,115 +166,4 @@ fn readiness(autopilot: &Autopilot) -> Vec<Check> {
         battery,
         ground,
     ]
-}
-
-/// Judges a parameter: `judge` gives the verdict and what the value should be.
-fn parameter(
-    autopilot: &Autopilot,
-    name: &'static str,
-    judge: impl FnOnce(f64) -> (Verdict, &'static str),
-) -> Check {
-    match autopilot.parameters.get(name) {
-        // It may be the one that should fail. Asking ends: what does not answer is unknown.
-        Knowledge::Pending => check(name, Verdict::Fail, "not read yet"),
-        Knowledge::Unknown => check(name, Verdict::Warn, "the autopilot does not answer: not known"),
-        Knowledge::Known(value) => {
-            let (result, should_be) = judge(value.as_f64());
-            let shown = match value {
-                ParamValue::Int(value) => value.to_string(),
-                ParamValue::Real(value) => value.to_string(),
-            };
-            let detail =
-                if result == Verdict::Pass { shown } else { format!("{shown}, should be {should_be}") };
-            check(name, result, detail)
-        }
-    }
-}
-
-fn px4(autopilot: &Autopilot, all: &mut Vec<Check>) {
-    use Verdict::{Fail, Pass, Warn};
-    let tilt_deg = autopilot.settings().planned_tilt_rad.to_degrees();
-    let needs_tilt = autopilot.settings().actuation != Actuation::Position;
-    all.push(parameter(autopilot, "COM_OF_LOSS_T", |value| match value {
-        v if v <= 1.0 => (Pass, ""),
-        v if v <= 5.0 => {
-            (Warn, "at most 1 s: the vehicle flies on blindly for so long after a dead companion")
-        }
-        _ => (Fail, "at most 1 s: the vehicle flies on blindly for so long after a dead companion"),
-    }));
-    all.push(parameter(autopilot, "COM_OBL_RC_ACT", |value| match value {
-        5.0 => (Pass, ""),
-        3.0 | 4.0 => (Warn, "5 (hold): this one leaves its place when the companion dies"),
-        0.0..=2.0 => (Warn, "5 (hold): without a pilot's sticks this one drifts"),
-        _ => (Fail, "5 (hold)"),
-    }));
-    for name in ["FD_FAIL_R", "FD_FAIL_P"] {
-        all.push(parameter(autopilot, name, |value| {
-            let trips = value != 0.0 && needs_tilt && value < tilt_deg + TILT_MARGIN_DEG;
-            if trips {
-                (Fail, "0: the failure detector stops the motors at this tilt, in degrees")
-            } else {
-                (Pass, "")
-            }
-        }));
-    }
-    all.push(parameter(autopilot, "NAV_DLL_ACT", |value| match value {
-        0.0 => (Pass, ""),
-        _ => (Warn, "0, or keep a ground station connected: its loss ends the mission"),
-    }));
-    if autopilot.guarded() {
-        all.push(parameter(autopilot, LAND_DETECTOR_SPEED, |value| match value {
-            v if v > 0.0 => (Pass, ""),
-            _ => (Warn, "0.25 on the ground: put back before take-off"),
-        }));
-    }
-    if autopilot.settings().actuation == Actuation::ThrustVector {
-        all.push(parameter(autopilot, "THR_MDL_FAC", |_| (Pass, "")));
-        all.push(match (autopilot.settings().position_control.thrust_n, autopilot.rotor_scales) {
-            (Some(given), _) => check("thrust scales", Pass, format!("{given:?} as configured")),
-            (None, Some([x, y, z])) => {
-                check("thrust scales", Pass, format!("{x:.2}, {y:.2}, {z:.2} from CA_ROTOR*"))
-            }
-            (None, None) if autopilot.parameters.is_reading("CA_ROTOR") => {
-                check("thrust scales", Fail, "CA_ROTOR* not read yet")
-            }
-            (None, None) => check("thrust scales", Warn, "CA_ROTOR* not known: taken as equal on every axis"),
-        });
-    }
-}
-
-fn arducopter(autopilot: &Autopilot, all: &mut Vec<Check>) {
-    use Verdict::{Fail, Pass, Warn};
-    let pose = autopilot.settings().actuation == Actuation::Pose;
-    let frame = parameter(autopilot, "FRAME_CLASS", |value| match value == ardupilot::FRAME_CLASS_6DOF {
-        false if pose => (Fail, "16 (6DoF, scripting) for pose; otherwise use actuation \"position\""),
-        _ => (Pass, ""),
-    });
-    // Without knowing the frame, body offsets are sent to a vehicle that may not have them: it just stays level.
-    all.push(frame);
-    all.push(parameter(autopilot, "GUID_TIMEOUT", |value| match value {
-        v if v <= 3.0 => (Pass, ""),
-        _ => (Warn, "at most 3 s"),
-    }));
-    all.push(parameter(autopilot, "GUID_OPTIONS", |value| match value as i64 & 8 {
-        0 => (Pass, ""),
-        _ => (Warn, "without bit 3 (thrust as thrust)"),
-    }));
-    all.push(parameter(autopilot, "FS_GCS_ENABLE", |value| match value {
-        0.0 => (Pass, ""),
-        _ => (Warn, "0, or keep a ground station connected: it returns 5 s after that one's last heartbeat"),
-    }));
-    if pose {
-        all.push(match autopilot.bridge.probed() {
-            Some(MavResult::MAV_RESULT_ACCEPTED) => check("bridge script", Pass, "answers"),
-            Some(result) => {
-                check("bridge script", Fail, format!("command 31013: {result:?}; install the script"))
-            }
-            None => check("bridge script", Fail, "does not answer command 31013: install it and restart"),
-        });
-        all.push(parameter(autopilot, "SCR_ENABLE", |value| match value {
-            1.0 => (Pass, ""),
-            _ => (Fail, "1: the bridge script sets the body offsets"),
-        }));
-    }
 }

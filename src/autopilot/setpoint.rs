@@ -1,4 +1,4 @@
-//! The stream of setpoints: when one is due, and what it looks like on the wire.
+//! The stream of setpoints: each goes out once, at the instant that it is for, and what it looks like on the wire.
 
 use std::time::Duration;
 
@@ -6,13 +6,12 @@ use mavlink::dialects::ardupilotmega::{
     AttitudeTargetTypemask, MavFrame, MavMessage, PositionTargetTypemask, SET_ATTITUDE_TARGET_DATA,
     SET_POSITION_TARGET_LOCAL_NED_DATA,
 };
-use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use nalgebra::Vector3;
 
-use super::firmware::Firmware;
+use super::outbox::{Address, Outbox};
 use super::position_control::{Measured, PositionControl};
-use super::settings::{Actuation, Setpoint, Settings};
-use super::{Address, Outbox};
-use crate::geo::{Attitude, LocalFrame, swap_enu_ned};
+use super::settings::{Actuation, Settings};
+use crate::geo::{Attitude, Enu, EnuVelocity, LocalFrame, NedVelocity};
 use crate::time::Instant;
 
 /// Thrust while armed on the ground.
@@ -20,39 +19,76 @@ const IDLE_THRUST: f64 = 0.05;
 /// How fast thrust rises to find the one that lifts the vehicle, 1/s.
 const SPOOL_RATE_S: f64 = 0.2;
 
-/// What the stream needs to know of the vehicle at a tick.
+/// Where the vehicle should be at an instant, in the mission frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Setpoint {
+    /// Position in metres, ENU.
+    pub position_enu_m: Enu,
+    /// Velocity feed-forward in m/s, ENU.
+    pub velocity_enu_m_s: EnuVelocity,
+    /// Attitude. [`Actuation::Position`] uses its yaw alone.
+    pub attitude: Attitude,
+}
+
+impl Setpoint {
+    /// Whether every number is finite; others are never streamed.
+    #[must_use]
+    pub fn is_finite(&self) -> bool {
+        let q = self.attitude.rotation();
+        self.position_enu_m
+            .iter()
+            .chain(self.velocity_enu_m_s.vector().iter())
+            .chain(q.coords.iter())
+            .all(|c| c.is_finite())
+    }
+}
+
+/// How the vehicle stands to the ground.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Footing {
+    /// On the ground and not taking off: no more than idle thrust.
+    Standing,
+    /// Taking off and still on the ground: thrust rises until the vehicle leaves it.
+    Lifting,
+    /// Off the ground: what the controller learns means something.
+    Airborne,
+}
+
+/// What the stream needs to know of the vehicle.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Surroundings {
-    pub(super) firmware: Firmware,
     pub(super) target: Address,
+    /// A pose goes out as two targets, one of them an attitude.
+    pub(super) takes_attitude_targets: bool,
     pub(super) frame: LocalFrame,
     /// Fresh position, velocity and attitude.
     pub(super) measured: Measured,
-    /// On the ground and not taking off: no more than idle thrust.
-    pub(super) idle: bool,
-    /// Taking off and still on the ground: thrust rises until the vehicle leaves it.
-    pub(super) lifting: bool,
-    /// Off the ground: what the controller learns means something.
-    pub(super) flying: bool,
+    pub(super) footing: Footing,
     /// Whether the attitude may leave the level.
     pub(super) may_tilt: bool,
 }
 
-/// The current setpoint and its stream.
+/// The stream of setpoints. It has no clock of its own: who sets setpoints sets the pace.
 #[derive(Debug)]
 pub(super) struct Stream {
     actuation: Actuation,
+    /// Time that the first setpoint of a stream stands for.
     period: Duration,
     lifetime: Duration,
     tilt_rate_rad_s: f64,
-    setpoint: Option<(Setpoint, Instant)>,
-    tick_at: Option<Instant>,
-    /// Since when setpoints have gone out at every tick.
-    since: Option<Instant>,
-    commanded: Option<Attitude>,
+    set_at: Option<Instant>,
+    run: Option<Run>,
     control: PositionControl,
     /// The thrust that rises until the vehicle leaves the ground.
     spool: Option<f64>,
+}
+
+/// Setpoints that have gone out without a gap.
+#[derive(Debug, Clone, Copy)]
+struct Run {
+    since: Instant,
+    sent_at: Instant,
+    commanded: Attitude,
 }
 
 impl Stream {
@@ -62,57 +98,48 @@ impl Stream {
             period: settings.period(),
             lifetime: settings.setpoint_lifetime,
             tilt_rate_rad_s: settings.tilt_rate_rad_s,
-            setpoint: None,
-            tick_at: None,
-            since: None,
-            commanded: None,
+            set_at: None,
+            run: None,
             control: PositionControl::new(settings.position_control),
             spool: None,
         }
     }
 
-    /// A new setpoint, good for its lifetime. One that is not finite is none at all.
-    pub(super) fn set(&mut self, setpoint: Setpoint, now: Instant) {
-        if !setpoint.is_finite() {
-            return;
-        }
-        self.setpoint = Some((setpoint, now + self.lifetime));
-        self.tick_at.get_or_insert(now);
-    }
-
-    /// Forgets the setpoint: nothing is streamed until there is a new one.
+    /// Ends the stream: the next one begins anew, with what the controller had integrated forgotten.
     pub(super) fn stop(&mut self) {
-        self.setpoint = None;
-        self.tick_at = None;
-        self.interrupt();
+        self.set_at = None;
+        self.run = None;
         self.spool = None;
         self.control.reset();
     }
 
-    fn interrupt(&mut self) {
-        self.since = None;
-        self.commanded = None;
-    }
-
     /// How long setpoints have gone out without a gap.
     pub(super) fn streamed_for(&self, now: Instant) -> Duration {
-        self.since.map_or(Duration::ZERO, |since| now.saturating_since(since))
+        let run = self.run.filter(|run| now.saturating_since(run.sent_at) <= self.lifetime);
+        run.map_or(Duration::ZERO, |run| now.saturating_since(run.since))
     }
 
-    pub(super) fn timeout(&self) -> Option<Instant> {
-        self.tick_at
-    }
-
-    /// The setpoint of this tick if one is due and alive. Ticks keep to their deadlines; missed ones are left out.
-    pub(super) fn due(&mut self, now: Instant) -> Option<Setpoint> {
-        let at = self.tick_at.filter(|at| *at <= now)?;
-        let Some((setpoint, _)) = self.setpoint.filter(|(_, expires_at)| now < *expires_at) else {
+    /// Takes a setpoint for `now` and sends it in the form that actuation and firmware ask for. The attitude that it
+    /// commands; `None` if nothing went out: without surroundings none may, and what is not finite is no setpoint.
+    pub(super) fn set(
+        &mut self,
+        setpoint: &Setpoint,
+        around: Option<&Surroundings>,
+        now: Instant,
+        out: &mut Outbox,
+    ) -> Option<Attitude> {
+        if !setpoint.is_finite() {
+            return None;
+        }
+        if self.set_at.is_some_and(|at| now.saturating_since(at) > self.lifetime) {
             self.stop();
+        }
+        self.set_at = Some(now);
+        let Some(around) = around else {
+            self.run = None;
             return None;
         };
-        let next = at + self.period;
-        self.tick_at = Some(if next > now { next } else { now + self.period });
-        Some(setpoint)
+        Some(self.send(setpoint, around, now, out))
     }
 
     /// Takes the scales of the thrust axes from the rotors.
@@ -125,51 +152,41 @@ impl Stream {
         self.control.hover_thrust()
     }
 
-    /// Nothing may be sent at this tick: the stream has a gap.
-    pub(super) fn skip(&mut self) {
-        self.interrupt();
-    }
-
-    /// Sends one setpoint in the form that actuation and firmware ask for. The attitude that it commands.
-    pub(super) fn send(
+    fn send(
         &mut self,
         setpoint: &Setpoint,
         around: &Surroundings,
         now: Instant,
         out: &mut Outbox,
     ) -> Attitude {
-        self.since.get_or_insert(now);
-        let attitude = self.ramp(setpoint.attitude, around);
+        let dt_s = self.run.map_or(self.period, |run| now.saturating_since(run.sent_at)).as_secs_f64();
+        let attitude = self.ramp(setpoint.attitude, around, dt_s);
+        let since = self.run.map_or(now, |run| run.since);
+        self.run = Some(Run { since, sent_at: now, commanded: attitude });
         match self.actuation {
-            Actuation::ThrustVector => out.send(self.thrust_vector(setpoint, attitude, around, now)),
+            Actuation::ThrustVector => out.send(self.thrust_vector(setpoint, attitude, around, dt_s, now)),
             Actuation::Position => out.send(position(setpoint, Some(attitude), around, now)),
-            Actuation::Pose => match around.firmware {
-                Firmware::Px4 => {
-                    out.send(position(setpoint, None, around, now));
-                    out.send(MavMessage::SET_ATTITUDE_TARGET(SET_ATTITUDE_TARGET_DATA {
-                        type_mask: rates_ignored()
-                            | AttitudeTargetTypemask::ATTITUDE_TARGET_TYPEMASK_THROTTLE_IGNORE,
-                        ..attitude_target(attitude, around.target, now)
-                    }));
-                }
-                // Never a quaternion: the 6DoF frame panics on it. The heading goes with the position, roll and pitch
-                // through the bridge script.
-                Firmware::ArduPilot => out.send(position(setpoint, Some(attitude), around, now)),
-            },
+            Actuation::Pose if around.takes_attitude_targets => {
+                out.send(position(setpoint, None, around, now));
+                out.send(MavMessage::SET_ATTITUDE_TARGET(SET_ATTITUDE_TARGET_DATA {
+                    type_mask: rates_ignored()
+                        | AttitudeTargetTypemask::ATTITUDE_TARGET_TYPEMASK_THROTTLE_IGNORE,
+                    ..attitude_target(attitude, around.target, now)
+                }));
+            }
+            Actuation::Pose => out.send(position(setpoint, Some(attitude), around, now)),
         }
         attitude
     }
 
     /// The commanded attitude follows the wanted one at no more than the tilt rate, starting from the measured one.
-    fn ramp(&mut self, wanted: Attitude, around: &Surroundings) -> Attitude {
+    fn ramp(&self, wanted: Attitude, around: &Surroundings, dt_s: f64) -> Attitude {
         let level = Attitude::from_euler(0.0, 0.0, wanted.euler().2);
         let wanted = if around.may_tilt { wanted } else { level };
-        let from = self.commanded.unwrap_or(around.measured.attitude);
+        let from = self.run.map_or(around.measured.attitude, |run| run.commanded);
         let angle = from.angle_to(&wanted);
-        let step = self.tilt_rate_rad_s * self.period.as_secs_f64();
-        let commanded = if angle <= step { wanted } else { from.slerp(&wanted, step / angle) };
-        self.commanded = Some(commanded);
-        commanded
+        let step = self.tilt_rate_rad_s * dt_s;
+        if angle <= step { wanted } else { from.slerp(&wanted, step / angle) }
     }
 
     fn thrust_vector(
@@ -177,25 +194,21 @@ impl Stream {
         wanted: &Setpoint,
         attitude: Attitude,
         around: &Surroundings,
+        dt_s: f64,
         now: Instant,
     ) -> MavMessage {
-        let dt_s = self.period.as_secs_f64();
-        let thrust = if around.lifting {
-            let spool = self.spool.unwrap_or(IDLE_THRUST) + SPOOL_RATE_S * dt_s;
-            Vector3::new(0.0, 0.0, -*self.spool.insert(spool.min(1.0)))
-        } else if around.idle {
-            Vector3::new(0.0, 0.0, -IDLE_THRUST)
-        } else {
-            if let Some(lifts) = self.spool.take() {
-                self.control.lifted_off(lifts);
+        let thrust = match around.footing {
+            Footing::Standing => Vector3::new(0.0, 0.0, -IDLE_THRUST),
+            Footing::Lifting => {
+                let spool = self.spool.unwrap_or(IDLE_THRUST) + SPOOL_RATE_S * dt_s;
+                Vector3::new(0.0, 0.0, -*self.spool.insert(spool.min(1.0)))
             }
-            self.control.step(
-                wanted.position_enu_m,
-                wanted.velocity_enu_m_s,
-                &around.measured,
-                dt_s,
-                around.flying,
-            )
+            Footing::Airborne => {
+                if let Some(lifts) = self.spool.take() {
+                    self.control.lifted_off(lifts);
+                }
+                self.control.step(wanted.position_enu_m, wanted.velocity_enu_m_s, &around.measured, dt_s)
+            }
         };
         MavMessage::SET_ATTITUDE_TARGET(SET_ATTITUDE_TARGET_DATA {
             type_mask: rates_ignored() | AttitudeTargetTypemask::ATTITUDE_TARGET_TYPEMASK_THRUST_BODY_SET,
@@ -209,12 +222,6 @@ fn rates_ignored() -> AttitudeTargetTypemask {
     AttitudeTargetTypemask::ATTITUDE_TARGET_TYPEMASK_BODY_ROLL_RATE_IGNORE
         | AttitudeTargetTypemask::ATTITUDE_TARGET_TYPEMASK_BODY_PITCH_RATE_IGNORE
         | AttitudeTargetTypemask::ATTITUDE_TARGET_TYPEMASK_BODY_YAW_RATE_IGNORE
-}
-
-/// Roll, pitch and heading of the quaternion that MAVLink carries, in radians.
-pub(super) fn frd_euler(attitude: Attitude) -> (f64, f64, f64) {
-    let [w, x, y, z] = attitude.to_mavlink();
-    UnitQuaternion::new_normalize(Quaternion::new(w, x, y, z)).euler_angles()
 }
 
 /// The attitude alone; mask and thrust are the caller's.
@@ -240,8 +247,8 @@ fn position(
     around: &Surroundings,
     now: Instant,
 ) -> MavMessage {
-    let local = around.frame.position_to_ned(setpoint.position_enu_m);
-    let velocity = swap_enu_ned(setpoint.velocity_enu_m_s);
+    let local = around.frame.position_to_ned(setpoint.position_enu_m).vector();
+    let velocity = NedVelocity::from(setpoint.velocity_enu_m_s).vector();
     let mut type_mask = PositionTargetTypemask::POSITION_TARGET_TYPEMASK_AX_IGNORE
         | PositionTargetTypemask::POSITION_TARGET_TYPEMASK_AY_IGNORE
         | PositionTargetTypemask::POSITION_TARGET_TYPEMASK_AZ_IGNORE
@@ -260,7 +267,7 @@ fn position(
         afx: 0.0,
         afy: 0.0,
         afz: 0.0,
-        yaw: heading_of.map_or(0.0, |attitude| frd_euler(attitude).2 as f32),
+        yaw: heading_of.map_or(0.0, |attitude| attitude.to_mavlink_euler().2 as f32),
         yaw_rate: 0.0,
         type_mask,
         target_system: around.target.0,
@@ -277,16 +284,123 @@ fn boot_ms(now: Instant) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::autopilot::context::tests::settings;
+    use crate::geo::Projection;
+
+    const PERIOD: Duration = Duration::from_millis(20);
+
+    fn around(footing: Footing) -> Surroundings {
+        let origin = settings().mission_origin;
+        Surroundings {
+            target: (1, 1),
+            takes_attitude_targets: true,
+            frame: LocalFrame { mission: origin, autopilot: origin, projection: Projection::Tangent },
+            measured: Measured {
+                position_enu_m: Enu::new(1.0, 2.0, 10.0),
+                velocity_enu_m_s: EnuVelocity::ZERO,
+                attitude: Attitude::level(),
+            },
+            footing,
+            may_tilt: true,
+        }
+    }
+
+    fn setpoint(roll_rad: f64) -> Setpoint {
+        Setpoint {
+            position_enu_m: Enu::new(1.0, 2.0, 10.0),
+            velocity_enu_m_s: EnuVelocity::ZERO,
+            attitude: Attitude::from_euler(roll_rad, 0.0, 0.0),
+        }
+    }
+
+    fn stream(actuation: Actuation) -> Stream {
+        let mut settings = settings();
+        settings.actuation = actuation;
+        settings.tilt_rate_rad_s = 0.5;
+        Stream::new(&settings)
+    }
+
+    fn thrust(out: &mut Outbox) -> f64 {
+        match out.next_message() {
+            Some(MavMessage::SET_ATTITUDE_TARGET(target)) => f64::from(-target.thrust_body[2]),
+            other => panic!("{other:?}"),
+        }
+    }
 
     #[test]
-    fn val_body_offsets_turn_the_antenna_as_the_quaternion_does() {
-        use std::f64::consts::FRAC_PI_2;
-        // The paper's roll is about body x, which FLU and FRD share; pitch and heading change their sign and zero.
-        for (roll, pitch, yaw) in [(0.3, 0.0, 0.0), (0.0, 0.4, 0.0), (-0.7, 0.9, 1.1), (1.2, -1.3, -2.0)] {
-            let (r, p, h) = frd_euler(Attitude::from_euler(roll, pitch, yaw));
-            assert!((r - roll).abs() < 1e-9 && (p + pitch).abs() < 1e-9, "{r} {p}");
-            let turn = (h - (FRAC_PI_2 - yaw)).rem_euclid(std::f64::consts::TAU);
-            assert!(turn.min(std::f64::consts::TAU - turn) < 1e-9, "{h}");
+    fn val_a_pause_within_the_lifetime_is_one_stream_and_a_longer_one_ends_it() {
+        let mut stream = stream(Actuation::Position);
+        let (mut out, around) = (Outbox::default(), around(Footing::Airborne));
+        let mut now = Instant::from_start(Duration::from_secs(1));
+        assert!(stream.set(&setpoint(0.0), Some(&around), now, &mut out).is_some());
+        now = now + settings().setpoint_lifetime;
+        assert_eq!(stream.streamed_for(now), settings().setpoint_lifetime);
+        assert!(stream.set(&setpoint(0.0), Some(&around), now, &mut out).is_some());
+        now = now + settings().setpoint_lifetime + Duration::from_millis(1);
+        assert_eq!(stream.streamed_for(now), Duration::ZERO);
+        assert!(stream.set(&setpoint(0.0), Some(&around), now, &mut out).is_some());
+        assert_eq!(stream.streamed_for(now + PERIOD), PERIOD);
+        // A setpoint that may not go out is a gap.
+        assert!(stream.set(&setpoint(0.0), None, now + PERIOD, &mut out).is_none());
+        assert_eq!(stream.streamed_for(now + PERIOD), Duration::ZERO);
+    }
+
+    #[test]
+    fn val_what_is_not_finite_is_no_setpoint() {
+        let mut stream = stream(Actuation::Pose);
+        let (mut out, around) = (Outbox::default(), around(Footing::Airborne));
+        let mut broken = setpoint(0.0);
+        broken.velocity_enu_m_s = EnuVelocity::new(0.0, f64::NAN, 0.0);
+        assert!(stream.set(&broken, Some(&around), Instant::ZERO, &mut out).is_none());
+        assert!(out.next_message().is_none());
+    }
+
+    #[test]
+    fn val_the_attitude_turns_by_the_rate_times_the_time_that_passed() {
+        let mut stream = stream(Actuation::Pose);
+        let (mut out, around) = (Outbox::default(), around(Footing::Airborne));
+        let mut now = Instant::from_start(Duration::from_secs(1));
+        let mut expected_rad = 0.0;
+        for passed in [PERIOD, PERIOD, 2 * PERIOD, PERIOD / 4, PERIOD] {
+            // The first of a stream stands for a period.
+            expected_rad += 0.5 * passed.as_secs_f64();
+            now = now + passed;
+            let commanded = stream.set(&setpoint(1.0), Some(&around), now, &mut out).unwrap();
+            assert!((commanded.tilt_rad() - expected_rad).abs() < 1e-9, "{}", commanded.tilt_rad());
+        }
+    }
+
+    #[test]
+    fn val_thrust_rises_from_idle_and_what_lifted_is_the_hover_thrust() {
+        let mut stream = stream(Actuation::ThrustVector);
+        let mut out = Outbox::default();
+        let mut now = Instant::from_start(Duration::from_secs(1));
+        let mut fly = |stream: &mut Stream, footing| {
+            now = now + PERIOD;
+            _ = stream.set(&setpoint(0.0), Some(&around(footing)), now, &mut out);
+            thrust(&mut out)
+        };
+        assert!((fly(&mut stream, Footing::Standing) - IDLE_THRUST).abs() < 1e-6);
+        let mut lifting = 0.0;
+        for tick in 1..=50 {
+            lifting = fly(&mut stream, Footing::Lifting);
+            let expected = IDLE_THRUST + SPOOL_RATE_S * 0.02 * f64::from(tick);
+            assert!((lifting - expected).abs() < 1e-6, "{lifting}");
+        }
+        // At its place and at rest, the controller asks for what hovers.
+        assert!((fly(&mut stream, Footing::Airborne) - lifting).abs() < 1e-6);
+        assert!((stream.hover_thrust() - lifting).abs() < 1e-6);
+    }
+
+    #[test]
+    fn val_a_pose_is_two_targets_or_one_without_a_quaternion() {
+        for (takes_attitude_targets, forms) in [(true, 2), (false, 1)] {
+            let around = Surroundings { takes_attitude_targets, ..around(Footing::Airborne) };
+            let mut out = Outbox::default();
+            _ = stream(Actuation::Pose).set(&setpoint(0.3), Some(&around), Instant::ZERO, &mut out);
+            let sent: Vec<_> = std::iter::from_fn(|| out.next_message()).collect();
+            assert_eq!(sent.len(), forms);
+            assert!(matches!(sent[0], MavMessage::SET_POSITION_TARGET_LOCAL_NED(_)));
         }
     }
 }

@@ -3,10 +3,9 @@
 use std::time::Duration;
 
 use mavlink::dialects::ardupilotmega::MavType;
-use nalgebra::Vector3;
 
 use super::firmware::{Firmware, Mode};
-use crate::geo::{Attitude, Enu, Geodetic, LocalFrame};
+use crate::geo::{Attitude, Enu, EnuVelocity, Geodetic, LocalFrame};
 use crate::time::Instant;
 
 /// A value and when it was received.
@@ -65,7 +64,7 @@ pub struct VehicleState {
     /// The estimator's position in the mission frame, in metres.
     pub position_enu_m: Option<Timed<Enu>>,
     /// The estimator's velocity in m/s, ENU.
-    pub velocity_enu_m_s: Option<Timed<Vector3<f64>>>,
+    pub velocity_enu_m_s: Option<Timed<EnuVelocity>>,
     /// The estimator's attitude.
     pub attitude: Option<Timed<Attitude>>,
     /// Whether the motors are armed.
@@ -95,6 +94,11 @@ impl VehicleState {
     #[must_use]
     pub fn is_armed(&self) -> bool {
         self.armed.is_some_and(|armed| armed.value)
+    }
+
+    /// When the older of position and attitude was received; `None` while one is unknown.
+    pub(super) fn pose_since(&self) -> Option<Instant> {
+        Some(self.position_enu_m?.received_at.min(self.attitude?.received_at))
     }
 
     /// The mode of the last heartbeat.

@@ -2,12 +2,17 @@
 
 use mavlink::dialects::ardupilotmega::{MavMessage, MavSeverity, STATUSTEXT_DATA};
 
+use super::event::Event;
+use super::outbox::Outbox;
+use super::state::Timed;
+use crate::time::Instant;
+
 const CHUNK: usize = 50;
 /// Longer than any text an operator reads on a ground station; stops a sender that never ends.
 const LONGEST: usize = 1000;
 
 /// Splits a text into messages. `id` must not be zero and differ from the last long text's.
-pub(super) fn chunks(severity: MavSeverity, text: &str, id: u16) -> Vec<MavMessage> {
+fn chunks(severity: MavSeverity, text: &str, id: u16) -> Vec<MavMessage> {
     let bytes: Vec<u8> =
         text.chars().take(LONGEST).map(|c| if c.is_ascii() && c != '\0' { c as u8 } else { b'?' }).collect();
     let alone = bytes.len() <= CHUNK;
@@ -54,6 +59,36 @@ impl Assembly {
         self.bytes.extend_from_slice(part);
         let complete = end.is_some() || self.bytes.len() >= LONGEST;
         complete.then(|| String::from_utf8_lossy(&std::mem::take(self).bytes).into_owned())
+    }
+}
+
+/// The autopilot's texts and our own.
+#[derive(Debug, Default)]
+pub(super) struct Texts {
+    assembly: Assembly,
+    last: Option<Timed<String>>,
+    /// Of our last text.
+    id: u16,
+}
+
+impl Texts {
+    /// The autopilot's last words.
+    pub(super) fn last(&self) -> Option<&Timed<String>> {
+        self.last.as_ref()
+    }
+
+    /// Takes a message of the autopilot and tells the text that it completes.
+    pub(super) fn handle(&mut self, message: &STATUSTEXT_DATA, now: Instant, out: &mut Outbox) {
+        if let Some(text) = self.assembly.handle(message) {
+            self.last = Some(Timed::new(text.clone(), now));
+            out.tell(Event::StatusText { severity: message.severity, text });
+        }
+    }
+
+    /// Says something to whoever listens.
+    pub(super) fn say(&mut self, severity: MavSeverity, text: &str, out: &mut Outbox) {
+        self.id = self.id.checked_add(1).unwrap_or(1);
+        chunks(severity, text, self.id).into_iter().for_each(|message| out.send(message));
     }
 }
 

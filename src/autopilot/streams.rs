@@ -3,11 +3,11 @@
 use std::time::Duration;
 
 use mavlink::dialects::ardupilotmega as mav;
-use mavlink::dialects::ardupilotmega::{COMMAND_LONG_DATA, MavCmd, MavMessage, MavResult};
+use mavlink::dialects::ardupilotmega::{MavCmd, MavMessage, MavResult};
 use mavlink::{Message, MessageData};
 
-use super::Firmware;
-use super::command::{CommandQueue, Purpose};
+use super::command::{CommandQueue, Purpose, long};
+use super::firmware::Firmware;
 use crate::time::Instant;
 
 /// Arrivals are counted over this long.
@@ -70,10 +70,7 @@ impl Streams {
         commands: &mut CommandQueue,
         now: Instant,
     ) {
-        let (estimator_id, estimator) = match firmware {
-            Firmware::Px4 => (mav::ESTIMATOR_STATUS_DATA::ID, mav::ESTIMATOR_STATUS_DATA::NAME),
-            Firmware::ArduPilot => (mav::EKF_STATUS_REPORT_DATA::ID, mav::EKF_STATUS_REPORT_DATA::NAME),
-        };
+        let (estimator_id, estimator) = firmware.estimator_message();
         let stream = |id, name, rate_hz, essential| Stream {
             id,
             name,
@@ -195,21 +192,4 @@ fn ask(stream: &Stream, commands: &mut CommandQueue) {
     let interval_us = 1e6 / stream.rate_hz;
     let command = long(MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL, [stream.id as f32, interval_us as f32]);
     commands.push(command, Purpose::Interval(stream.id));
-}
-
-/// A COMMAND_LONG with its first two parameters; the queue fills in the address.
-pub(super) fn long(command: MavCmd, [param1, param2]: [f32; 2]) -> COMMAND_LONG_DATA {
-    COMMAND_LONG_DATA {
-        param1,
-        param2,
-        param3: 0.0,
-        param4: 0.0,
-        param5: 0.0,
-        param6: 0.0,
-        param7: 0.0,
-        command,
-        target_system: 0,
-        target_component: 0,
-        confirmation: 0,
-    }
 }

@@ -5,13 +5,12 @@ use mavlink::dialects::ardupilotmega as mav;
 use mavlink::dialects::ardupilotmega::{
     EkfStatusFlags, EstimatorStatusFlags, MavLandedState, MavMessage, MavSysStatusSensor,
 };
-use nalgebra::Vector3;
 
-use super::Outbox;
 use super::clock::UtcEstimate;
-use super::settings::{EstimatorFault, Event};
+use super::event::{EstimatorFault, Event};
+use super::outbox::Outbox;
 use super::state::{Battery, Landed, Timed, VehicleState};
-use crate::geo::{Attitude, Enu, Geodetic, LocalFrame, Ned, swap_enu_ned};
+use crate::geo::{Attitude, Enu, EnuVelocity, Geodetic, LocalFrame, Ned, NedVelocity};
 use crate::time::Instant;
 
 /// A boot clock that goes back by more than this belongs to a new boot; less is reordering on the way.
@@ -30,7 +29,7 @@ pub(super) struct Telemetry {
     pub(super) utc: UtcEstimate,
     boot_ms: Option<u32>,
     /// The last local position and velocity with the autopilot's own time, in seconds, for the jump test.
-    last_local: Option<(Ned, Vector3<f64>, f64)>,
+    last_local: Option<(Ned, NedVelocity, f64)>,
     estimator_flags: Option<bool>,
     sensors: Option<bool>,
 }
@@ -114,22 +113,23 @@ impl Telemetry {
 
     fn local_position(&mut self, m: &mav::LOCAL_POSITION_NED_DATA, now: Instant, out: &mut Outbox) {
         let local = Ned::new(m.x.into(), m.y.into(), m.z.into());
-        let velocity = Vector3::new(f64::from(m.vx), f64::from(m.vy), f64::from(m.vz));
-        if !local.iter().chain(velocity.iter()).all(|c| c.is_finite()) {
+        let velocity = NedVelocity::new(m.vx.into(), m.vy.into(), m.vz.into());
+        if !local.vector().iter().chain(velocity.vector().iter()).all(|c| c.is_finite()) {
             fault(out, EstimatorFault::NotFinite { message: mav::LOCAL_POSITION_NED_DATA::NAME });
             return;
         }
         let at_s = f64::from(m.time_boot_ms) * 1e-3;
         if let Some((last, last_velocity, last_s)) = self.last_local {
             let span_s = (at_s - last_s).clamp(0.0, 5.0);
-            let distance_m = (local - last - 0.5 * span_s * (velocity + last_velocity)).norm();
+            let flown = 0.5 * span_s * (velocity.vector() + last_velocity.vector());
+            let distance_m = (local.vector() - last.vector() - flown).norm();
             // Over a gap in the telemetry the vehicle may have turned round: allow for 5 m/s of it.
             if distance_m > self.position_jump_m + 5.0 * span_s {
                 fault(out, EstimatorFault::Jump { distance_m });
             }
         }
         self.last_local = Some((local, velocity, at_s));
-        self.state.velocity_enu_m_s = Some(Timed::new(swap_enu_ned(velocity), now));
+        self.state.velocity_enu_m_s = Some(Timed::new(velocity.into(), now));
         if let Some(frame) = self.state.local_frame(self.mission) {
             self.state.position_enu_m = Some(Timed::new(frame.position_to_enu(local), now));
         }
@@ -237,7 +237,7 @@ impl Telemetry {
     }
 
     /// Position and velocity if both are known.
-    pub(super) fn motion(&self) -> Option<(Enu, Vector3<f64>)> {
+    pub(super) fn motion(&self) -> Option<(Enu, EnuVelocity)> {
         Some((self.state.position_enu_m?.value, self.state.velocity_enu_m_s?.value))
     }
 }

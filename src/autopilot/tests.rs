@@ -19,7 +19,7 @@ use rand_chacha::ChaCha8Rng;
 use world::*;
 
 use super::*;
-use crate::geo::{Attitude, Enu};
+use crate::geo::{Attitude, Enu, EnuVelocity, Ned};
 
 const BOTH: [Firmware; 2] = [Firmware::Px4, Firmware::ArduPilot];
 
@@ -30,11 +30,11 @@ fn val_both_firmwares_take_off_fly_to_a_pose_in_the_missions_frame_and_land() {
         world.launch();
         let attitude = Attitude::from_euler(0.5, -0.2, 0.0);
         let position_enu_m = Enu::new(30.0, -20.0, 25.0);
-        world.setpoint = Some(Setpoint { position_enu_m, velocity_enu_m_s: Vector3::zeros(), attitude });
+        world.setpoint = Some(Setpoint { position_enu_m, velocity_enu_m_s: EnuVelocity::ZERO, attitude });
         world.run(130.0);
         // Where it really is, by the autopilot's own origin.
         let frame = world.fake.frame();
-        let there = frame.position_to_enu(world.fake.position);
+        let there = frame.position_to_enu(Ned::from_vector(world.fake.position));
         assert!((there - position_enu_m).norm() < 0.01, "{firmware}: {there}");
         let known = world.autopilot.state().position_enu_m.unwrap().value;
         assert!((known - position_enu_m).norm() < 0.01, "{firmware}: {known}");
@@ -69,7 +69,43 @@ fn val_both_firmwares_take_off_fly_to_a_pose_in_the_missions_frame_and_land() {
 }
 
 #[test]
-fn val_setpoints_go_out_at_the_rate_and_never_outlive_the_executive() {
+fn val_a_setpoint_goes_out_once_at_the_instant_that_it_is_for() {
+    for (actuation, forms) in [(Actuation::Position, 1), (Actuation::Pose, 2), (Actuation::ThrustVector, 1)] {
+        let mut fake = Fake::new(Firmware::Px4);
+        fake.body = (actuation == Actuation::ThrustVector).then(|| omnicopter::Body::new(Vector3::zeros()));
+        let mut world = World::new(fake, |settings| settings.actuation = actuation);
+        world.launch();
+        let mut moving = world.setpoint.take().unwrap();
+        world.run(0.1);
+        for pace_ms in [20, 20, 7, 33, 150] {
+            moving.position_enu_m.x += 0.3;
+            world.autopilot.set_setpoint(moving, world.now);
+            // Nothing was due: it is on its way before any timeout.
+            let sent: Vec<_> = std::iter::from_fn(|| world.autopilot.poll_transmit()).collect();
+            assert_eq!(sent.len(), forms, "{actuation}: {sent:?}");
+            let frame = world.fake.frame();
+            for message in sent {
+                let boot_ms = match message {
+                    MavMessage::SET_POSITION_TARGET_LOCAL_NED(target) => {
+                        let there = [target.x, target.y, target.z].map(f64::from);
+                        let wanted = frame.position_to_ned(moving.position_enu_m).vector();
+                        assert!((wanted - Vector3::from(there)).norm() < 1e-4, "{there:?}");
+                        target.time_boot_ms
+                    }
+                    MavMessage::SET_ATTITUDE_TARGET(target) => target.time_boot_ms,
+                    other => panic!("{other:?}"),
+                };
+                assert_eq!(u128::from(boot_ms), world.now.since_start().as_millis());
+            }
+            let since = world.now;
+            world.run(f64::from(pace_ms) * 1e-3);
+            assert_eq!(world.fake.setpoints_since(since), 0, "{actuation}: repeated");
+        }
+    }
+}
+
+#[test]
+fn val_setpoints_go_out_at_the_executives_pace_and_never_outlive_it() {
     let mut world = World::new(Fake::new(Firmware::Px4), |settings| settings.actuation = Actuation::Position);
     world.launch();
     let since = world.now;
@@ -78,15 +114,10 @@ fn val_setpoints_go_out_at_the_rate_and_never_outlive_the_executive() {
     assert!((499..=501).contains(&sent), "{sent}");
     world.setpoint = None;
     let stalled = world.now;
+    // What was on the wire arrives, and no more.
+    world.run(LATENCY.as_secs_f64());
     world.run(0.5);
-    let lifetime = world.autopilot.settings().setpoint_lifetime;
-    let last = world
-        .fake
-        .received
-        .iter()
-        .rev()
-        .find(|(_, m)| matches!(m, MavMessage::SET_POSITION_TARGET_LOCAL_NED(_)));
-    assert!(last.unwrap().0 <= stalled + lifetime + Duration::from_millis(20), "{last:?}");
+    assert_eq!(world.fake.setpoints_since(stalled + LATENCY), 0);
     // The autopilot's own failsafe follows, and is reported.
     world.until(3.0, |event| matches!(event, Event::ControlLost { .. }));
     assert_eq!(world.fake.custom_mode, PX4_LOITER);
@@ -94,6 +125,25 @@ fn val_setpoints_go_out_at_the_rate_and_never_outlive_the_executive() {
     world.hold_here();
     world.run(5.0);
     assert_eq!(world.fake.custom_mode, PX4_LOITER);
+}
+
+#[test]
+fn val_the_attitude_turns_at_the_tilt_rate_whatever_the_pace() {
+    for rate_hz in [20.0, 50.0, 100.0] {
+        let mut world = World::new(Fake::new(Firmware::Px4), |settings| {
+            settings.rate_hz = rate_hz;
+            settings.planned_tilt_rad = 0.3;
+        });
+        world.launch();
+        let wanted = Attitude::from_euler(1.2, 0.0, 0.0);
+        world.setpoint = world.setpoint.map(|setpoint| Setpoint { attitude: wanted, ..setpoint });
+        world.run(1.0);
+        let turned = Attitude::from_mavlink(world.fake.attitude.map(f64::from)).unwrap().tilt_rad();
+        let rate_rad_s = world.autopilot.settings().tilt_rate_rad_s;
+        // The wire's delay and one setpoint are missing at most.
+        let least = rate_rad_s * (1.0 - LATENCY.as_secs_f64() - 0.005 - 1.0 / rate_hz);
+        assert!((least..=rate_rad_s * (1.0 + 1.0 / rate_hz)).contains(&turned), "{rate_hz} Hz: {turned}");
+    }
 }
 
 /// A message of one of the kinds the adapter reads, from random bytes.
@@ -167,7 +217,7 @@ fn random_setpoint(rng: &mut ChaCha8Rng) -> Setpoint {
         |scale: f64| if rng.random_bool(0.01) { f64::NAN } else { scale * (rng.random::<f64>() - 0.5) };
     Setpoint {
         position_enu_m: Enu::new(number(1e3), number(1e3), number(1e3)),
-        velocity_enu_m_s: Vector3::new(number(10.0), number(10.0), number(10.0)),
+        velocity_enu_m_s: EnuVelocity::new(number(10.0), number(10.0), number(10.0)),
         attitude: Attitude::from_euler(number(6.0), number(6.0), number(6.0)),
     }
 }

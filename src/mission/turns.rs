@@ -89,7 +89,10 @@ mod tests {
             let started = step(due + wait, peer_at);
             assert!((started.since_start().as_secs_f64() - (begin + wait)).abs() < 1e-6);
             let still = second.sample(at(begin + due + wait).saturating_since(started));
-            assert!(still.position_enu_m.norm() < 1e-9 && still.velocity_enu_m_s.norm() < 1e-5, "{still:?}");
+            assert!(
+                still.position_enu_m.norm() < 1e-9 && still.velocity_enu_m_s.vector().norm() < 1e-5,
+                "{still:?}"
+            );
         }
         let there = Some(Enu::new(39.2, 0.3, 0.0));
         let started = step(due + 3.02, there);

@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use nalgebra::Vector3;
 
-use crate::geo::{Attitude, Enu};
+use crate::geo::{Attitude, Enu, EnuVelocity};
 
 /// Limits beyond this, in SI units, are taken for mistakes.
 pub const LIMIT_RANGE: std::ops::RangeInclusive<f64> = 1e-6..=1e6;
@@ -83,7 +83,7 @@ pub struct Sample {
     /// Position in metres, ENU.
     pub position_enu_m: Enu,
     /// Velocity in m/s, ENU.
-    pub velocity_enu_m_s: Vector3<f64>,
+    pub velocity_enu_m_s: EnuVelocity,
     /// Attitude.
     pub attitude: Attitude,
 }
@@ -245,18 +245,18 @@ impl Trajectory {
         self.legs.last().map_or(self.start, |leg| leg.to)
     }
 
-    fn motion_at(&self, t_s: f64) -> (Enu, Vector3<f64>) {
+    fn motion_at(&self, t_s: f64) -> (Enu, EnuVelocity) {
         let started = self.legs.partition_point(|leg| leg.starts_s <= t_s);
         let Some(leg) = started.checked_sub(1).and_then(|k| self.legs.get(k)) else {
-            return (self.start, Vector3::zeros());
+            return (self.start, EnuVelocity::ZERO);
         };
         let since_s = t_s - leg.starts_s;
         if t_s >= leg.ends_s() {
-            return (leg.to, Vector3::zeros());
+            return (leg.to, EnuVelocity::ZERO);
         }
         let (distance_m, speed_m_s) = leg.profile.at(since_s);
         let direction = (leg.to - leg.from) / leg.profile.distance_m;
-        (leg.from + direction * distance_m, direction * speed_m_s)
+        (leg.from + direction * distance_m, EnuVelocity::from_vector(direction * speed_m_s))
     }
 
     fn attitude_at(&self, t_s: f64) -> Attitude {
@@ -315,7 +315,8 @@ mod tests {
         {
             let sample = trajectory.sample(Duration::from_secs_f64(t_s));
             assert!(
-                (sample.position_enu_m.x - x).abs() < 1e-12 && (sample.velocity_enu_m_s.x - v).abs() < 1e-12
+                (sample.position_enu_m.x - x).abs() < 1e-12
+                    && (sample.velocity_enu_m_s.vector().x - v).abs() < 1e-12
             );
         }
     }
@@ -332,7 +333,10 @@ mod tests {
         trajectory.fly(&[Enu::new(1.0, 12.0, 3.0)], &LIMITS);
         assert!((trajectory.duration().as_secs_f64() - 24.0).abs() < 2e-9);
         let held = trajectory.sample(Duration::from_secs(19));
-        assert_eq!((held.position_enu_m, held.velocity_enu_m_s), (Enu::new(1.0, 2.0, 3.0), Vector3::zeros()));
+        assert_eq!(
+            (held.position_enu_m, held.velocity_enu_m_s),
+            (Enu::new(1.0, 2.0, 3.0), EnuVelocity::ZERO)
+        );
         assert_eq!(held.attitude, tilted);
     }
 
@@ -369,7 +373,7 @@ mod tests {
             let last = trajectory.sample(trajectory.duration());
             assert_eq!((first.position_enu_m, first.attitude), (start.position_enu_m, from));
             assert_eq!((last.position_enu_m, last.attitude), (points[2], to));
-            assert_eq!(last.velocity_enu_m_s, Vector3::zeros());
+            assert_eq!(last.velocity_enu_m_s, EnuVelocity::ZERO);
 
             let n = 2000;
             let step = trajectory.duration() / n;
@@ -377,14 +381,14 @@ mod tests {
             let mut before = first;
             for k in 1..=n {
                 let now = trajectory.sample(step * k);
-                let v = now.velocity_enu_m_s;
+                let v = now.velocity_enu_m_s.vector();
                 assert!(
                     v.xy().norm() <= limits.speed_m_s * (1.0 + 1e-9)
                         && v.z.abs() <= limits.climb_m_s * (1.0 + 1e-9)
                 );
-                let a = (v - before.velocity_enu_m_s).norm() / dt;
+                let a = (v - before.velocity_enu_m_s.vector()).norm() / dt;
                 assert!(a <= limits.acceleration_m_s2 * (1.0 + 1e-6), "{a}");
-                let mean = (now.velocity_enu_m_s + before.velocity_enu_m_s) * 0.5;
+                let mean = (v + before.velocity_enu_m_s.vector()) * 0.5;
                 let moved = now.position_enu_m - before.position_enu_m;
                 // The trapezoidal rule is off by at most a dt^2 / 4 where the acceleration jumps.
                 assert!((moved - mean * dt).norm() <= 0.51 * limits.acceleration_m_s2 * dt * dt + 1e-9);

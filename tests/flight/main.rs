@@ -14,6 +14,7 @@ mod nominal;
 mod preflight;
 mod reaction;
 mod reaction_table;
+mod setpoints;
 mod signed;
 mod start;
 mod tunnel;

@@ -1,6 +1,9 @@
 //! ArduPilot's copter: `custom_mode` is the mode's number.
 
-use super::{Mode, ModeNumber};
+pub(super) mod bridge;
+pub(super) mod preflight;
+
+use super::mode::{Mode, ModeNumber};
 
 const GUIDED: u8 = 4;
 const RTL: u8 = 6;
@@ -10,10 +13,7 @@ const BRAKE: u8 = 17;
 /// Holds with a pilot's throttle at the middle.
 pub(super) const LOITER: Mode = Mode::Other { name: "LOITER", custom_mode: 5 };
 
-/// `FRAME_CLASS` of the 6DoF frame, which tracks roll and pitch apart from position and panics on a quaternion.
-pub(in crate::autopilot) const FRAME_CLASS_6DOF: f64 = 16.0;
-
-pub(in crate::autopilot) const PARAMETERS: &[&str] =
+pub(super) const PARAMETERS: &[&str] =
     &["FRAME_CLASS", "GUID_TIMEOUT", "GUID_OPTIONS", "FS_GCS_ENABLE", "SCR_ENABLE"];
 
 pub(super) fn mode(custom_mode: u32) -> Mode {

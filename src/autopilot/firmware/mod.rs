@@ -1,15 +1,27 @@
-//! What PX4 and ArduCopter do differently: mode numbers, the order of entry, parameters.
+//! Whatever PX4 and ArduCopter do differently: what a [`Firmware`] asks of its companion is answered here, and what it
+//! needs besides (PX4's land detector and rotors, ArduPilot's bridge script, the checks of each one's parameters) is
+//! kept by `specifics`. Nowhere else is one told from the other.
 
-pub mod ardupilot;
-pub mod px4;
-pub(super) mod rotors;
+mod ardupilot;
+mod mode;
+mod px4;
+pub(super) mod specifics;
 
 use std::fmt;
 
-use mavlink::dialects::ardupilotmega::{HEARTBEAT_DATA, MavAutopilot};
+use mavlink::MessageData;
+use mavlink::dialects::ardupilotmega::{
+    EKF_STATUS_REPORT_DATA, ESTIMATOR_STATUS_DATA, HEARTBEAT_DATA, MavAutopilot,
+};
 
+use super::param_value::IntegerForm;
 use super::settings::{Actuation, FirmwareChoice};
 use crate::geo::Projection;
+
+pub use mode::Mode;
+pub(super) use mode::ModeNumber;
+#[cfg(test)]
+pub(super) use px4::rotors::tests::OMNICOPTER;
 
 /// The firmware of an autopilot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -27,33 +39,6 @@ impl fmt::Display for Firmware {
             Self::ArduPilot => "ArduCopter",
         })
     }
-}
-
-/// A flight mode, as far as the companion has business with it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Mode {
-    /// The mode in which the companion flies: PX4 OFFBOARD, ArduCopter GUIDED.
-    Companion,
-    /// The autopilot lands by itself.
-    Land,
-    /// The autopilot returns to launch by itself.
-    Return,
-    /// The autopilot holds its place by itself: PX4 AUTO.LOITER, ArduCopter BRAKE.
-    Hold,
-    /// Any other mode.
-    Other {
-        /// Its name.
-        name: &'static str,
-        /// Its number on the wire.
-        custom_mode: u32,
-    },
-}
-
-/// What DO_SET_MODE takes in its parameters 2 and 3, with base mode "custom" in parameter 1.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct ModeNumber {
-    pub(super) main: u8,
-    pub(super) sub: u8,
 }
 
 impl Firmware {
@@ -119,6 +104,34 @@ impl Firmware {
         self == Self::Px4
     }
 
+    /// Whether the companion's setpoints fly the take-off. Otherwise the autopilot climbs by itself when it is told to,
+    /// and setpoints are kept from it until it has: they would end the climb.
+    pub(super) fn takes_off_by_setpoints(self) -> bool {
+        self == Self::Px4
+    }
+
+    /// Whether a pose goes out as a position target and an attitude target. Otherwise the heading goes with the
+    /// position, and roll and pitch another way: ArduPilot's 6DoF frame panics on a quaternion.
+    pub(super) fn takes_attitude_targets(self) -> bool {
+        self == Self::Px4
+    }
+
+    /// The message in which the estimator tells its health: id and name.
+    pub(super) fn estimator_message(self) -> (u32, &'static str) {
+        match self {
+            Self::Px4 => (ESTIMATOR_STATUS_DATA::ID, ESTIMATOR_STATUS_DATA::NAME),
+            Self::ArduPilot => (EKF_STATUS_REPORT_DATA::ID, EKF_STATUS_REPORT_DATA::NAME),
+        }
+    }
+
+    /// How parameters of integer types travel.
+    pub(super) fn integer_form(self) -> IntegerForm {
+        match self {
+            Self::Px4 => IntegerForm::Bytes,
+            Self::ArduPilot => IntegerForm::Number,
+        }
+    }
+
     /// How this firmware makes its local frame.
     pub fn projection(self) -> Projection {
         match self {
@@ -141,6 +154,16 @@ impl Firmware {
             (Self::ArduPilot, Actuation::ThrustVector) => {
                 Some("ArduCopter ignores thrust_body: use actuation \"pose\" (6DoF frame) or \"position\"")
             }
+            _ => None,
+        }
+    }
+
+    /// What to beware of with an actuation that this firmware can do.
+    pub(super) fn caveat(self, actuation: Actuation) -> Option<&'static str> {
+        match (self, actuation) {
+            (Self::Px4, Actuation::Pose) => Some(
+                "pose: stock PX4 obeys the last of position and attitude target; use a fork that tracks both, or thrust_vector",
+            ),
             _ => None,
         }
     }

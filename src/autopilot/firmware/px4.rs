@@ -1,6 +1,10 @@
 //! PX4: `custom_mode` carries the main mode in bits 16-23 and, for AUTO, the sub-mode in bits 24-31.
 
-use super::{Mode, ModeNumber};
+pub(super) mod land_detector;
+pub(super) mod preflight;
+pub(super) mod rotors;
+
+use super::mode::{Mode, ModeNumber};
 
 const MAIN_AUTO: u8 = 4;
 const MAIN_OFFBOARD: u8 = 6;
@@ -9,11 +13,9 @@ const AUTO_RTL: u8 = 5;
 const AUTO_LAND: u8 = 6;
 
 /// The land detector's largest vertical speed on the ground, in m/s; 0 keeps it from ever seeing a landing.
-pub(in crate::autopilot) const LAND_DETECTOR_SPEED: &str = "LNDMC_Z_VEL_MAX";
-/// The firmware's default of [`LAND_DETECTOR_SPEED`], in m/s.
-pub(in crate::autopilot) const LAND_DETECTOR_SPEED_DEFAULT: f64 = 0.25;
+const LAND_DETECTOR_SPEED: &str = "LNDMC_Z_VEL_MAX";
 
-pub(in crate::autopilot) const PARAMETERS: &[&str] = &[
+pub(super) const PARAMETERS: &[&str] = &[
     "COM_OF_LOSS_T",
     "COM_OBL_RC_ACT",
     "FD_FAIL_R",

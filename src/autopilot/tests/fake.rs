@@ -9,7 +9,7 @@ use mavlink::dialects::ardupilotmega::*;
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
 use super::super::*;
-use crate::geo::{Attitude, Geodetic, LocalFrame};
+use crate::geo::{Attitude, Geodetic, LocalFrame, Ned};
 use crate::time::Instant;
 
 pub const MISSION: Geodetic = Geodetic { lat_deg: 50.0755, lon_deg: 14.4378, alt_m: 200.0 };
@@ -308,7 +308,7 @@ impl Fake {
                 ..Default::default()
             }),
             33 => {
-                let point = self.firmware.projection().from_ned(self.position, ORIGIN);
+                let point = self.firmware.projection().from_ned(Ned::from_vector(self.position), ORIGIN);
                 MavMessage::GLOBAL_POSITION_INT(GLOBAL_POSITION_INT_DATA {
                     time_boot_ms,
                     lat: e7(point.lat_deg),

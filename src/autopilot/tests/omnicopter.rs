@@ -8,7 +8,7 @@ use rand_chacha::ChaCha8Rng;
 use nalgebra::{UnitQuaternion, Vector3};
 
 use super::*;
-use crate::autopilot::firmware::rotors::tests::OMNICOPTER;
+use crate::autopilot::firmware::OMNICOPTER;
 
 const MASS_KG: f64 = 3.2;
 const NEWTONS: [f64; 3] = [133.9, 133.9, 115.9];
@@ -133,7 +133,7 @@ fn airborne(wind_ned_m_s: Vector3<f64>) -> World {
 fn errors(world: &mut World, seconds: f64) -> (f64, f64, f64) {
     let setpoint = world.setpoint.unwrap();
     let frame = world.fake.frame();
-    let wanted = frame.position_to_ned(setpoint.position_enu_m);
+    let wanted = frame.position_to_ned(setpoint.position_enu_m).vector();
     let (mut position, mut attitude, mut largest, mut count) = (0.0, 0.0, 0.0f64, 0.0);
     let end = world.now + Duration::from_secs_f64(seconds);
     while world.now < end {

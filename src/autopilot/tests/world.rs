@@ -9,7 +9,7 @@ use nalgebra::Vector3;
 
 use super::super::*;
 use super::fake::*;
-use crate::geo::Attitude;
+use crate::geo::{Attitude, EnuVelocity};
 use crate::time::Instant;
 
 /// An adapter, a scripted autopilot and the wire between them.
@@ -18,8 +18,9 @@ pub struct World {
     pub fake: Fake,
     pub autopilot: Autopilot,
     pub events: Vec<(Instant, Event)>,
-    /// What the executive keeps setting; `None`: it stalls.
+    /// What the executive keeps setting, at the rate; `None`: it stalls.
     pub setpoint: Option<Setpoint>,
+    set_at: Instant,
     /// Cut the wire, both ways.
     pub cut: bool,
     to_fake: VecDeque<(Instant, MavMessage)>,
@@ -38,6 +39,7 @@ impl World {
             autopilot: Autopilot::new(settings, now),
             events: Vec::new(),
             setpoint: None,
+            set_at: now,
             cut: false,
             to_fake: VecDeque::new(),
             to_us: VecDeque::new(),
@@ -94,14 +96,15 @@ impl World {
                 self.autopilot.handle_message(header, &message, now);
             }
         }
-        if let Some(setpoint) = self.setpoint {
-            self.autopilot.set_setpoint(setpoint, now);
-        }
         let mut turns = 0;
         while let Some((at, reason)) = self.autopilot.poll_timeout().filter(|(at, _)| *at <= now) {
             turns += 1;
             assert!(turns < 20, "{reason}, due at {at:?}, is never done");
             self.autopilot.handle_timeout(now);
+        }
+        if let Some(setpoint) = self.setpoint.filter(|_| self.set_at <= now) {
+            self.set_at = now + Duration::from_secs_f64(1.0 / self.autopilot.settings().rate_hz);
+            self.autopilot.set_setpoint(setpoint, now);
         }
         while let Some(message) = self.autopilot.poll_transmit() {
             assert!(message.message_id() != 0, "heartbeats are the executive's");
@@ -121,7 +124,7 @@ impl World {
         let state = self.autopilot.state();
         self.setpoint = Some(Setpoint {
             position_enu_m: state.position_enu_m.unwrap().value,
-            velocity_enu_m_s: Vector3::zeros(),
+            velocity_enu_m_s: EnuVelocity::ZERO,
             attitude: Attitude::from_euler(0.0, 0.0, 0.0),
         });
     }

@@ -169,7 +169,7 @@ impl Tracker {
                     (self.mission, self.local_origin, self.firmware)
                 {
                     let frame = LocalFrame { mission, autopilot, projection: firmware.projection() };
-                    let position = frame.position_to_enu(Ned::from([m.x, m.y, m.z].map(f64::from)));
+                    let position = frame.position_to_enu(Ned::new(m.x.into(), m.y.into(), m.z.into()));
                     self.position =
                         Some(position).filter(|p| p.iter().all(|v| v.is_finite())).or(self.position);
                 }

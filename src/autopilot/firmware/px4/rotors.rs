@@ -22,15 +22,37 @@ struct Rotor {
     moment_ratio_m: f64,
 }
 
+/// The scales of the thrust axes, as far as the parameters have told the rotors.
+#[derive(Debug, Default)]
+pub(in crate::autopilot) struct RotorScales {
+    thrust_n: Option<[f64; 3]>,
+}
+
+impl RotorScales {
+    /// Newtons per unit along body x, y, z; `None` until every rotor is known.
+    pub(in crate::autopilot::firmware) fn thrust_n(&self) -> Option<[f64; 3]> {
+        self.thrust_n
+    }
+
+    /// Reads on where a rotor is not known, and gives the scales once they all are.
+    pub(in crate::autopilot::firmware) fn learn(&mut self, parameters: &mut Parameters) -> Option<[f64; 3]> {
+        if self.thrust_n.is_some() {
+            return None;
+        }
+        parameters.read_also(names(parameters));
+        self.thrust_n = thrust_scales(parameters);
+        self.thrust_n
+    }
+}
+
 /// The parameters to be read: the number of rotors first, then each rotor.
-pub(in crate::autopilot) fn names(parameters: &Parameters) -> Vec<String> {
+fn names(parameters: &Parameters) -> Vec<String> {
     let each =
         (0..count(parameters).unwrap_or(0)).flat_map(|i| FIELDS.map(|field| format!("CA_ROTOR{i}_{field}")));
     std::iter::once(COUNT.to_owned()).chain(each).collect()
 }
 
-/// Newtons per unit along body x, y, z; `None` until every rotor is known.
-pub(in crate::autopilot) fn thrust_scales(parameters: &Parameters) -> Option<[f64; 3]> {
+fn thrust_scales(parameters: &Parameters) -> Option<[f64; 3]> {
     let rotors = (0..count(parameters)?).map(|i| rotor(parameters, i)).collect::<Option<Vec<_>>>()?;
     scales(&rotors)
 }

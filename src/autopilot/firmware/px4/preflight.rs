@@ -1,0 +1,75 @@
+//! PX4's parameters before a flight.
+
+use super::LAND_DETECTOR_SPEED;
+use crate::autopilot::parameter::Parameters;
+use crate::autopilot::settings::{Actuation, Settings};
+use crate::preflight::Verdict::{Fail, Pass, Warn};
+use crate::preflight::{Check, check};
+
+/// A tilt limit of the autopilot must leave this much beyond the plan, in degrees.
+const TILT_MARGIN_DEG: f64 = 15.0;
+
+/// All checks of parameters: `guarded` where the land detector must be kept from seeing a landing, `rotors_n` the scales
+/// of the thrust axes once they are known.
+pub(in crate::autopilot::firmware) fn checks(
+    parameters: &Parameters,
+    settings: &Settings,
+    guarded: bool,
+    rotors_n: Option<[f64; 3]>,
+) -> Vec<Check> {
+    let tilt_deg = settings.planned_tilt_rad.to_degrees();
+    let needs_tilt = settings.actuation != Actuation::Position;
+    let mut all = vec![
+        parameters.check("COM_OF_LOSS_T", |value| match value {
+            v if v <= 1.0 => (Pass, ""),
+            v if v <= 5.0 => {
+                (Warn, "at most 1 s: the vehicle flies on blindly for so long after a dead companion")
+            }
+            _ => (Fail, "at most 1 s: the vehicle flies on blindly for so long after a dead companion"),
+        }),
+        parameters.check("COM_OBL_RC_ACT", |value| match value {
+            5.0 => (Pass, ""),
+            3.0 | 4.0 => (Warn, "5 (hold): this one leaves its place when the companion dies"),
+            0.0..=2.0 => (Warn, "5 (hold): without a pilot's sticks this one drifts"),
+            _ => (Fail, "5 (hold)"),
+        }),
+    ];
+    for name in ["FD_FAIL_R", "FD_FAIL_P"] {
+        all.push(parameters.check(name, |value| {
+            let trips = value != 0.0 && needs_tilt && value < tilt_deg + TILT_MARGIN_DEG;
+            if trips {
+                (Fail, "0: the failure detector stops the motors at this tilt, in degrees")
+            } else {
+                (Pass, "")
+            }
+        }));
+    }
+    all.push(parameters.check("NAV_DLL_ACT", |value| match value {
+        0.0 => (Pass, ""),
+        _ => (Warn, "0, or keep a ground station connected: its loss ends the mission"),
+    }));
+    if guarded {
+        all.push(parameters.check(LAND_DETECTOR_SPEED, |value| match value {
+            v if v > 0.0 => (Pass, ""),
+            _ => (Warn, "0.25 on the ground: put back before take-off"),
+        }));
+    }
+    if settings.actuation == Actuation::ThrustVector {
+        all.push(parameters.check("THR_MDL_FAC", |_| (Pass, "")));
+        all.push(thrust_scales(parameters, settings, rotors_n));
+    }
+    all
+}
+
+fn thrust_scales(parameters: &Parameters, settings: &Settings, rotors_n: Option<[f64; 3]>) -> Check {
+    match (settings.position_control.thrust_n, rotors_n) {
+        (Some(given), _) => check("thrust scales", Pass, format!("{given:?} as configured")),
+        (None, Some([x, y, z])) => {
+            check("thrust scales", Pass, format!("{x:.2}, {y:.2}, {z:.2} from CA_ROTOR*"))
+        }
+        (None, None) if parameters.is_reading("CA_ROTOR") => {
+            check("thrust scales", Fail, "CA_ROTOR* not read yet")
+        }
+        (None, None) => check("thrust scales", Warn, "CA_ROTOR* not known: taken as equal on every axis"),
+    }
+}

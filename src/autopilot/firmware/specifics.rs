@@ -1,0 +1,150 @@
+//! What one firmware alone needs kept and done: for PX4 the guard of its land detector and the scales of its thrust
+//! axes, for ArduPilot the bridge to its 6DoF frame; each only where the actuation asks for it.
+
+use mavlink::dialects::ardupilotmega::COMMAND_ACK_DATA;
+
+use super::Firmware;
+use super::ardupilot::bridge::Bridge;
+use super::px4::land_detector::{LEVEL_BELOW_RAD, LandDetectorGuard};
+use super::px4::rotors::RotorScales;
+use super::{ardupilot, px4};
+use crate::autopilot::command::{CommandQueue, Outcome, Purpose};
+use crate::autopilot::context::Context;
+use crate::autopilot::parameter::Parameters;
+use crate::autopilot::settings::{Actuation, Settings};
+use crate::geo::Attitude;
+use crate::preflight::Check;
+
+/// The parts of one firmware.
+#[derive(Debug)]
+pub(in crate::autopilot) enum Specifics {
+    Px4 { guard: Option<LandDetectorGuard>, rotors: Option<RotorScales> },
+    ArduPilot { bridge: Option<Bridge> },
+}
+
+impl Specifics {
+    /// The parts that `settings` ask for. Nothing is asked before [`Self::begin`].
+    pub(in crate::autopilot) fn new(firmware: Firmware, settings: &Settings) -> Self {
+        let actuation = settings.actuation;
+        match firmware {
+            Firmware::Px4 => Self::Px4 {
+                guard: LandDetectorGuard::if_needed(settings),
+                rotors: (actuation == Actuation::ThrustVector).then(RotorScales::default),
+            },
+            Firmware::ArduPilot => {
+                Self::ArduPilot { bridge: (actuation == Actuation::Pose).then(Bridge::default) }
+            }
+        }
+    }
+
+    /// Begins with an autopilot that has just been found or has restarted, its parameters not read yet. What is to be
+    /// put back in it is remembered.
+    pub(in crate::autopilot) fn begin(&mut self, context: &mut Context) {
+        match self {
+            Self::Px4 { rotors, .. } => {
+                if let Some(rotors) = rotors {
+                    *rotors = RotorScales::default();
+                    rotors.learn(context.parameters);
+                }
+            }
+            Self::ArduPilot { bridge } => {
+                if let Some(bridge) = bridge {
+                    *bridge = Bridge::probe(context.commands);
+                }
+            }
+        }
+    }
+
+    /// Looks at the parameters after one was heard. The newtons per unit of thrust along body x, y, z, once they follow
+    /// from them.
+    pub(in crate::autopilot) fn parameter_heard(&mut self, parameters: &mut Parameters) -> Option<[f64; 3]> {
+        match self {
+            Self::Px4 { rotors: Some(rotors), .. } => rotors.learn(parameters),
+            Self::Px4 { .. } | Self::ArduPilot { .. } => None,
+        }
+    }
+
+    /// Does what flying by setpoints (`in_flight`) asks of the autopilot's parameters, and puts them back once that is
+    /// over and the vehicle level, `fresh` being whether its attitude is known.
+    pub(in crate::autopilot) fn advance(&mut self, in_flight: bool, fresh: bool, context: &mut Context) {
+        if let Self::Px4 { guard: Some(guard), .. } = self {
+            let state = context.state;
+            let level = state.attitude.is_some_and(|attitude| attitude.value.tilt_rad() < LEVEL_BELOW_RAD);
+            guard.advance(in_flight, !state.is_armed() || (level && fresh), context.parameters);
+        }
+    }
+
+    /// Whether the attitude may leave the level.
+    pub(in crate::autopilot) fn allows_tilt(&self, parameters: &Parameters) -> bool {
+        match self {
+            Self::Px4 { guard: Some(_), .. } => LandDetectorGuard::allows_tilt(parameters),
+            Self::Px4 { .. } | Self::ArduPilot { .. } => true,
+        }
+    }
+
+    /// The attitude that a setpoint commands has gone out as far as messages for setpoints carry it.
+    pub(in crate::autopilot) fn drive(
+        &mut self,
+        attitude: Attitude,
+        in_control: bool,
+        context: &mut Context,
+    ) {
+        if let Some(bridge) = self.bridge() {
+            bridge.drive(attitude, in_control, context);
+        }
+    }
+
+    /// The autopilot is to fly by itself: whatever tilts it beside its setpoints ends first.
+    pub(in crate::autopilot) fn level(&mut self, commands: &mut CommandQueue) {
+        if let Some(bridge) = self.bridge() {
+            bridge.level(commands);
+        }
+    }
+
+    /// Nobody here flies the vehicle.
+    pub(in crate::autopilot) fn released(&mut self, commands: &mut CommandQueue) {
+        if let Some(bridge) = self.bridge() {
+            bridge.forget(commands);
+        }
+    }
+
+    /// Takes the end of a command with one of the bridge's purposes.
+    pub(in crate::autopilot) fn answered(
+        &mut self,
+        purpose: Purpose,
+        outcome: Outcome,
+        context: &mut Context,
+    ) {
+        let Some(bridge) = self.bridge() else { return };
+        match purpose {
+            Purpose::Bridge => bridge.probe_answered(outcome),
+            Purpose::Offsets => bridge.switch_answered(outcome, context),
+            _ => {}
+        }
+    }
+
+    /// Takes an acknowledgement that ended no command of the queue.
+    pub(in crate::autopilot) fn acknowledged(&mut self, ack: &COMMAND_ACK_DATA, context: &mut Context) {
+        if let Some(bridge) = self.bridge() {
+            bridge.offset_answered(ack, context);
+        }
+    }
+
+    /// The checks before a flight that concern this firmware alone.
+    pub(in crate::autopilot) fn checks(&self, parameters: &Parameters, settings: &Settings) -> Vec<Check> {
+        match self {
+            Self::Px4 { guard, rotors } => {
+                let rotors_n = rotors.as_ref().and_then(RotorScales::thrust_n);
+                px4::preflight::checks(parameters, settings, guard.is_some(), rotors_n)
+            }
+            Self::ArduPilot { bridge } => ardupilot::preflight::checks(parameters, bridge.as_ref()),
+        }
+    }
+
+    fn bridge(&mut self) -> Option<&mut Bridge> {
+        match self {
+            Self::ArduPilot { bridge } => bridge.as_mut(),
+            Self::Px4 { .. } => None,
+        }
+    }
+}
