@@ -1,8 +1,10 @@
 //! The one place that can raise a transmitter's power above off (S1-S6).
 //!
-//! `decide` is a pure function of the facts; [`Interlock`] owns the transmitter, so that nothing else can command
-//! it, and applies the decision. Every power command carries an expiry: the decision must be renewed or the radio
+//! [`decision`] says whether; [`Interlock`] owns the transmitter, so that nothing else can command it, and applies the
+//! decision. Every power command carries an expiry: the decision must be renewed or the radio
 //! falls silent by itself (S5).
+
+mod decision;
 
 use std::time::Duration;
 
@@ -11,65 +13,11 @@ use crate::time::Instant;
 use crate::transmitter::Transmitter;
 use crate::units::Watts;
 
+use decision::decide;
+pub use decision::{Facts, Latches, Permit, Silence, Window};
+
 /// A standing permission is renewed this often.
 const RENEW_EVERY: Duration = Duration::from_millis(100);
-/// I's command reaches its radio this much later than it is given, or a measured round trip if that is longer: the
-/// radio counts its expiry from then. Beyond it the jam lease's own margin (pair::lease) covers.
-const COMMAND_LATENCY: Duration = Duration::from_millis(20);
-
-/// What the decision rests on beside the interlock's own state, all as known at one instant.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Facts {
-    /// The committed slot's share of time in which this vehicle may radiate, and the plan's power for it.
-    pub window: Option<Window>,
-    /// Autopilot state received recently enough.
-    pub state_fresh: bool,
-    /// Armed and in the companion's mode.
-    pub in_control: bool,
-    /// The autopilot's estimate is healthy.
-    pub estimator_ok: bool,
-    /// Arrived, and own pose inside tolerance.
-    pub pose_ok: bool,
-    /// I: the end of the jam lease in force.
-    pub jam_lease: Option<Instant>,
-    /// J: vehicle I is on station for the same commitment and was heard within a lease's length.
-    pub peer_on_station: bool,
-    /// J: I may hold a lease.
-    pub leases_outstanding: bool,
-}
-
-/// What the interlock itself knows.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Latches {
-    /// Which vehicle this is.
-    pub role: Role,
-    /// The operator's kill is latched.
-    pub killed: bool,
-    /// The transmitter is simulated, or the mission's `[emission]` table covers it.
-    pub authorised: bool,
-    /// J has just fallen silent out of turn.
-    pub resting: bool,
-    /// The smallest of all ceilings beside the plan's power, in watts.
-    pub power_limit_w: f64,
-    /// The longest permit.
-    pub lease: Duration,
-    /// Of a command to the transmitter, as last measured.
-    pub round_trip: Duration,
-}
-
-/// When a vehicle may radiate in the committed slot, and how strongly.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Window {
-    /// Slot number over superframes.
-    pub slot: u16,
-    /// First instant.
-    pub from: Instant,
-    /// First instant after.
-    pub until: Instant,
-    /// The plan's power in W.
-    pub power_w: f64,
-}
-
 /// Ceilings beside the plan's power (S6).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Ceilings {
@@ -77,102 +25,6 @@ pub struct Ceilings {
     pub mission_w: f64,
     /// Of the vehicle file.
     pub vehicle_w: f64,
-}
-
-/// Leave to radiate.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Permit {
-    /// Power in W, above 0.
-    pub power_w: f64,
-    /// Slot it belongs to.
-    pub slot: u16,
-    /// The radio must be off from here on unless renewed.
-    pub expires_at: Instant,
-}
-
-/// Why a vehicle must not radiate.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-pub enum Silence {
-    /// The operator's kill is latched.
-    #[error("radio kill is latched until the companion restarts")]
-    Killed,
-    /// The mission does not authorise this transmitter.
-    #[error("the mission file has no [emission] table that authorises this transmitter")]
-    NotAuthorised,
-    /// J has just fallen silent out of turn.
-    #[error("the off may still be under way to the transmitter")]
-    Resting,
-    /// No slot is agreed, or its time has not come or is over.
-    #[error("not within a committed slot")]
-    NoSlot,
-    /// Stale autopilot state.
-    #[error("autopilot state is stale")]
-    Stale,
-    /// Not armed in the companion's mode.
-    #[error("the companion is not in control of the autopilot")]
-    NotInControl,
-    /// Estimator failure.
-    #[error("the autopilot's position estimate failed")]
-    Estimator,
-    /// Pose out of tolerance.
-    #[error("own pose is out of tolerance")]
-    Pose,
-    /// I without a lease.
-    #[error("no jam lease in force")]
-    NoLease,
-    /// J without I.
-    #[error("vehicle I is not on station")]
-    NoPeer,
-    /// The plan's power, or a ceiling, is zero or not a number.
-    #[error("no power is allowed")]
-    NoPower,
-}
-
-/// The decision: a pure function of what is known at `now`.
-///
-/// # Errors
-/// The first reason for silence, in the order of [`Silence`]'s variants; but where nothing is agreed, or its time has
-/// not come, that is the reason, whatever the vehicle says of itself.
-pub fn decide(latches: &Latches, facts: &Facts, now: Instant) -> Result<Permit, Silence> {
-    if latches.killed {
-        return Err(Silence::Killed);
-    }
-    if !latches.authorised {
-        return Err(Silence::NotAuthorised);
-    }
-    if latches.resting {
-        return Err(Silence::Resting);
-    }
-    let window = facts.window.filter(|w| w.from <= now && now < w.until).ok_or(Silence::NoSlot)?;
-    if !facts.state_fresh {
-        return Err(Silence::Stale);
-    }
-    if !facts.in_control {
-        return Err(Silence::NotInControl);
-    }
-    if !facts.estimator_ok {
-        return Err(Silence::Estimator);
-    }
-    if !facts.pose_ok {
-        return Err(Silence::Pose);
-    }
-    let longest = (now + latches.lease).min(window.until);
-    let expires_at = match latches.role {
-        Role::I => {
-            let lease_end = facts.jam_lease.ok_or(Silence::NoLease)?;
-            longest.min(lease_end - COMMAND_LATENCY.max(latches.round_trip))
-        }
-        Role::J if facts.peer_on_station || facts.leases_outstanding => longest,
-        Role::J => return Err(Silence::NoPeer),
-    };
-    if expires_at <= now {
-        return Err(Silence::NoLease);
-    }
-    let power_w = window.power_w.min(latches.power_limit_w);
-    if !(power_w > 0.0 && power_w.is_finite()) {
-        return Err(Silence::NoPower);
-    }
-    Ok(Permit { power_w, slot: window.slot, expires_at })
 }
 
 /// Owns the transmitter and applies the decisions.
