@@ -2,6 +2,9 @@
 
 use super::*;
 
+/// A change of a draft, and what is said of it.
+type Wrong<T> = (fn(&mut T), &'static str);
+
 fn least() -> MissionDraft {
     MissionDraft {
         users: vec![NodeDraft::new("user-1", Enu::zeros())],
@@ -56,7 +59,7 @@ fn spec_a_changed_mission_has_another_digest() {
 
 #[test]
 fn spec_what_a_file_may_not_say_a_draft_may_not() {
-    let wrong: [(fn(&mut MissionDraft), &str); 12] = [
+    let wrong: [Wrong<MissionDraft>; 12] = [
         (|m| m.name.clear(), "`mission.name` is empty"),
         (|m| m.tdma.slot_s = f64::NAN, "`tdma.slot_s` is NaN, not a finite number"),
         (|m| m.tdma.superframes = 0, "`tdma.superframes` is 0, outside 1 to 1000"),
@@ -114,7 +117,7 @@ fn spec_a_vehicle_by_value_is_the_vehicle_of_its_file() {
 
 #[test]
 fn spec_what_a_vehicle_file_may_not_say_a_draft_may_not() {
-    let wrong: [(fn(&mut VehicleDraft), &str); 4] = [
+    let wrong: [Wrong<VehicleDraft>; 4] = [
         (|v| v.autopilot.rate_hz = 401.0, "`autopilot.rate_hz` is 401 Hz, above the maximum"),
         (|v| v.autopilot.thrust_n = Some([1.0; 3]), "`thrust_n` means nothing with actuation \"pose\""),
         (|v| v.pair_tunnel = true, "whom TUNNEL is addressed to"),
