@@ -4,52 +4,26 @@
 use std::hint::black_box;
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
-use nalgebra::{Vector2, Vector3};
 use veilwing::planner::bound::{Budget, best_bound};
 use veilwing::planner::expectation::kernel::{Raw, Scene, Workspace};
 use veilwing::planner::expectation::samples::{Samples, Sequence};
-use veilwing::planner::problem::{
-    Airframe, Airspace, Eavesdropper, Jitter, JitterAxes, JitterModel, Objective, Problem, Radio,
-    Uncertainty, VehicleModel,
-};
+use veilwing::planner::problem::{Problem, Uncertainty};
 use veilwing::planner::{Options, plan_slot};
-use veilwing::role::PerVehicle;
 
 /// Eavesdroppers on a spiral about the user: any number, none alike.
 fn problem(n: usize, jitter_deg: f64, radius_m: f64) -> Problem {
-    let vehicle =
-        VehicleModel { airframe: Airframe::Omnidirectional, max_tilt_rad: std::f64::consts::FRAC_PI_2 };
     let node = |k: usize| {
         let (angle, distance) = (2.4 * k as f64 + 0.3, 120.0 + 350.0 * (k as f64 * 0.618).fract());
-        Eavesdropper {
-            position_enu_m: Vector3::new(distance * angle.cos(), distance * angle.sin(), 0.0),
-            uncertainty: if radius_m > 0.0 { Uncertainty::Disc { radius_m } } else { Uncertainty::None },
-        }
+        [distance * angle.cos(), distance * angle.sin()]
     };
-    let corners = [[-500.0, -500.0], [500.0, -500.0], [500.0, 500.0], [-500.0, 500.0]];
-    Problem {
-        user_enu_m: Vector3::zeros(),
-        eavesdroppers: (0..n).map(node).collect(),
-        radio: Radio {
-            bandwidth_hz: 1e6,
-            noise_power_w: 1e-12,
-            max_power_w: PerVehicle { i: 0.5, j: 0.5 },
-            reference_gain: 1.0,
-        },
-        airspace: Airspace {
-            altitude_m: [80.0, 300.0],
-            area_enu_m: corners.iter().map(|c| Vector2::new(c[0], c[1])).collect(),
-            min_separation_m: 5.0,
-        },
-        vehicles: PerVehicle { i: vehicle, j: vehicle },
-        jitter: Jitter {
-            std_rad: jitter_deg.to_radians(),
-            model: JitterModel::Euler,
-            axes: JitterAxes::RollPitch,
-        },
-        objective: Objective::Mean,
-        free_yaw: false,
+    let mut problem = Problem::paper((0..n).map(node), 0.5, jitter_deg.to_radians());
+    problem.airspace.min_separation_m = 5.0;
+    if radius_m > 0.0 {
+        for eavesdropper in &mut problem.eavesdroppers {
+            eavesdropper.uncertainty = Uncertainty::Disc { radius_m };
+        }
     }
+    problem
 }
 
 fn objective(c: &mut Criterion) {

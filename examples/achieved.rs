@@ -9,8 +9,8 @@ use std::path::Path;
 
 use veilwing::config::Mission;
 use veilwing::desk::simulation::{Flown, Scenario, ScenarioError};
-use veilwing::planner::slots::{Plan, PlannedSlot};
-use veilwing::planner::{Options, plan_slot};
+use veilwing::planner::slots::Plan;
+use veilwing::planning;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = std::env::args().skip(1);
@@ -22,24 +22,14 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     println!("{path}: {flights} flights at each level, each with a seed of its own");
     println!("jitter_deg  completed  violations  planned_bit_s_hz   ratio      +-  +-_of_one  control_deg");
+    let file = Mission::load(Path::new(&path)).map_err(|errors| errors.to_string())?;
     for std_deg in levels_deg {
-        let mut mission = Mission::load(Path::new(&path)).map_err(|errors| errors.to_string())?;
-        mission.jitter.std_rad = std_deg.to_radians();
-        let plan = plan(&mission)?;
+        let mission = file.changed(|m| m.jitter.std_deg = std_deg).map_err(|errors| errors.to_string())?;
+        let plan = planning::plan(&mission)?;
         let flown = fly(&Scenario::new(&mission, &plan)?, mission.seed, flights)?;
         println!("{}", row(std_deg, &mission, &plan, &flown));
     }
     Ok(())
-}
-
-fn plan(mission: &Mission) -> Result<Plan, Box<dyn Error>> {
-    let options = Options { method: mission.planner.method, seed: mission.seed, ..Options::default() };
-    let mut slots = Vec::new();
-    for (index, user) in mission.users.iter().enumerate() {
-        let problem = mission.problem(index).ok_or("a user without a problem")?;
-        slots.push(PlannedSlot { user: user.name.clone(), plan: plan_slot(&problem, &options)? });
-    }
-    Ok(Plan::new(slots))
 }
 
 /// Every flight, in the order of the seeds, whatever the number of threads.

@@ -21,13 +21,13 @@ use mavlink::dialects::ardupilotmega::MavMessage;
 use veilwing::companion::Companion;
 use veilwing::companion::settings::{pair_form, settings, transmitter_settings};
 use veilwing::config::{Mission, Vehicle};
-use veilwing::desk::simulation::{VehicleText, actuation, index, world_config};
+use veilwing::desk::simulation::{index, vehicle_draft, world_config};
 use veilwing::link::codec::Decoder;
 use veilwing::link::counters::Counters;
 use veilwing::link::tlog::TlogWriter;
-use veilwing::link::{Clock, LinkConfig};
-use veilwing::planner::slots::{Plan, PlannedSlot};
-use veilwing::planner::{Options, plan_slot};
+use veilwing::link::{Clock, LinkAddress, LinkConfig};
+use veilwing::planner::slots::Plan;
+use veilwing::planning;
 use veilwing::role::Role;
 use veilwing::transmitter::Transmitter;
 use veilwing_sitl::World;
@@ -54,19 +54,18 @@ fn value<'a>(arguments: &'a [String], name: &str) -> Option<&'a str> {
 
 /// One user, one slot as long as asked for.
 fn mission(seconds: f64) -> Mission {
-    let yard = include_str!("../tests/flight/yard.toml");
-    let first_user_only = yard.replace("[[user]]\nname = \"bravo\"\nenu_m = [6.0, 8.0, 1.0]\n", "");
-    let text = first_user_only.replace("slot_s = 5.0", &format!("slot_s = {seconds:.1}"));
-    Mission::parse("cadence.toml", &text).unwrap_or_else(|errors| panic!("{errors}"))
+    let yard = Mission::parse("yard.toml", include_str!("../tests/flight/yard.toml"));
+    let long = yard.and_then(|yard| {
+        yard.changed(|m| {
+            m.users.truncate(1);
+            m.tdma.slot_s = seconds;
+        })
+    });
+    long.unwrap_or_else(|errors| panic!("{errors}"))
 }
 
 fn plan(mission: &Mission) -> Plan {
-    let options = Options { method: mission.planner.method, seed: mission.seed, ..Options::default() };
-    let slots = mission.users.iter().enumerate().map(|(k, user)| PlannedSlot {
-        user: user.name.clone(),
-        plan: plan_slot(&mission.problem(k).expect("a user"), &options).expect("a plan"),
-    });
-    Plan::new(slots.collect())
+    planning::plan(mission).expect("a plan")
 }
 
 /// A companion process: autopilot link and pair link by address, logs in the directory for temporary files.
@@ -74,15 +73,9 @@ fn fly(role: &str, seconds: f64, links: &str) {
     let mission = mission(seconds);
     let role = if role == "i" { Role::I } else { Role::J };
     let (autopilot, pair) = links.split_once(',').expect("two links");
-    let text = VehicleText {
-        role,
-        autopilot_link: autopilot,
-        pair_link: pair,
-        actuation: actuation(&mission, role),
-        simulated: true,
-        log_dir: None,
-    };
-    let vehicle = Vehicle::parse("vehicle.toml", &text.text()).unwrap_or_else(|errors| panic!("{errors}"));
+    let mut draft = vehicle_draft(&mission, role, [1, 2]);
+    (draft.autopilot.link, draft.pair_link) = (address(autopilot), address(pair));
+    let vehicle = Vehicle::new(draft).unwrap_or_else(|errors| panic!("{errors}"));
     let clock = Clock::start(1.0).expect("a clock");
     let link = |name: &str, peer_system, accept_foreign| {
         let path = std::env::temp_dir().join(format!("cadence-{}-{name}.tlog", std::process::id()));
@@ -99,6 +92,10 @@ fn fly(role: &str, seconds: f64, links: &str) {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");
     let outcome = runtime.block_on(companion.run(clock, std::future::pending())).expect("a flight");
     println!("vehicle {role}: {outcome:?}");
+}
+
+fn address(text: &str) -> LinkAddress {
+    text.parse().unwrap_or_else(|error| panic!("{text}: {error}"))
 }
 
 /// A datagram, when it came.

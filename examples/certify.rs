@@ -8,13 +8,8 @@
 
 use std::time::Instant;
 
-use nalgebra::{Vector2, Vector3};
 use veilwing::planner::bound::{Budget, Certificate, Reason, best_bound, certify_each};
-use veilwing::planner::problem::{
-    Airframe, Airspace, Eavesdropper, Jitter, JitterAxes, JitterModel, Objective, Problem, Radio,
-    Uncertainty, VehicleModel,
-};
-use veilwing::role::PerVehicle;
+use veilwing::planner::problem::Problem;
 
 fn rows(name: &str) -> Vec<Vec<f64>> {
     let path = format!("{}/tests/reference/{name}", env!("CARGO_MANIFEST_DIR"));
@@ -23,35 +18,7 @@ fn rows(name: &str) -> Vec<Vec<f64>> {
 }
 
 fn problem(eavesdroppers: &[f64], max_power_w: f64, jitter_rad: f64) -> Problem {
-    let omnidirectional =
-        VehicleModel { airframe: Airframe::Omnidirectional, max_tilt_rad: std::f64::consts::FRAC_PI_2 };
-    Problem {
-        user_enu_m: Vector3::zeros(),
-        eavesdroppers: eavesdroppers
-            .chunks(2)
-            .map(|p| Eavesdropper {
-                position_enu_m: Vector3::new(p[0], p[1], 0.0),
-                uncertainty: Uncertainty::None,
-            })
-            .collect(),
-        radio: Radio {
-            bandwidth_hz: 1e6,
-            noise_power_w: 1e-12,
-            max_power_w: PerVehicle { i: max_power_w, j: max_power_w },
-            reference_gain: 1.0,
-        },
-        airspace: Airspace {
-            altitude_m: [80.0, 300.0],
-            area_enu_m: [(-500.0, -500.0), (500.0, -500.0), (500.0, 500.0), (-500.0, 500.0)]
-                .map(|(x, y)| Vector2::new(x, y))
-                .to_vec(),
-            min_separation_m: 0.0,
-        },
-        vehicles: PerVehicle { i: omnidirectional, j: omnidirectional },
-        jitter: Jitter { std_rad: jitter_rad, model: JitterModel::Euler, axes: JitterAxes::RollPitch },
-        objective: Objective::Nominal,
-        free_yaw: false,
-    }
+    Problem::paper(eavesdroppers.chunks(2).map(|p| [p[0], p[1]]), max_power_w, jitter_rad)
 }
 
 /// Seconds this process has spent on a core, or since `start`.

@@ -10,8 +10,7 @@ use std::process::ExitCode;
 
 use veilwing::config::Mission;
 use veilwing::desk::simulation::{Given, vehicle};
-use veilwing::planner::slots::{Plan, PlannedSlot};
-use veilwing::planner::{Options, plan_slot};
+use veilwing::planning;
 use veilwing::role::Role;
 
 use reaction_table::{Base, table};
@@ -28,12 +27,7 @@ fn main() -> ExitCode {
         None => Mission::parse("yard.toml", include_str!("../tests/flight/yard.toml")),
     };
     let mission = mission.unwrap_or_else(|errors| panic!("{errors}"));
-    let options = Options { method: mission.planner.method, seed: mission.seed, ..Options::default() };
-    let slots = mission.users.iter().enumerate().map(|(k, user)| PlannedSlot {
-        user: user.name.clone(),
-        plan: plan_slot(&mission.problem(k).expect("a user"), &options).expect("a plan"),
-    });
-    let plan = Plan::new(slots.collect());
+    let plan = planning::plan(&mission).expect("a plan");
     let vehicle = vehicle(&mission, Role::I).expect("the simulated vehicle's file");
     let base = Base::new(&Given { mission, plan, vehicle });
     let table = table(&base, number("--faults", 1000), number("--threads", 2).max(1));

@@ -11,6 +11,7 @@ use nalgebra::{Matrix3, Point3, Rotation3, UnitQuaternion, Vector3};
 
 mod local;
 mod ned;
+pub mod polygon;
 
 pub use local::{LocalFrame, Projection};
 pub use ned::{Ned, NedVelocity};
@@ -280,7 +281,7 @@ mod tests {
     }
 
     #[test]
-    fn val_quaternions_that_are_no_rotation() {
+    fn spec_quaternions_that_are_no_rotation() {
         for q in [[0.0; 4], [f64::NAN, 0.0, 0.0, 0.0], [f64::INFINITY, 0.0, 0.0, 1.0], [1e-9, 0.0, 0.0, 0.0]]
         {
             assert_eq!(Attitude::from_mavlink(q), None, "{q:?}");

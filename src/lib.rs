@@ -27,6 +27,8 @@ pub mod mission;
 #[cfg(feature = "companion")]
 pub mod pair;
 #[cfg(feature = "companion")]
+pub mod planning;
+#[cfg(feature = "companion")]
 pub mod preflight;
 #[cfg(feature = "companion")]
 pub mod service;

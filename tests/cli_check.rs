@@ -37,7 +37,7 @@ fn expected() -> BTreeMap<String, Vec<Expected>> {
 }
 
 #[test]
-fn val_every_broken_file_has_an_expectation_and_there_are_twenty() {
+fn spec_every_broken_file_has_an_expectation_and_there_are_twenty() {
     let files: BTreeSet<String> = std::fs::read_dir(broken(""))
         .unwrap()
         .map(|entry| entry.unwrap().file_name().into_string().unwrap())
@@ -48,7 +48,7 @@ fn val_every_broken_file_has_an_expectation_and_there_are_twenty() {
 }
 
 #[test]
-fn val_the_library_finds_every_error_and_no_other() {
+fn spec_the_library_finds_every_error_and_no_other() {
     for (file, expected) in expected() {
         let findings = Mission::load(&broken(&file)).expect_err(&file);
         let found: Vec<String> =
@@ -63,7 +63,7 @@ fn val_the_library_finds_every_error_and_no_other() {
 }
 
 #[test]
-fn val_the_command_prints_them_and_exits_with_2() {
+fn spec_the_command_prints_them_and_exits_with_2() {
     for (file, expected) in expected() {
         let path = broken(&file).display().to_string();
         let output = check(&[&path]);
@@ -81,7 +81,7 @@ fn val_the_command_prints_them_and_exits_with_2() {
 }
 
 #[test]
-fn val_what_is_no_file_is_refused_in_the_same_form() {
+fn spec_what_is_no_file_is_refused_in_the_same_form() {
     let huge = Path::new(env!("CARGO_TARGET_TMPDIR")).join("huge.toml");
     std::fs::write(&huge, vec![b'#'; (1 << 20) + 1]).unwrap();
     let huge = huge.display().to_string();
@@ -100,7 +100,7 @@ fn val_what_is_no_file_is_refused_in_the_same_form() {
 }
 
 #[test]
-fn val_shipped_files_pass_with_a_summary() {
+fn spec_shipped_files_pass_with_a_summary() {
     let output = check(&[
         "config/mission.toml",
         "--vehicle",
@@ -125,7 +125,7 @@ fn val_shipped_files_pass_with_a_summary() {
 }
 
 #[test]
-fn val_errors_of_mission_and_vehicles_are_all_printed() {
+fn spec_errors_of_mission_and_vehicles_are_all_printed() {
     let vehicle = Path::new(env!("CARGO_TARGET_TMPDIR")).join("slow.toml");
     let text = std::fs::read_to_string("config/vehicle-i.toml").unwrap();
     std::fs::write(&vehicle, text.replace("\nspeed_m_s = 10.0", "\nspeed_m_s = 1.0")).unwrap();
@@ -145,7 +145,7 @@ fn val_errors_of_mission_and_vehicles_are_all_printed() {
 }
 
 #[test]
-fn val_the_schema_is_one_json_document_with_both_files() {
+fn spec_the_schema_is_one_json_document_with_both_files() {
     let output = veilwing(&["schema"]).output().unwrap();
     assert_eq!(output.status.code(), Some(0));
     let schema: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();

@@ -44,7 +44,7 @@ fn edited(change: impl FnOnce(&mut Value)) -> String {
 }
 
 #[test]
-fn val_a_plan_is_scored_as_it_was_planned_whatever_wrote_the_file() {
+fn spec_a_plan_is_scored_as_it_was_planned_whatever_wrote_the_file() {
     let plan = plan();
     let pretty = serde_json::to_string_pretty(&plan).unwrap();
     let least = json!({ "format": plan["format"], "slots": [
@@ -67,7 +67,7 @@ fn val_a_plan_is_scored_as_it_was_planned_whatever_wrote_the_file() {
 }
 
 #[test]
-fn val_what_is_no_plan_is_refused_with_place_and_remedy() {
+fn spec_what_is_no_plan_is_refused_with_place_and_remedy() {
     let whole = serde_json::to_string_pretty(&plan()).unwrap();
     let remedy = "help: give a document that `veilwing plan MISSION --json` wrote";
     let cases: [(&str, String, &str); 9] = [
@@ -125,7 +125,7 @@ fn val_what_is_no_plan_is_refused_with_place_and_remedy() {
 }
 
 #[test]
-fn val_impossible_figures_are_refused_and_forbidden_ones_scored_with_a_warning() {
+fn spec_impossible_figures_are_refused_and_forbidden_ones_scored_with_a_warning() {
     let vehicle =
         |role: &str, key: &str, value: Value| edited(|plan| plan["slots"][0]["vehicles"][role][key] = value);
     for (name, text, says) in [
@@ -182,7 +182,7 @@ fn val_impossible_figures_are_refused_and_forbidden_ones_scored_with_a_warning()
 }
 
 #[test]
-fn val_stdin_is_named_so_and_read_to_its_end() {
+fn spec_stdin_is_named_so_and_read_to_its_end() {
     let score = |text: &str| {
         let mut child = veilwing(&["evaluate", MISSION, "-", "--samples", "16"])
             .stdin(Stdio::piped())

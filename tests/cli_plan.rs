@@ -31,7 +31,7 @@ fn bound(document: &Value) -> (f64, f64, &str) {
 }
 
 #[test]
-fn prop_certify_tightens_the_bound_and_leaves_the_plan() {
+fn spec_certify_tightens_the_bound_and_leaves_the_plan() {
     let capped = document(&["config/paper.toml"]);
     let (rate, cap, kind) = bound(&capped);
     assert_eq!(kind, "cap");
@@ -47,7 +47,7 @@ fn prop_certify_tightens_the_bound_and_leaves_the_plan() {
 }
 
 #[test]
-fn val_text_says_the_gap_and_help_says_what_each_kind_means() {
+fn spec_text_says_the_gap_and_help_says_what_each_kind_means() {
     let text = String::from_utf8(plan(&["config/paper.toml", "--bound", "certify"]).stdout).unwrap();
     let line = text.lines().find(|line| line.contains("upper bound")).unwrap();
     assert!(line.contains("(branch-and-bound), gap 0.1") && line.contains("found in"), "{line}");
@@ -59,7 +59,7 @@ fn val_text_says_the_gap_and_help_says_what_each_kind_means() {
 }
 
 #[test]
-fn prop_every_kind_of_mission_has_a_sound_bound() {
+fn spec_every_kind_of_mission_has_a_sound_bound() {
     let paper =
         std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("config/paper.toml")).unwrap();
     let scratch = Path::new(env!("CARGO_TARGET_TMPDIR")).join("cli_plan");

@@ -25,7 +25,7 @@ const COMMANDS: [&[&str]; 4] = [
 ];
 
 #[test]
-fn val_a_full_disk_behind_stdout_is_told_and_ends_with_1() {
+fn spec_a_full_disk_behind_stdout_is_told_and_ends_with_1() {
     for arguments in COMMANDS {
         let output = veilwing(arguments).stdout(full()).output().unwrap();
         let said = said(&output);
@@ -35,7 +35,7 @@ fn val_a_full_disk_behind_stdout_is_told_and_ends_with_1() {
 }
 
 #[test]
-fn val_a_reader_that_has_gone_away_is_no_failure() {
+fn spec_a_reader_that_has_gone_away_is_no_failure() {
     for arguments in COMMANDS {
         let mut child = veilwing(arguments).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
         drop(child.stdout.take());
@@ -46,7 +46,7 @@ fn val_a_reader_that_has_gone_away_is_no_failure() {
 }
 
 #[test]
-fn val_words_that_nobody_can_hear_change_no_result_and_no_exit_code() {
+fn spec_words_that_nobody_can_hear_change_no_result_and_no_exit_code() {
     for (arguments, code) in [
         (&["check", "no-such.toml"][..], 2),
         (&["plan", "no-such.toml"], 2),
@@ -65,7 +65,7 @@ fn val_words_that_nobody_can_hear_change_no_result_and_no_exit_code() {
 }
 
 #[test]
-fn val_an_output_directory_that_cannot_be_written_is_refused_before_the_work() {
+fn spec_an_output_directory_that_cannot_be_written_is_refused_before_the_work() {
     let in_the_way = directory("cli-streams").join("file");
     std::fs::write(&in_the_way, "").unwrap();
     let in_the_way = in_the_way.display().to_string();
@@ -93,7 +93,7 @@ fn val_an_output_directory_that_cannot_be_written_is_refused_before_the_work() {
 
 /// What only computes ends at once: no half-written file, no other exit code.
 #[test]
-fn val_ctrl_c_and_sigterm_end_a_command_with_130() {
+fn spec_ctrl_c_and_sigterm_end_a_command_with_130() {
     for signal in [rustix::process::Signal::INT, rustix::process::Signal::TERM] {
         // It warns of the mission, then waits for a plan that never comes.
         let mut child = veilwing(&["evaluate", "config/paper.toml", "-"])
@@ -116,7 +116,7 @@ fn val_ctrl_c_and_sigterm_end_a_command_with_130() {
 
 /// A companion whose log nobody takes goes on, and stops in order: with the program that started it, if told so.
 #[test]
-fn val_a_companion_outlives_its_log_and_ends_with_who_started_it() {
+fn spec_a_companion_outlives_its_log_and_ends_with_who_started_it() {
     let directory = directory("cli-streams-companion");
     let vehicle = directory.join("vehicle.toml");
     let logs = toml::Value::from(directory.display().to_string());

@@ -92,7 +92,7 @@ fn refused(name: &str, text: &str, words: &str) {
 const JITTER: [&str; 2] = ["std_deg = 0.0", "std_deg = 2.0"];
 
 #[test]
-fn prop_missions_at_the_edge_have_a_plan() {
+fn spec_missions_at_the_edge_have_a_plan() {
     for (k, jitter) in JITTER.into_iter().enumerate() {
         let name = |what: &str| format!("{what}-{k}");
         let usual = [[120.0, -40.0], [-300.0, 210.0]];
@@ -122,7 +122,7 @@ fn prop_missions_at_the_edge_have_a_plan() {
 }
 
 #[test]
-fn val_missions_beyond_the_edge_are_refused() {
+fn spec_missions_beyond_the_edge_are_refused() {
     let usual = Mission::new(JITTER[1], &[[120.0, -40.0]]);
     refused(
         "no-noise",
@@ -142,7 +142,7 @@ fn val_missions_beyond_the_edge_are_refused() {
 
 /// Three users in two superframes; both orders give plans of nearly the same worth.
 #[test]
-fn prop_the_shortest_order_keeps_the_rates() {
+fn spec_the_shortest_order_keeps_the_rates() {
     let users = "[[user]]\nname = \"v\"\nenu_m = [150.0, 60.0, 0.0]\n[[user]]\nname = \"w\"\nenu_m = [-120.0, 90.0, 0.0]\n";
     let mission = |order: &str| {
         let mut mission = Mission::new(JITTER[0], &[[120.0, -140.0], [-300.0, 210.0], [60.0, 300.0]]);

@@ -8,8 +8,7 @@ use proptest::prelude::*;
 use veilwing::geo::Pose;
 use veilwing::planner::plan::{SlotPlan, Status, VehiclePlan};
 use veilwing::planner::problem::{
-    Airframe, Airspace, Eavesdropper, Jitter, JitterAxes, JitterModel, Method, Objective, Problem, Radio,
-    Uncertainty, VehicleModel,
+    Airframe, Eavesdropper, JitterModel, Method, Objective, Problem, Uncertainty,
 };
 use veilwing::planner::slots::{Plan, PlannedSlot, hex};
 use veilwing::planner::{
@@ -18,46 +17,18 @@ use veilwing::planner::{
 use veilwing::radio::pattern;
 use veilwing::role::{PerVehicle, Role};
 
+/// The paper's set-up at 0.5 W, with a mission file's default separation.
 fn problem(eavesdroppers: &[[f64; 2]], jitter_deg: f64) -> Problem {
-    let vehicle =
-        VehicleModel { airframe: Airframe::Omnidirectional, max_tilt_rad: std::f64::consts::FRAC_PI_2 };
-    let corners = [[-500.0, -500.0], [500.0, -500.0], [500.0, 500.0], [-500.0, 500.0]];
-    Problem {
-        user_enu_m: Vector3::zeros(),
-        eavesdroppers: eavesdroppers
-            .iter()
-            .map(|p| Eavesdropper {
-                position_enu_m: Vector3::new(p[0], p[1], 0.0),
-                uncertainty: Uncertainty::None,
-            })
-            .collect(),
-        radio: Radio {
-            bandwidth_hz: 1e6,
-            noise_power_w: 1e-12,
-            max_power_w: PerVehicle { i: 0.5, j: 0.5 },
-            reference_gain: 1.0,
-        },
-        airspace: Airspace {
-            altitude_m: [80.0, 300.0],
-            area_enu_m: corners.iter().map(|c| Vector2::new(c[0], c[1])).collect(),
-            min_separation_m: 5.0,
-        },
-        vehicles: PerVehicle { i: vehicle, j: vehicle },
-        jitter: Jitter {
-            std_rad: jitter_deg.to_radians(),
-            model: JitterModel::Euler,
-            axes: JitterAxes::RollPitch,
-        },
-        objective: Objective::Mean,
-        free_yaw: false,
-    }
+    let mut problem = Problem::paper(eavesdroppers.iter().copied(), 0.5, jitter_deg.to_radians());
+    problem.airspace.min_separation_m = 5.0;
+    problem
 }
 
 const METHODS: [Method; 5] =
     [Method::Veilwing, Method::Paper, Method::InteriorPoint, Method::Conventional, Method::JammerOrientation];
 
 #[test]
-fn prop_two_threads_equal_one_bit_for_bit() {
+fn spec_two_threads_equal_one_bit_for_bit() {
     for deg in [0.0, 2.0] {
         let problem = problem(&[[120.0, -40.0], [-300.0, 210.0], [50.0, 400.0]], deg);
         for method in METHODS {
@@ -75,7 +46,7 @@ fn prop_two_threads_equal_one_bit_for_bit() {
 }
 
 #[test]
-fn prop_threads_do_not_matter_over_uncertain_positions() {
+fn spec_threads_do_not_matter_over_uncertain_positions() {
     for objective in [Objective::Nominal, Objective::Mean, Objective::Quantile, Objective::WorstCase] {
         let mut problem = problem(&[[120.0, -40.0], [-300.0, 210.0]], 2.0);
         problem.objective = objective;
@@ -89,7 +60,7 @@ fn prop_threads_do_not_matter_over_uncertain_positions() {
 }
 
 #[test]
-fn prop_evaluate_agrees_with_the_plans_own_figure() {
+fn spec_evaluate_agrees_with_the_plans_own_figure() {
     for deg in [0.0, 2.0, 10.0] {
         let problem = problem(&[[120.0, -40.0], [-300.0, 210.0]], deg);
         let plan = plan_slot(&problem, &Options::default()).unwrap();
@@ -103,7 +74,7 @@ fn prop_evaluate_agrees_with_the_plans_own_figure() {
 }
 
 #[test]
-fn prop_plans_near_the_best_are_near_sound_and_apart() {
+fn spec_plans_near_the_best_are_near_sound_and_apart() {
     let mut several = 0;
     for (deg, objective) in [(0.0, Objective::Mean), (2.0, Objective::Mean), (2.0, Objective::Quantile)] {
         for x in [100.0, 220.0, 340.0] {
@@ -165,7 +136,7 @@ fn regress_digests_of_plans() {
 
 /// Nothing that shapes a plan calls the system's mathematical library, whose last digit differs from machine to machine.
 #[test]
-fn prop_the_planner_calls_no_function_of_the_systems_library() {
+fn spec_the_planner_calls_no_function_of_the_systems_library() {
     const FUNCTIONS: [&str; 18] = [
         "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sin_cos", "ln", "ln_1p", "log2", "log10",
         "exp", "exp2", "exp_m1", "powf", "powi", "hypot",
@@ -260,7 +231,7 @@ fn plan_all(problem: &Problem, what: &str) -> Vec<SlotPlan> {
 }
 
 #[test]
-fn prop_degenerate_inputs_have_sound_plans() {
+fn spec_degenerate_inputs_have_sound_plans() {
     for deg in [0.0, 2.0] {
         let usual = problem(&[[120.0, -40.0], [-300.0, 210.0]], deg);
         let change = |f: &dyn Fn(&mut Problem)| {
@@ -337,7 +308,7 @@ fn square(half: f64) -> Vec<Vector2<f64>> {
 }
 
 #[test]
-fn val_meaningless_problems_are_refused() {
+fn spec_meaningless_problems_are_refused() {
     let refuse = |f: &dyn Fn(&mut Problem)| {
         let mut changed = problem(&[[120.0, -40.0]], 2.0);
         f(&mut changed);
@@ -516,7 +487,7 @@ proptest! {
 }
 
 #[test]
-fn prop_rate_rises_with_maximum_power() {
+fn spec_rate_rises_with_maximum_power() {
     for deg in [0.0, 2.0] {
         let mut last = 0.0;
         for power in [0.05, 0.1, 0.3, 0.5, 1.0] {
@@ -530,7 +501,7 @@ fn prop_rate_rises_with_maximum_power() {
 }
 
 #[test]
-fn prop_freeing_yaw_gains_under_euler_jitter() {
+fn spec_freeing_yaw_gains_under_euler_jitter() {
     let mut problem = problem(&[[120.0, -40.0], [-300.0, 210.0]], 5.0);
     let bound = plan_slot(&problem, &Options::default()).unwrap().secrecy_rate_bps;
     problem.free_yaw = true;
@@ -623,7 +594,7 @@ mod reference {
     }
 
     #[test]
-    fn prop_planning_for_positions_pays() {
+    fn spec_planning_for_positions_pays() {
         let scenarios = data::eavesdroppers(2).unwrap();
         let mut sums = [[0.0; 3]; 4];
         let objectives = [Objective::Nominal, Objective::Mean, Objective::Quantile, Objective::WorstCase];

@@ -33,35 +33,9 @@ pub fn eavesdroppers(n: usize) -> Result<Vec<Vec<Vector3<f64>>>, Failure> {
     Ok(rows.iter().map(|r| r[1..].chunks(2).map(|p| Vector3::new(p[0], p[1], 0.0)).collect()).collect())
 }
 
-/// The paper's setup with these eavesdroppers.
+/// The paper's set-up with these eavesdroppers.
 pub fn paper(eavesdroppers: &[Vector3<f64>], max_power_w: f64, jitter_deg: f64) -> Problem {
-    let node = |p: &Vector3<f64>| Eavesdropper { position_enu_m: *p, uncertainty: Uncertainty::None };
-    let vehicle =
-        VehicleModel { airframe: Airframe::Omnidirectional, max_tilt_rad: std::f64::consts::FRAC_PI_2 };
-    let corners = [[-500.0, -500.0], [500.0, -500.0], [500.0, 500.0], [-500.0, 500.0]];
-    Problem {
-        user_enu_m: Vector3::zeros(),
-        eavesdroppers: eavesdroppers.iter().map(node).collect(),
-        radio: Radio {
-            bandwidth_hz: 1e6,
-            noise_power_w: 1e-12,
-            max_power_w: PerVehicle { i: max_power_w, j: max_power_w },
-            reference_gain: 1.0,
-        },
-        airspace: Airspace {
-            altitude_m: [80.0, 300.0],
-            area_enu_m: corners.iter().map(|c| Vector2::new(c[0], c[1])).collect(),
-            min_separation_m: 0.0,
-        },
-        vehicles: PerVehicle { i: vehicle, j: vehicle },
-        jitter: Jitter {
-            std_rad: jitter_deg.to_radians(),
-            model: JitterModel::Euler,
-            axes: JitterAxes::RollPitch,
-        },
-        objective: Objective::Mean,
-        free_yaw: false,
-    }
+    Problem::paper(eavesdroppers.iter().map(|p| [p.x, p.y]), max_power_w, jitter_deg.to_radians())
 }
 
 /// A row of `no_jitter.csv`.

@@ -261,7 +261,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn val_vehicles_started_one_after_the_other_agree_on_the_time() {
+    fn spec_vehicles_started_one_after_the_other_agree_on_the_time() {
         let (first, later) = (1_790_000_000_000_000, 1_790_000_003_000_000);
         assert_eq!(utc_at_speed_us(first, 1.0), first);
         // The first has flown for three seconds at five times the speed when the other starts.

@@ -163,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn val_links_are_read() {
+    fn spec_links_are_read() {
         assert_eq!(
             "udpin:127.0.0.1:14550".parse::<Link>().unwrap(),
             Link::In(([127, 0, 0, 1], 14550).into())
@@ -183,7 +183,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn prop_a_client_is_learnt_from_a_frame_and_not_from_junk() {
+    async fn spec_a_client_is_learnt_from_a_frame_and_not_from_junk() {
         let local: SocketAddr = ([127, 0, 0, 1], 0).into();
         let mut ports = [Port::bind(Link::In(local)).await.unwrap()];
         let address = ports[0].socket.local_addr().unwrap();
@@ -200,7 +200,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn prop_a_ground_station_hears_the_vehicle_and_its_companion() {
+    async fn spec_a_ground_station_hears_the_vehicle_and_its_companion() {
         let local: SocketAddr = ([127, 0, 0, 1], 0).into();
         let (companion, ground) =
             (UdpSocket::bind(local).await.unwrap(), UdpSocket::bind(local).await.unwrap());

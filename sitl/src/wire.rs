@@ -196,7 +196,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_frames_are_found_between_garbage_and_across_calls() {
+    fn spec_frames_are_found_between_garbage_and_across_calls() {
         let mut decoder = Decoder::default();
         let mut v1 = mavlink::MAVLinkV1MessageRaw::new();
         let time = MavMessage::SYSTEM_TIME(SYSTEM_TIME_DATA { time_unix_usec: 1, time_boot_ms: 2 });

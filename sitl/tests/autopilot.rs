@@ -20,7 +20,7 @@ fn armed(heartbeat: &HEARTBEAT_DATA) -> bool {
 }
 
 #[test]
-fn prop_arming_is_refused_until_ready_and_without_a_stream() {
+fn spec_arming_is_refused_until_ready_and_without_a_stream() {
     let mut f = Flight::new(config());
     let arm = MavCmd::MAV_CMD_COMPONENT_ARM_DISARM;
     f.pass(500);
@@ -45,7 +45,7 @@ fn prop_arming_is_refused_until_ready_and_without_a_stream() {
 }
 
 #[test]
-fn prop_offboard_falls_back_a_second_after_the_stream_and_resumes_by_itself() {
+fn spec_offboard_falls_back_a_second_after_the_stream_and_resumes_by_itself() {
     let mut f = Flight::new(config());
     f.take_off();
     f.go_to_slot(0);
@@ -76,7 +76,7 @@ fn prop_offboard_falls_back_a_second_after_the_stream_and_resumes_by_itself() {
 }
 
 #[test]
-fn prop_offboard_loss_follows_its_parameter() {
+fn spec_offboard_loss_follows_its_parameter() {
     for (action, expected) in [(3, "RTL"), (4, "LAND"), (5, "HOLD")] {
         let mut f = Flight::new(config());
         f.take_off();
@@ -96,7 +96,7 @@ fn prop_offboard_loss_follows_its_parameter() {
 }
 
 #[test]
-fn prop_the_attitude_failure_detector_ends_a_tilted_flight() {
+fn spec_the_attitude_failure_detector_ends_a_tilted_flight() {
     let mut f = Flight::new(config());
     f.take_off();
     let set = MavMessage::PARAM_SET(PARAM_SET_DATA {
@@ -113,7 +113,7 @@ fn prop_the_attitude_failure_detector_ends_a_tilted_flight() {
 }
 
 #[test]
-fn prop_guided_needs_its_order() {
+fn spec_guided_needs_its_order() {
     let mut f = Flight::new(arducopter());
     let (arm, takeoff) = (MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, MavCmd::MAV_CMD_NAV_TAKEOFF);
     f.pass(3000);
@@ -146,7 +146,7 @@ fn prop_guided_needs_its_order() {
 }
 
 #[test]
-fn prop_every_command_is_answered() {
+fn spec_every_command_is_answered() {
     let mut f = Flight::new(config());
     f.pass(100);
     for command in [MavCmd::MAV_CMD_DO_SET_SERVO, MavCmd::MAV_CMD_USER_2, MavCmd::MAV_CMD_NAV_WAYPOINT] {
@@ -171,7 +171,7 @@ fn prop_every_command_is_answered() {
 }
 
 #[test]
-fn prop_both_components_tell_their_parameters() {
+fn spec_both_components_tell_their_parameters() {
     let mut f = Flight::new(config());
     f.pass(100);
     f.clients[0].send(
@@ -227,7 +227,7 @@ fn val_origins_differ_and_positions_agree() {
 const GPS_GLOBAL_ORIGIN_ID: f32 = 49.0;
 
 #[test]
-fn prop_intervals_are_per_link() {
+fn spec_intervals_are_per_link() {
     let mut f = Flight::new(config());
     let mut gcs = Client::ground_station(0, 2);
     gcs.send(&mut f.world, &MavMessage::HEARTBEAT(HEARTBEAT_DATA::DEFAULT));
@@ -247,7 +247,7 @@ fn prop_intervals_are_per_link() {
 }
 
 #[test]
-fn val_time_is_answered() {
+fn spec_time_is_answered() {
     let mut f = Flight::new(config());
     f.pass(2500);
     f.clients[0]
@@ -266,7 +266,7 @@ fn val_time_is_answered() {
 }
 
 #[test]
-fn prop_faults_show_on_the_wire() {
+fn spec_faults_show_on_the_wire() {
     let mut f = Flight::new(config());
     f.take_off();
     f.world.inject(Fault::EstimatorFailure { vehicle: 0 });
@@ -290,7 +290,7 @@ fn prop_faults_show_on_the_wire() {
 }
 
 #[test]
-fn prop_a_silent_lease_falls_to_off_by_itself() {
+fn spec_a_silent_lease_falls_to_off_by_itself() {
     let mut f = Flight::new(config());
     f.pass(1001);
     f.clients[1].power(&mut f.world, 10.0, 0, 250);
@@ -301,7 +301,7 @@ fn prop_a_silent_lease_falls_to_off_by_itself() {
 }
 
 #[test]
-fn prop_an_armed_vehicle_on_the_ground_disarms_itself() {
+fn spec_an_armed_vehicle_on_the_ground_disarms_itself() {
     let mut f = Flight::new(config());
     f.pass(3000);
     f.clients[0].command(&mut f.world, MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, &[1.0]);
@@ -312,7 +312,7 @@ fn prop_an_armed_vehicle_on_the_ground_disarms_itself() {
 }
 
 #[test]
-fn prop_disarming_in_the_air_is_refused() {
+fn spec_disarming_in_the_air_is_refused() {
     let mut f = Flight::new(config());
     f.take_off();
     f.clients[0].command(&mut f.world, MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, &[0.0]);
@@ -325,7 +325,7 @@ fn prop_disarming_in_the_air_is_refused() {
 }
 
 #[test]
-fn prop_px4_takes_off_by_command_and_then_holds() {
+fn spec_px4_takes_off_by_command_and_then_holds() {
     let mut f = Flight::new(config());
     f.pass(3000);
     // 12 m above J's home, which is 1 m above the mission's origin at 200 m.
@@ -366,7 +366,7 @@ fn reposition(f: &mut Flight, frame: MavFrame, base_m: f64, up_m: f64, change_mo
 }
 
 #[test]
-fn val_reposition_flies_to_the_point_in_each_firmwares_way() {
+fn spec_reposition_flies_to_the_point_in_each_firmwares_way() {
     let (amsl, relative) = (MavFrame::MAV_FRAME_GLOBAL_INT, MavFrame::MAV_FRAME_GLOBAL_RELATIVE_ALT);
     let mut f = Flight::new(config());
     f.take_off();
@@ -400,7 +400,7 @@ fn val_reposition_flies_to_the_point_in_each_firmwares_way() {
 }
 
 #[test]
-fn val_a_file_that_is_not_there_is_refused_and_not_ignored() {
+fn spec_a_file_that_is_not_there_is_refused_and_not_ignored() {
     let mut f = Flight::new(config());
     // Sequence 41, session 7, open for reading (4), a path.
     for (opcode, answer) in

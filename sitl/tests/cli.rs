@@ -6,7 +6,7 @@ use std::process::{Command, Stdio};
 const PROGRAM: &str = env!("CARGO_BIN_EXE_veilwing-sitl");
 
 #[test]
-fn prop_help_has_an_example_and_bad_arguments_exit_2() {
+fn spec_help_has_an_example_and_bad_arguments_exit_2() {
     let help = Command::new(PROGRAM).args(["vehicle", "--help"]).output().unwrap();
     assert!(help.status.success());
     assert!(
@@ -32,7 +32,7 @@ fn prop_help_has_an_example_and_bad_arguments_exit_2() {
 }
 
 #[test]
-fn prop_a_duration_ends_it_well() {
+fn spec_a_duration_ends_it_well() {
     let output = Command::new(PROGRAM)
         .args(["vehicle", "--link", "udpout:127.0.0.1:9", "--speed", "100", "--duration", "5"])
         .args(["--airframe-file", "airframes/level-four.toml", "--wind", "-3,1,0", "--turbulence", "4"])
@@ -42,7 +42,7 @@ fn prop_a_duration_ends_it_well() {
 }
 
 #[test]
-fn prop_a_signal_ends_it_cleanly_with_130() {
+fn spec_a_signal_ends_it_cleanly_with_130() {
     for signal in ["-INT", "-TERM"] {
         let mut child = Command::new(PROGRAM)
             .args(["vehicle", "--link", "udpout:127.0.0.1:9"])

@@ -49,7 +49,7 @@ fn assert_broken(flight: &Flight, expected: &[(&str, &str)]) {
 }
 
 #[test]
-fn prop_radiating_on_after_the_pilot_took_over_breaks_s4() {
+fn spec_radiating_on_after_the_pilot_took_over_breaks_s4() {
     for (k, name) in [(0, "I"), (1, "J")] {
         let mut flight = on_the_air();
         flight.world.inject(Fault::PilotMode { vehicle: k });
@@ -62,7 +62,7 @@ fn prop_radiating_on_after_the_pilot_took_over_breaks_s4() {
 }
 
 #[test]
-fn prop_silence_within_the_reaction_time_breaks_nothing() {
+fn spec_silence_within_the_reaction_time_breaks_nothing() {
     let mut flight = on_the_air();
     let heartbeats = |flight: &Flight| {
         flight.clients[0]
@@ -83,7 +83,7 @@ fn prop_silence_within_the_reaction_time_breaks_nothing() {
 }
 
 #[test]
-fn prop_setpoints_after_the_pilot_took_over_break_f2() {
+fn spec_setpoints_after_the_pilot_took_over_break_f2() {
     let mut flight = on_the_air();
     flight.world.inject(Fault::PilotMode { vehicle: 0 });
     flight.off(0);
@@ -92,7 +92,7 @@ fn prop_setpoints_after_the_pilot_took_over_break_f2() {
 }
 
 #[test]
-fn prop_taking_the_vehicle_back_breaks_f2_unless_an_operator_asked_for_it() {
+fn spec_taking_the_vehicle_back_breaks_f2_unless_an_operator_asked_for_it() {
     for asked in [false, true] {
         let mut flight = on_the_air();
         let mut station = Client::ground_station(0, 1);
@@ -116,7 +116,7 @@ fn prop_taking_the_vehicle_back_breaks_f2_unless_an_operator_asked_for_it() {
 }
 
 #[test]
-fn prop_a_failed_estimate_that_changes_nothing_breaks_s4() {
+fn spec_a_failed_estimate_that_changes_nothing_breaks_s4() {
     let mut flight = on_the_air();
     flight.world.inject(Fault::EstimatorFailure { vehicle: 1 });
     go_on(&mut flight, 1300, [true, true], [true, true]);
@@ -128,7 +128,7 @@ fn prop_a_failed_estimate_that_changes_nothing_breaks_s4() {
 }
 
 #[test]
-fn prop_radiating_without_state_breaks_s4() {
+fn spec_radiating_without_state_breaks_s4() {
     let mut flight = on_the_air();
     flight.world.inject(Fault::AutopilotRestart { vehicle: 1 });
     go_on(&mut flight, 700, [true, true], [true, true]);
@@ -140,7 +140,7 @@ fn prop_radiating_without_state_breaks_s4() {
 }
 
 #[test]
-fn prop_a_cut_link_must_end_the_emission_by_its_lease() {
+fn spec_a_cut_link_must_end_the_emission_by_its_lease() {
     for endless in [false, true] {
         let mut flight = on_the_air();
         if endless {
@@ -154,7 +154,7 @@ fn prop_a_cut_link_must_end_the_emission_by_its_lease() {
 }
 
 #[test]
-fn prop_a_peer_that_is_not_heard_must_end_the_emission() {
+fn spec_a_peer_that_is_not_heard_must_end_the_emission() {
     for (k, name) in [(0, "I"), (1, "J")] {
         let mut flight = on_the_air();
         let cut = Circumstances { from_peer: Passage::Cut, ..Circumstances::default() };
@@ -167,7 +167,7 @@ fn prop_a_peer_that_is_not_heard_must_end_the_emission() {
 }
 
 #[test]
-fn prop_i_follows_a_jammer_that_falls_silent_out_of_turn() {
+fn spec_i_follows_a_jammer_that_falls_silent_out_of_turn() {
     for (from_peer, expected) in
         [(Passage::Good, &[("S4", "after J fell silent out of turn")][..]), (Passage::Impaired, &[])]
     {
@@ -184,7 +184,7 @@ fn prop_i_follows_a_jammer_that_falls_silent_out_of_turn() {
 }
 
 #[test]
-fn prop_what_outlives_its_companion_breaks_s5() {
+fn spec_what_outlives_its_companion_breaks_s5() {
     for endless in [false, true] {
         let mut flight = on_the_air();
         if endless {
@@ -199,7 +199,7 @@ fn prop_what_outlives_its_companion_breaks_s5() {
 }
 
 #[test]
-fn prop_a_power_command_without_a_near_end_breaks_s5() {
+fn spec_a_power_command_without_a_near_end_breaks_s5() {
     let mut flight = on_the_air();
     let dbm = flight.planned_dbm(0, 1);
     flight.clients[1].power(&mut flight.world, dbm, 0, 5000);
@@ -208,7 +208,7 @@ fn prop_a_power_command_without_a_near_end_breaks_s5() {
 }
 
 #[test]
-fn prop_setpoints_of_a_companion_that_is_gone_break_f3() {
+fn spec_setpoints_of_a_companion_that_is_gone_break_f3() {
     for (steered, expected) in [(false, &[][..]), (true, &[("F3", "I's companion")])] {
         let mut flight = on_the_air();
         flight.world.inject(Fault::CompanionLost { vehicle: 0 });

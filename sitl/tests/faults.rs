@@ -28,7 +28,7 @@ fn count(f: &Flight, pick: impl Fn(&MavMessage) -> bool) -> usize {
 }
 
 #[test]
-fn prop_a_degraded_link_loses_and_delays_both_ways() {
+fn spec_a_degraded_link_loses_and_delays_both_ways() {
     let mut f = on_station();
     let goals = f.goals(0);
     f.clients[0].received.clear();
@@ -56,7 +56,7 @@ fn prop_a_degraded_link_loses_and_delays_both_ways() {
 }
 
 #[test]
-fn prop_without_gps_the_vehicle_drifts_and_then_comes_down() {
+fn spec_without_gps_the_vehicle_drifts_and_then_comes_down() {
     let mut f = on_station();
     let goals = f.goals(0);
     f.world.inject(Fault::GpsLoss { vehicle: 0, on: true });
@@ -78,7 +78,7 @@ fn prop_without_gps_the_vehicle_drifts_and_then_comes_down() {
 }
 
 #[test]
-fn prop_an_estimator_reset_moves_the_vehicle_not_the_report() {
+fn spec_an_estimator_reset_moves_the_vehicle_not_the_report() {
     let mut f = on_station();
     let goals = f.goals(0);
     f.world.inject(Fault::EstimatorReset { vehicle: 0, jump_enu_m: [4.0, 0.0, -1.0] });
@@ -95,7 +95,7 @@ fn prop_an_estimator_reset_moves_the_vehicle_not_the_report() {
 }
 
 #[test]
-fn prop_a_lost_rotor_is_survived_where_the_autopilot_knows_it() {
+fn spec_a_lost_rotor_is_survived_where_the_autopilot_knows_it() {
     for (mode, survives) in [(1, true), (0, false)] {
         let mut f = on_station();
         let set = PARAM_SET_DATA {
@@ -114,7 +114,7 @@ fn prop_a_lost_rotor_is_survived_where_the_autopilot_knows_it() {
 }
 
 #[test]
-fn prop_a_low_battery_calls_the_vehicle_home_and_an_empty_one_drops_it() {
+fn spec_a_low_battery_calls_the_vehicle_home_and_an_empty_one_drops_it() {
     let mut f = on_station();
     let goals = f.goals(0);
     f.world.inject(Fault::BatteryLow { vehicle: 0, charge: 0.12 });
@@ -134,7 +134,7 @@ fn prop_a_low_battery_calls_the_vehicle_home_and_an_empty_one_drops_it() {
 }
 
 #[test]
-fn val_the_battery_drains_with_the_load() {
+fn spec_the_battery_drains_with_the_load() {
     // Half an hour of hovering; 60 s of it are a thirtieth. Standing costs nothing, climbing more.
     let mut f = on_station();
     let goals = f.goals(0);
@@ -150,7 +150,7 @@ fn val_the_battery_drains_with_the_load() {
 }
 
 #[test]
-fn prop_a_clock_jump_shows_in_system_time_alone() {
+fn spec_a_clock_jump_shows_in_system_time_alone() {
     let mut f = Flight::new(config());
     f.pass(2500);
     f.world.inject(Fault::ClockJump { vehicle: 0, by_s: -3.5 });
@@ -164,7 +164,7 @@ fn prop_a_clock_jump_shows_in_system_time_alone() {
 }
 
 #[test]
-fn prop_a_restarted_autopilot_is_silent_falls_and_begins_anew() {
+fn spec_a_restarted_autopilot_is_silent_falls_and_begins_anew() {
     let mut f = on_station();
     let goals = f.goals(0);
     f.clients[0].command(&mut f.world, MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL, &[32.0, 20_000.0]);
@@ -188,7 +188,7 @@ fn prop_a_restarted_autopilot_is_silent_falls_and_begins_anew() {
 }
 
 #[test]
-fn prop_a_transmitter_that_ignores_its_expiry_radiates_on() {
+fn spec_a_transmitter_that_ignores_its_expiry_radiates_on() {
     let mut f = Flight::new(config());
     f.pass(1000);
     f.world.inject(Fault::TransmitterIgnoresExpiry { vehicle: 1 });
@@ -200,7 +200,7 @@ fn prop_a_transmitter_that_ignores_its_expiry_radiates_on() {
 }
 
 #[test]
-fn prop_noise_and_lag_show_in_the_truth_and_stay_small() {
+fn spec_noise_and_lag_show_in_the_truth_and_stay_small() {
     let mut config = config();
     for vehicle in &mut config.vehicles {
         vehicle.sensors = SensorConfig::typical();

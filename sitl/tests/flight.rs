@@ -7,7 +7,7 @@ use mavlink::dialects::ardupilotmega::*;
 use veilwing_sitl::*;
 
 #[test]
-fn val_a_slot_flown_well_scores_its_plan_without_violation() {
+fn spec_a_slot_flown_well_scores_its_plan_without_violation() {
     let mut flight = Flight::new(config());
     flight.take_off();
     flight.go_to_slot(0);
@@ -58,7 +58,7 @@ fn val_a_slot_flown_well_scores_its_plan_without_violation() {
 }
 
 #[test]
-fn val_injected_jitter_shows_in_the_attitude_and_not_in_the_control() {
+fn spec_injected_jitter_shows_in_the_attitude_and_not_in_the_control() {
     let mut config = config();
     config.jitter.std_deg = 2.0;
     let mut flight = Flight::new(config);
@@ -76,7 +76,7 @@ fn val_injected_jitter_shows_in_the_attitude_and_not_in_the_control() {
 }
 
 #[test]
-fn prop_the_same_seed_gives_the_same_flight() {
+fn spec_the_same_seed_gives_the_same_flight() {
     let fly = || {
         let mut config = config();
         config.jitter.std_deg = 2.0;
@@ -93,7 +93,7 @@ fn prop_the_same_seed_gives_the_same_flight() {
 }
 
 #[test]
-fn prop_wind_is_held_against_and_measured() {
+fn spec_wind_is_held_against_and_measured() {
     let mut config = config();
     let wind = WindConfig { mean_enu_m_s: [6.0, -3.0, 0.0], turbulence_m_s: 8.0 };
     config.vehicles.iter_mut().for_each(|v| v.wind = wind);
@@ -109,7 +109,7 @@ fn prop_wind_is_held_against_and_measured() {
 }
 
 #[test]
-fn prop_a_conventional_vehicle_leans_to_move_and_ignores_attitude_targets() {
+fn spec_a_conventional_vehicle_leans_to_move_and_ignores_attitude_targets() {
     let mut config = config();
     config.vehicles[0].airframe = Airframe::Conventional;
     config.slots[0].poses[0].roll_rad = 0.0;
@@ -133,7 +133,7 @@ fn prop_a_conventional_vehicle_leans_to_move_and_ignores_attitude_targets() {
 }
 
 #[test]
-fn prop_small_and_large_steps_simulate_the_same() {
+fn spec_small_and_large_steps_simulate_the_same() {
     let run = |step_us: u64| {
         let mut config = config();
         config.jitter.std_deg = 2.0;

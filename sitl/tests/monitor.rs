@@ -22,7 +22,7 @@ fn names(flight: &Flight) -> Vec<&'static str> {
 }
 
 #[test]
-fn prop_i_before_j_breaks_s3_and_s1_once() {
+fn spec_i_before_j_breaks_s3_and_s1_once() {
     let mut flight = on_station(config());
     flight.hold(0, 1000, [true, false]);
     flight.hold(0, 1000, [true, true]);
@@ -38,7 +38,7 @@ fn prop_i_before_j_breaks_s3_and_s1_once() {
 }
 
 #[test]
-fn prop_an_operators_radio_kill_excuses_the_jammer() {
+fn spec_an_operators_radio_kill_excuses_the_jammer() {
     let mut flight = on_station(config());
     let mut station = Client::ground_station(1, 1);
     let kill = MavMessage::COMMAND_LONG(COMMAND_LONG_DATA {
@@ -58,7 +58,7 @@ fn prop_an_operators_radio_kill_excuses_the_jammer() {
 }
 
 #[test]
-fn prop_j_off_before_i_breaks_s3() {
+fn spec_j_off_before_i_breaks_s3() {
     let mut flight = on_station(config());
     flight.hold(0, 500, [false, true]);
     flight.hold(0, 500, [true, true]);
@@ -71,7 +71,7 @@ fn prop_j_off_before_i_breaks_s3() {
 }
 
 #[test]
-fn prop_a_fault_excuses_the_order_but_not_beyond_the_lease() {
+fn spec_a_fault_excuses_the_order_but_not_beyond_the_lease() {
     let mut flight = on_station(config());
     flight.hold(0, 500, [false, true]);
     flight.hold(0, 500, [true, true]);
@@ -104,7 +104,7 @@ fn alone(flight: &mut Flight, ms: u64) {
 }
 
 #[test]
-fn prop_out_of_pose_breaks_s1_and_s2() {
+fn spec_out_of_pose_breaks_s1_and_s2() {
     for (vehicle, expected) in [(0, "S1"), (1, "S2")] {
         let mut flight = on_station(config());
         flight.hold(0, 500, [false, true]);
@@ -130,7 +130,7 @@ fn prop_out_of_pose_breaks_s1_and_s2() {
 }
 
 #[test]
-fn prop_a_wrong_attitude_is_out_of_pose_at_once() {
+fn spec_a_wrong_attitude_is_out_of_pose_at_once() {
     let mut flight = on_station(config());
     let goals = flight.goals(0);
     flight.stream(4000, goals, None, |_| {});
@@ -143,7 +143,7 @@ fn prop_a_wrong_attitude_is_out_of_pose_at_once() {
 }
 
 #[test]
-fn prop_radiating_in_no_slot_breaks_s1_and_s2() {
+fn spec_radiating_in_no_slot_breaks_s1_and_s2() {
     let mut flight = on_station(config());
     flight.clients[1].power(&mut flight.world, 10.0, 9, 100);
     flight.clients[0].power(&mut flight.world, 10.0, -1, 100);
@@ -154,7 +154,7 @@ fn prop_radiating_in_no_slot_breaks_s1_and_s2() {
 }
 
 #[test]
-fn prop_too_much_power_breaks_s6() {
+fn spec_too_much_power_breaks_s6() {
     let mut flight = on_station(config());
     let dbm = flight.planned_dbm(0, 1);
     flight.clients[1].power(&mut flight.world, dbm + 0.004, 0, 100);
@@ -164,7 +164,7 @@ fn prop_too_much_power_breaks_s6() {
 }
 
 #[test]
-fn prop_a_weak_jammer_leaves_i_unprotected() {
+fn spec_a_weak_jammer_leaves_i_unprotected() {
     let mut flight = on_station(config());
     let (goals, dbm) = (flight.goals(0), [flight.planned_dbm(0, 0), flight.planned_dbm(0, 1)]);
     flight.stream(1000, goals, Some(0), |f| {
@@ -176,7 +176,7 @@ fn prop_a_weak_jammer_leaves_i_unprotected() {
 }
 
 #[test]
-fn prop_too_near_breaks_f1_and_is_measured() {
+fn spec_too_near_breaks_f1_and_is_measured() {
     let mut flight = on_station(config());
     let mut goals = flight.goals(0);
     goals[1] = [goals[0][0] + 4.0, goals[0][1], goals[0][2]];
@@ -187,7 +187,7 @@ fn prop_too_near_breaks_f1_and_is_measured() {
 }
 
 #[test]
-fn prop_fence_and_band_break_f1() {
+fn spec_fence_and_band_break_f1() {
     let mut tight = config();
     tight.airspace.area_enu_m = vec![[-100.0, -100.0], [100.0, -100.0], [100.0, 100.0], [-100.0, 100.0]];
     tight.airspace.altitude_m = [20.0, 60.0];
@@ -203,7 +203,7 @@ fn prop_fence_and_band_break_f1() {
 }
 
 #[test]
-fn prop_the_pilot_may_leave_the_band() {
+fn spec_the_pilot_may_leave_the_band() {
     let mut tight = config();
     tight.airspace.altitude_m = [60.0, 90.0];
     tight.slots[0].poses[0].position_enu_m[2] = 65.0;
@@ -223,7 +223,7 @@ fn prop_the_pilot_may_leave_the_band() {
 }
 
 #[test]
-fn prop_a_stuck_transmitter_is_seen() {
+fn spec_a_stuck_transmitter_is_seen() {
     let mut flight = on_station(config());
     flight.hold(0, 500, [false, true]);
     flight.hold(0, 500, [true, true]);
@@ -236,7 +236,7 @@ fn prop_a_stuck_transmitter_is_seen() {
 }
 
 #[test]
-fn prop_a_plan_without_jammer_needs_none() {
+fn spec_a_plan_without_jammer_needs_none() {
     let mut silent = config();
     silent.slots[0].poses[1].tx_power_w = 0.0;
     let mut flight = on_station(silent);
@@ -246,7 +246,7 @@ fn prop_a_plan_without_jammer_needs_none() {
 }
 
 #[test]
-fn prop_a_bad_configuration_names_what_is_wrong() {
+fn spec_a_bad_configuration_names_what_is_wrong() {
     let broken = |change: fn(&mut WorldConfig)| {
         let mut config = config();
         change(&mut config);

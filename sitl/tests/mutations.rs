@@ -27,7 +27,7 @@ fn fly(vehicle: usize, slip: Option<Slip>) -> (Vec<&'static str>, f64) {
 }
 
 #[test]
-fn prop_a_wrong_sign_a_swapped_frame_and_radians_for_degrees_are_found_on_either_vehicle() {
+fn spec_a_wrong_sign_a_swapped_frame_and_radians_for_degrees_are_found_on_either_vehicle() {
     let (none, rate) = fly(0, None);
     assert_eq!(none, Vec::<&str>::new());
     for vehicle in [0, 1] {

@@ -8,7 +8,7 @@ use common::*;
 use veilwing_sitl::*;
 
 #[test]
-fn val_a_recorder_is_steady_and_misses_no_change() {
+fn spec_a_recorder_is_steady_and_misses_no_change() {
     let mut config = config();
     // Jitter would make the SINRs of two instants differ.
     config.jitter.std_deg = 0.0;

@@ -54,7 +54,7 @@ fn is_heard(flight: &mut Flight, send: impl FnOnce(&mut World, &MavMessage)) -> 
 }
 
 #[test]
-fn prop_with_a_key_only_signed_frames_are_heard() {
+fn spec_with_a_key_only_signed_frames_are_heard() {
     let mut flight = Flight::new(config());
     flight.pass(100);
     let header = flight.clients[0].header;
@@ -80,7 +80,7 @@ fn prop_with_a_key_only_signed_frames_are_heard() {
 }
 
 #[test]
-fn prop_what_leaves_is_signed_with_growing_timestamps() {
+fn spec_what_leaves_is_signed_with_growing_timestamps() {
     let mut flight = Flight::new(config());
     setup(&mut flight.world, &mut Client::companion(0));
     let mut last = 0;
@@ -106,7 +106,7 @@ fn prop_what_leaves_is_signed_with_growing_timestamps() {
 }
 
 #[test]
-fn prop_a_key_is_refused_while_armed() {
+fn spec_a_key_is_refused_while_armed() {
     for (firmware, trap, taken) in [
         (Firmware::ArduCopter, true, false),
         (Firmware::ArduCopter, false, true),

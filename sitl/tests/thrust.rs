@@ -131,7 +131,7 @@ impl Pilot {
 }
 
 #[test]
-fn val_every_attitude_is_held_under_body_thrust_in_calm_and_wind() {
+fn spec_every_attitude_is_held_under_body_thrust_in_calm_and_wind() {
     for wind in [0.0, 4.0] {
         let mut config = config();
         config.vehicles[0].wind.mean_enu_m_s = [0.8 * wind, -0.6 * wind, 0.0];
@@ -155,7 +155,7 @@ fn val_every_attitude_is_held_under_body_thrust_in_calm_and_wind() {
 }
 
 #[test]
-fn prop_one_scale_for_all_axes_is_a_larger_error() {
+fn spec_one_scale_for_all_axes_is_a_larger_error() {
     // On its side in wind, x and y carry the vehicle: with z's unit everywhere they carry 15% too much.
     let hold = |units_n: [f64; 3]| {
         let mut pilot = Pilot::airborne(config());
@@ -193,7 +193,7 @@ fn val_the_rotors_are_told_as_px4_tells_them() {
 }
 
 #[test]
-fn prop_the_land_detector_disarms_a_vehicle_on_its_side() {
+fn spec_the_land_detector_disarms_a_vehicle_on_its_side() {
     for (trap, speed, falls) in [(true, 0.25, true), (true, 0.0, false), (false, 0.25, false)] {
         let mut config = config();
         config.vehicles[0].traps.land_detector = trap;
@@ -217,7 +217,7 @@ fn prop_the_land_detector_disarms_a_vehicle_on_its_side() {
 }
 
 #[test]
-fn prop_keeping_it_armed_after_landing_is_not_enough() {
+fn spec_keeping_it_armed_after_landing_is_not_enough() {
     let mut pilot = Pilot::airborne(config());
     pilot.set("COM_DISARM_LAND", -1.0);
     pilot.attitude = tilt(90.0, 0.0);
@@ -236,7 +236,7 @@ fn prop_keeping_it_armed_after_landing_is_not_enough() {
 }
 
 #[test]
-fn prop_a_thrust_that_is_no_number_stops_the_motors() {
+fn spec_a_thrust_that_is_no_number_stops_the_motors() {
     let mut pilot = Pilot::airborne(config());
     let before = pilot.state().position_enu_m[2];
     for _ in 0..50 {
@@ -248,7 +248,7 @@ fn prop_a_thrust_that_is_no_number_stops_the_motors() {
 }
 
 #[test]
-fn prop_the_last_writer_wins() {
+fn spec_the_last_writer_wins() {
     // Stock manners: position and attitude streamed together, each target throws the other out.
     let mut config = config();
     config.vehicles[0].traps.attitude_needs_thrust = true;
@@ -269,7 +269,7 @@ fn prop_the_last_writer_wins() {
 }
 
 #[test]
-fn prop_rates_left_in_the_mask_fight_the_attitude() {
+fn spec_rates_left_in_the_mask_fight_the_attitude() {
     for (trap, fights) in [(true, true), (false, false)] {
         let mut config = config();
         config.vehicles[0].traps.rates_fight_attitude = trap;
@@ -283,7 +283,7 @@ fn prop_rates_left_in_the_mask_fight_the_attitude() {
 }
 
 #[test]
-fn prop_an_attitude_without_thrust_is_no_signal_to_stock_px4() {
+fn spec_an_attitude_without_thrust_is_no_signal_to_stock_px4() {
     for (trap, taken) in [(true, 0), (false, 60)] {
         let mut config = config();
         config.vehicles[0].traps.attitude_needs_thrust = trap;
@@ -300,7 +300,7 @@ fn prop_an_attitude_without_thrust_is_no_signal_to_stock_px4() {
 }
 
 #[test]
-fn prop_a_wrong_thrust_model_bends_the_thrust() {
+fn spec_a_wrong_thrust_model_bends_the_thrust() {
     // The motors go with the square of their signal; an autopilot that believes in less gives less than it says.
     let mut pilot = Pilot::airborne(config());
     pilot.fly(20_000, |_| {});
@@ -316,7 +316,7 @@ fn prop_a_wrong_thrust_model_bends_the_thrust() {
 }
 
 #[test]
-fn prop_a_quadrotor_takes_a_scalar_thrust() {
+fn spec_a_quadrotor_takes_a_scalar_thrust() {
     let mut config = config();
     config.vehicles[0].airframe = Airframe::Conventional;
     let mut pilot = Pilot::airborne_quad(config);

@@ -67,7 +67,7 @@ fn attitude(q: [f32; 4], mask: u8, thrust: f32) -> MavMessage {
 const NORTH: [f32; 4] = [1.0, 0.0, 0.0, 0.0];
 
 #[test]
-fn prop_offboard_is_acknowledged_without_a_stream() {
+fn spec_offboard_is_acknowledged_without_a_stream() {
     for (trap, result) in
         [(true, MavResult::MAV_RESULT_ACCEPTED), (false, MavResult::MAV_RESULT_TEMPORARILY_REJECTED)]
     {
@@ -80,7 +80,7 @@ fn prop_offboard_is_acknowledged_without_a_stream() {
 }
 
 #[test]
-fn prop_a_resumed_stream_takes_the_vehicle_back() {
+fn spec_a_resumed_stream_takes_the_vehicle_back() {
     for (trap, after) in [(true, "OFFBOARD"), (false, "HOLD")] {
         let mut f = Flight::new(of(Firmware::Px4, |t| t.resume_takes_over = trap));
         f.take_off();
@@ -93,7 +93,7 @@ fn prop_a_resumed_stream_takes_the_vehicle_back() {
 }
 
 #[test]
-fn prop_a_mode_is_acknowledged_and_not_taken() {
+fn spec_a_mode_is_acknowledged_and_not_taken() {
     for (firmware, number) in [(Firmware::Px4, 6.0), (Firmware::ArduCopter, 4.0)] {
         let mut f = Flight::new(of(firmware, |t| t.mode_ack_alone = true));
         f.pass(3000);
@@ -108,7 +108,7 @@ fn prop_a_mode_is_acknowledged_and_not_taken() {
 }
 
 #[test]
-fn prop_setpoints_before_guided_count_for_nothing() {
+fn spec_setpoints_before_guided_count_for_nothing() {
     for (trap, taken) in [(true, 0), (false, 1)] {
         let mut f = Flight::new(copter(|t| t.guided_first = trap));
         f.pass(3000);
@@ -119,7 +119,7 @@ fn prop_setpoints_before_guided_count_for_nothing() {
 }
 
 #[test]
-fn prop_a_position_target_is_kept_for_ever() {
+fn spec_a_position_target_is_kept_for_ever() {
     for (trap, kept) in [(true, true), (false, false)] {
         let mut f = guided(copter(|t| t.position_kept = trap));
         let [e, n, _] = f.config.vehicles[0].home_enu_m;
@@ -132,7 +132,7 @@ fn prop_a_position_target_is_kept_for_ever() {
 }
 
 #[test]
-fn prop_one_ignored_axis_drops_the_group() {
+fn spec_one_ignored_axis_drops_the_group() {
     for (trap, taken) in [(true, 0), (false, 1)] {
         let mut f = guided(copter(|t| t.whole_groups = trap));
         let goals = f.goals(0);
@@ -148,7 +148,7 @@ fn prop_one_ignored_axis_drops_the_group() {
 }
 
 #[test]
-fn prop_a_target_in_an_odd_frame_stops_the_vehicle() {
+fn spec_a_target_in_an_odd_frame_stops_the_vehicle() {
     for (trap, stops) in [(true, true), (false, false)] {
         let mut f = guided(copter(|t| t.odd_frame_stops = trap));
         let [e, n, _] = f.config.vehicles[0].home_enu_m;
@@ -170,7 +170,7 @@ fn prop_a_target_in_an_odd_frame_stops_the_vehicle() {
 }
 
 #[test]
-fn prop_intervals_above_the_loop_rate_are_refused() {
+fn spec_intervals_above_the_loop_rate_are_refused() {
     let interval = MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL;
     for (trap, result) in [(true, MavResult::MAV_RESULT_DENIED), (false, MavResult::MAV_RESULT_ACCEPTED)] {
         let mut f = Flight::new(copter(|t| t.fast_interval_refused = trap));
@@ -182,7 +182,7 @@ fn prop_intervals_above_the_loop_rate_are_refused() {
 }
 
 #[test]
-fn prop_unknown_parameters_get_silence() {
+fn spec_unknown_parameters_get_silence() {
     for firmware in [Firmware::Px4, Firmware::ArduCopter] {
         for (trap, words) in [(true, 0), (false, 1)] {
             let mut f = Flight::new(of(firmware, |t| t.silent_unknown_parameter = trap));
@@ -196,7 +196,7 @@ fn prop_unknown_parameters_get_silence() {
 }
 
 #[test]
-fn prop_a_quaternion_ends_a_six_dof_autopilot() {
+fn spec_a_quaternion_ends_a_six_dof_autopilot() {
     for (trap, panics) in [(true, true), (false, false)] {
         let mut f = guided(copter(|t| t.six_dof_panics = trap));
         set(&mut f, "FRAME_CLASS", 16.0);
@@ -212,7 +212,7 @@ fn prop_a_quaternion_ends_a_six_dof_autopilot() {
 }
 
 #[test]
-fn prop_body_offsets_of_a_six_dof_frame_come_through_its_script() {
+fn spec_body_offsets_of_a_six_dof_frame_come_through_its_script() {
     let mut f = guided(copter(|_| {}));
     let (angles, switch) = (MavCmd::MAV_CMD_USER_4, MavCmd::MAV_CMD_USER_5);
     f.clients[0].command(&mut f.world, angles, &[40.0, 0.0]);
@@ -237,7 +237,7 @@ fn prop_body_offsets_of_a_six_dof_frame_come_through_its_script() {
 }
 
 #[test]
-fn prop_stock_attitude_targets_climb_and_drift() {
+fn spec_stock_attitude_targets_climb_and_drift() {
     let mut f = guided(copter(|t| t.angle_control = true));
     let start = f.position(0);
     // Nose down by 8 degrees, facing north, at 0.5: it goes north at its height.
@@ -270,7 +270,7 @@ fn prop_stock_attitude_targets_climb_and_drift() {
 }
 
 #[test]
-fn prop_a_quaternion_of_another_length_stops_the_vehicle_silently() {
+fn spec_a_quaternion_of_another_length_stops_the_vehicle_silently() {
     for (q, mask) in [([2.0, 0.0, 0.0, 0.0], 7), (NORTH, 7 | 64)] {
         let mut f = guided(copter(|t| t.angle_control = true));
         let [e, n, _] = f.config.vehicles[0].home_enu_m;
@@ -285,7 +285,7 @@ fn prop_a_quaternion_of_another_length_stops_the_vehicle_silently() {
 }
 
 #[test]
-fn prop_a_missing_ground_station_ends_guided_whatever_the_companion_sends() {
+fn spec_a_missing_ground_station_ends_guided_whatever_the_companion_sends() {
     for (enabled, after) in [(1.0, "RTL"), (0.0, "GUIDED")] {
         let mut f = guided(copter(|_| {}));
         set(&mut f, "FS_GCS_ENABLE", enabled);

@@ -3,9 +3,10 @@
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-use crate::config::{Diagnostics, Mission, TransmitterKind, Vehicle};
+use crate::config::{Diagnostics, Mission, Vehicle};
 use crate::link::Key;
 use crate::role::Role;
+use crate::transmitter::Kind;
 use crate::units::Watts;
 
 use super::{Exit, print_text};
@@ -105,8 +106,8 @@ fn summary(mission: &Mission, vehicles: &[(&Path, Vehicle)]) -> String {
         ),
     );
     for (path, vehicle) in vehicles {
-        let transmitter = match (vehicle.transmitter.kind, vehicle.transmitter.simulated) {
-            (TransmitterKind::None, _) => "no transmitter",
+        let transmitter = match (&vehicle.transmitter.kind, vehicle.transmitter.simulated) {
+            (Kind::None, _) => "no transmitter",
             (_, true) => "simulated transmitter",
             (_, false) => "real transmitter",
         };

@@ -12,9 +12,9 @@ use crate::config::{Mission, Vehicle};
 use crate::link::clock::Clock;
 use crate::link::{Key, LinkConfig, SigningConfig, TlogWriter};
 use crate::mission::Outcome;
+use crate::planning;
 use crate::transmitter::Transmitter;
 
-use super::planning::{mission_options, plan_mission};
 use super::{Exit, interrupt, load_mission};
 
 /// Names of the two links, in logs and file names.
@@ -114,7 +114,6 @@ fn companion(args: &Args, mission: Mission, vehicle: &Vehicle, clock: &Clock) ->
         }),
         None => None,
     };
-    let options = mission_options(&mission);
     let mut settings = settings(&mission, vehicle, boot_id(clock), args.start);
     allow_for_clock_rate(&mut settings, args.clock_rate);
     Ok(Companion {
@@ -126,9 +125,7 @@ fn companion(args: &Args, mission: Mission, vehicle: &Vehicle, clock: &Clock) ->
         ),
         transmitter: Transmitter::new(transmitter_settings(vehicle), clock.now()),
         settings,
-        planner: Box::new(move || {
-            plan_mission(&mission, &options).map(|timed| timed.plan).map_err(|error| error.to_string())
-        }),
+        planner: Box::new(move || planning::plan(&mission).map_err(|error| error.to_string())),
     })
 }
 

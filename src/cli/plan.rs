@@ -9,10 +9,11 @@ use crate::config::file::{unwritable, usable_directory, write_whole};
 use crate::config::{METHODS, Mission};
 use crate::planner::document::{PlanDocument, SlotDocument};
 use crate::planner::problem::Method;
+use crate::planning;
 use crate::role::Role;
 use crate::units::Watts;
 
-use super::planning::{certify_plan, document, mission_options, plan_mission};
+use super::planning::{certify_plan, document, plan_mission};
 use super::{Exit, load_mission, print_json, print_text};
 
 const AFTER_HELP: &str = "\
@@ -77,7 +78,7 @@ pub(super) fn run(args: &Args) -> Exit {
         eprintln!("error: {error}");
         return Exit::Unusable;
     }
-    let mut options = mission_options(&mission);
+    let mut options = planning::options(&mission);
     options.method = args.method.unwrap_or(options.method);
     options.seed = args.seed.unwrap_or(options.seed);
     options.threads = args.threads.into();

@@ -3,15 +3,13 @@
 use std::time::Duration;
 
 use crate::autopilot;
-use crate::config::{self, Mission, TransmitterKind, Vehicle};
+use crate::config::{Mission, Transmitter, Vehicle};
 use crate::link::Form;
 use crate::mission::{Scene, Settings};
 use crate::pair;
-use crate::role::{PerVehicle, Role};
-use crate::schedule::table::Timing;
-use crate::schedule::trajectory::Limits;
+use crate::role::Role;
 use crate::service::Ceilings;
-use crate::transmitter::{self, Kind, PowerParameter, Unit};
+use crate::transmitter;
 
 /// The longest jam lease and transmitter lease: the time in which everything falls silent by itself.
 pub const LEASE: Duration = Duration::from_millis(500);
@@ -26,7 +24,7 @@ pub const PEER_TIMEOUT: Duration = Duration::from_secs(3);
 pub fn settings(mission: &Mission, vehicle: &Vehicle, boot_id: u32, start_unasked: bool) -> Settings {
     let role = vehicle.role;
     let own = own(vehicle);
-    let limits = transit_limits(mission);
+    let limits = mission.transit_limits();
     let mut autopilot = autopilot::Settings::new(own, mission.origin);
     autopilot.autopilot_system = vehicle.autopilot.system_id;
     autopilot.rate_hz = vehicle.autopilot.rate_hz;
@@ -49,7 +47,7 @@ pub fn settings(mission: &Mission, vehicle: &Vehicle, boot_id: u32, start_unaske
         },
         airspace: mission.airspace.clone(),
         limits,
-        timing: timing(mission),
+        timing: mission.timing(),
         order: mission.tdma.order,
         jitter_rad: mission.jitter.std_rad,
         ceilings: Ceilings {
@@ -95,39 +93,13 @@ pub fn scheduling_allowance(rate: f64) -> Duration {
 #[must_use]
 pub fn transmitter_settings(vehicle: &Vehicle) -> transmitter::Settings {
     let own = own(vehicle);
-    let t = &vehicle.transmitter;
-    let kind = match (t.kind, &t.parameter) {
-        (TransmitterKind::Leased, _) => Kind::Leased { command: t.command },
-        (TransmitterKind::Parameter, Some(parameter)) => Kind::Parameter(power_parameter(parameter)),
-        (TransmitterKind::Parameter, None) | (TransmitterKind::None, _) => Kind::None,
-    };
+    let Transmitter { kind, component_id, .. } = &vehicle.transmitter;
     // J may have promised to jam before its companion died; its radio's own lease ends that promise.
     let first_off_after = match vehicle.role {
         Role::I => Duration::ZERO,
         Role::J => LEASE,
     };
-    transmitter::Settings { own, target: (own.0, t.component_id), kind, first_off_after }
-}
-
-/// What the slot table demands of each vehicle.
-#[must_use]
-pub fn transit_limits(mission: &Mission) -> PerVehicle<Limits> {
-    PerVehicle::from_fn(|role| {
-        let vehicle = &mission.vehicles[role];
-        Limits {
-            acceleration_m_s2: vehicle.acceleration_m_s2,
-            ..Limits::new(vehicle.speed_m_s, vehicle.climb_m_s, vehicle.tilt_rate_rad_s)
-        }
-    })
-}
-
-/// Lengths of slots and number of superframes.
-#[must_use]
-pub fn timing(mission: &Mission) -> Timing {
-    let tdma = &mission.tdma;
-    let seconds = Duration::from_secs_f64;
-    let timing = Timing::new(seconds(tdma.slot_s), seconds(tdma.guard_s), tdma.superframes);
-    Timing { settle: seconds(tdma.settle_s), ..timing }
+    transmitter::Settings { own, target: (own.0, *component_id), kind: kind.clone(), first_off_after }
 }
 
 /// The companion's own MAVLink system and component.
@@ -138,19 +110,4 @@ fn own(vehicle: &Vehicle) -> (u8, u8) {
         Role::J => 2,
     };
     (vehicle.autopilot.system_id.unwrap_or(default), vehicle.autopilot.component_id)
-}
-
-fn power_parameter(parameter: &config::PowerParameter) -> PowerParameter {
-    let unit = match parameter.unit {
-        config::PowerUnit::Watt => Unit::Watt,
-        config::PowerUnit::Milliwatt => Unit::Milliwatt,
-        config::PowerUnit::Dbm => Unit::Dbm,
-        config::PowerUnit::Levels => Unit::Levels(parameter.levels.clone()),
-    };
-    PowerParameter {
-        name: parameter.name.clone(),
-        protocol: parameter.protocol,
-        unit,
-        off_value: parameter.off_value,
-    }
 }

@@ -200,7 +200,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn val_columns_are_characters_and_never_split_one() {
+    fn spec_columns_are_characters_and_never_split_one() {
         let text = "a = 1\nč = \"žluť\"";
         let lines = Lines::of(text);
         for (offset, place) in
@@ -212,7 +212,7 @@ mod tests {
     }
 
     #[test]
-    fn val_an_error_is_shown_with_its_line_a_caret_and_the_remedy() {
+    fn spec_an_error_is_shown_with_its_line_a_caret_and_the_remedy() {
         let mut all = Diagnostics::new("m.toml", "[tdma]\nslot_s = -1\n".into());
         all.push(Severity::Error, 16..18, "too short".to_owned(), "make it longer".to_owned());
         assert_eq!(

@@ -4,10 +4,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use serde_json::Value as Json;
-use toml::de::DeTable;
 
 use super::diagnostic::{Diagnostics, Severity, Span};
-use super::reader::Section;
 
 /// A file that has been read: kept for what is said about it later, and for its digest.
 #[derive(Debug, Clone)]
@@ -20,9 +18,19 @@ pub(crate) struct Document {
     failed: BTreeSet<String>,
     /// Every setting that holds a value, defaults included, with its canonical form, in reading order.
     pub(crate) settings: Vec<(String, Json)>,
-    /// The same file is read without a document, to collect the schema.
-    pub(crate) describing: bool,
+    pub(crate) source: Source,
     findings: Vec<Finding>,
+}
+
+/// Where settings come from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Source {
+    /// From the text of a file.
+    Text,
+    /// From values that somebody filled in. There is no text, and all places are its start.
+    Values,
+    /// From nowhere: the declarations are walked through to collect the schema.
+    Schema,
 }
 
 /// Something found before it is known to be worth telling.
@@ -37,36 +45,26 @@ struct Finding {
 }
 
 impl Document {
-    fn new(file: &str, text: Arc<str>, describing: bool) -> Self {
+    pub(crate) fn new(file: &str, text: Arc<str>, source: Source) -> Self {
         Self {
             file: file.to_owned(),
             text,
             spans: BTreeMap::new(),
             failed: BTreeSet::new(),
             settings: Vec::new(),
-            describing,
+            source,
             findings: Vec::new(),
         }
     }
 
-    /// Reads `text` by `describe`, then checks what it gave by `check`.
-    pub(crate) fn read<T>(
-        file: &str,
-        text: &str,
-        describe: impl FnOnce(&mut Section<'_, '_>) -> T,
-        check: impl FnOnce(&T, &mut Self),
-    ) -> (T, Self, Diagnostics) {
-        let text: Arc<str> = text.into();
-        let (root, syntax_errors) = DeTable::parse_recoverable(&text);
-        let mut document = Self::new(file, Arc::clone(&text), false);
-        let (value, _) = Section::root(&mut document, Some(root.get_ref())).describe(describe);
-        check(&value, &mut document);
-
-        let mut all = Diagnostics::new(file, Arc::clone(&text));
-        let syntax: Vec<Finding> = syntax_errors.iter().map(|error| syntax_finding(error, &text)).collect();
+    /// Puts the findings, in the order of the text, with what its syntax is wrong about.
+    pub(crate) fn finish(&mut self, syntax_errors: &[toml::de::Error]) -> Diagnostics {
+        let mut all = Diagnostics::new(&self.file, Arc::clone(&self.text));
+        let syntax: Vec<Finding> =
+            syntax_errors.iter().map(|error| syntax_finding(error, &self.text)).collect();
         let bad_lines: BTreeSet<usize> =
             syntax.iter().map(|finding| all.line_of(finding.span.start)).collect();
-        let mut findings = std::mem::take(&mut document.findings);
+        let mut findings = std::mem::take(&mut self.findings);
         // What recovery put in the place of a broken value, or lost, says nothing about the file.
         findings.retain(|found| {
             bad_lines.is_empty() || !(found.absence || bad_lines.contains(&all.line_of(found.span.start)))
@@ -76,13 +74,18 @@ impl Document {
         for Finding { severity, span, message, help, .. } in findings {
             all.push(severity, span, message, help);
         }
-        (value, document, all)
+        all
     }
 
-    /// The JSON Schema of what `describe` reads.
-    pub(crate) fn schema<T>(describe: impl FnOnce(&mut Section<'_, '_>) -> T) -> Json {
-        let mut document = Self::new("", "".into(), true);
-        Section::root(&mut document, None).describe(describe).1
+    /// The settings as the text of a file that says the same.
+    pub(crate) fn to_toml(&self) -> String {
+        let mut root = toml::Table::new();
+        for (path, value) in &self.settings {
+            if let Ok(value) = toml::Value::try_from(value) {
+                insert(&mut root, path, value);
+            }
+        }
+        root.to_string()
     }
 
     pub(crate) fn place(&mut self, path: &str, span: Span) {
@@ -168,4 +171,27 @@ fn syntax_finding(error: &toml::de::Error, text: &str) -> Finding {
     };
     let help = help.to_owned();
     Finding { severity: Severity::Error, span, message, help, absence: false }
+}
+
+/// Puts a value where a path such as `tdma.slot_s` or `user[0].name` leads.
+fn insert(table: &mut toml::Table, path: &str, value: toml::Value) {
+    let Some((head, rest)) = path.split_once('.') else {
+        table.insert(path.to_owned(), value);
+        return;
+    };
+    let empty = || toml::Value::Table(toml::Table::new());
+    let inner = match head.split_once('[') {
+        None => Some(table.entry(head).or_insert_with(empty)),
+        Some((name, _)) => {
+            let list = table.entry(name).or_insert_with(|| toml::Value::Array(Vec::new()));
+            let index = head[name.len()..].trim_matches(['[', ']']).parse().unwrap_or(0_usize);
+            list.as_array_mut().and_then(|list| {
+                list.resize_with(list.len().max(index + 1), empty);
+                list.get_mut(index)
+            })
+        }
+    };
+    if let Some(inner) = inner.and_then(toml::Value::as_table_mut) {
+        insert(inner, rest, value);
+    }
 }

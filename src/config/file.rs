@@ -127,7 +127,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn val_a_file_that_cannot_be_written_is_told_with_its_remedy() {
+    fn spec_a_file_that_cannot_be_written_is_told_with_its_remedy() {
         let directory = std::env::temp_dir().join(format!("veilwing-file-{}", std::process::id()));
         assert_eq!(usable_directory(&directory), Ok(()));
         let path = directory.join("plan.json");

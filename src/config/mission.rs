@@ -1,26 +1,52 @@
 //! The mission file: the same on both vehicles.
 
+use std::f64::consts::PI;
+use std::ops::Deref;
 use std::path::Path;
+use std::time::Duration;
 
 use serde_json::Value as Json;
 use sha2::{Digest, Sha256};
 
 use super::diagnostic::{Diagnostics, Severity};
 use super::document::Document;
+use super::draft::{EavesdropperDraft, Emission, MissionDraft, NodeDraft, PlannerSettings, RadioDraft, Tdma};
 use super::file::{MAX_BYTES, read_text};
-use super::{mission_checks, mission_file};
+use super::mission_file::NOWHERE;
+use super::reader::Section;
+use super::{mission_checks, mission_file, reading};
 use crate::geo::{Enu, Geodetic};
-use crate::planner::problem::{
-    Airframe, Airspace, Eavesdropper, Jitter, Method, Objective, Problem, Radio, Uncertainty, VehicleModel,
-};
+use crate::planner::problem::{Airframe, Airspace, Eavesdropper, Jitter, Problem, Radio, VehicleModel};
 use crate::planner::{PlanError, cap};
 use crate::role::{PerVehicle, Role};
-use crate::schedule::order::Order;
-use crate::time::Utc;
+use crate::schedule::table::Timing;
+use crate::schedule::trajectory::Limits;
 
-/// A validated mission. SI units, angles in radians, positions ENU about [`Mission::origin`].
+/// Speed of light in m/s.
+const C_M_S: f64 = 299_792_458.0;
+
+/// A validated mission. It cannot be changed, so that its digest is always that of its settings, which are read as its own
+/// fields ([`Settled`]). [`Mission::changed`] makes another mission.
 #[derive(Debug, Clone)]
 pub struct Mission {
+    settled: Settled,
+    draft: MissionDraft,
+    /// What the operator should know although the mission can be flown. No errors.
+    pub warnings: Diagnostics,
+    document: Document,
+}
+
+impl Deref for Mission {
+    type Target = Settled;
+
+    fn deref(&self) -> &Settled {
+        &self.settled
+    }
+}
+
+/// The settings of a validated mission. SI units, angles in radians, positions ENU about [`Settled::origin`].
+#[derive(Debug, Clone)]
+pub struct Settled {
     /// Name of the mission.
     pub name: String,
     /// Seed of everything random in planning.
@@ -49,20 +75,6 @@ pub struct Mission {
     pub eavesdroppers: Vec<NamedEavesdropper>,
     /// How slots are planned.
     pub planner: PlannerSettings,
-    /// What the operator should know although the mission can be flown. No errors.
-    pub warnings: Diagnostics,
-    pub(super) document: Document,
-}
-
-/// The permission to radiate.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Emission {
-    /// Who permitted it.
-    pub authorised_by: String,
-    /// Lowest and highest frequency in Hz.
-    pub band_hz: [f64; 2],
-    /// Ceiling over every other power, in W.
-    pub max_power_w: f64,
 }
 
 /// What must be known of a vehicle to plan for it and to time its transits; both companions use the same values.
@@ -84,23 +96,6 @@ pub struct VehicleSettings {
     pub home_enu_m: Option<Enu>,
 }
 
-/// The slot table.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Tdma {
-    /// Length of a slot in seconds, without the transit before it.
-    pub slot_s: f64,
-    /// The part of a slot in which nobody radiates, in seconds, half of it at each end; shorter than a slot.
-    pub guard_s: f64,
-    /// Time to come to rest and catch up after each transit, in seconds.
-    pub settle_s: f64,
-    /// In which order users are served.
-    pub order: Order,
-    /// How often the whole list of users is served.
-    pub superframes: u16,
-    /// When the transit to the first slot begins; `None`: when the operator says so.
-    pub start_utc: Option<Utc>,
-}
-
 /// A ground user.
 #[derive(Debug, Clone, PartialEq)]
 pub struct User {
@@ -117,17 +112,6 @@ pub struct NamedEavesdropper {
     pub name: String,
     /// What the planner knows of it.
     pub node: Eavesdropper,
-}
-
-/// How slots are planned.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct PlannerSettings {
-    /// The planning method.
-    pub method: Method,
-    /// What is maximised over uncertain positions.
-    pub objective: Objective,
-    /// The desired yaw is a variable instead of 0.
-    pub free_yaw: bool,
 }
 
 /// Which limit holds a transmitter's power down.
@@ -175,11 +159,45 @@ impl Mission {
     /// # Errors
     /// Everything that is wrong with the text, each with its place and remedy.
     pub fn parse(file_name: &str, text: &str) -> Result<Self, Diagnostics> {
-        let (draft, document, findings) =
-            Document::read(file_name, text, mission_file::describe, mission_checks::check);
-        let mission = draft.into_mission(findings.into_result()?, document);
+        let describe = |s: &mut Section<'_, '_>| {
+            let mut draft = MissionDraft::default();
+            mission_file::describe(s, &mut draft);
+            draft
+        };
+        Self::settle(reading::text(file_name, text, describe, mission_checks::check))
+    }
+
+    /// Validates a mission that was filled in instead of read: every range and every check is the file's.
+    ///
+    /// # Errors
+    /// Everything that is wrong with it, by the settings' paths.
+    pub fn new(draft: MissionDraft) -> Result<Self, Diagnostics> {
+        Self::settle(reading::values("mission", draft, mission_file::describe, mission_checks::check))
+    }
+
+    /// Another mission, with some settings changed: checked anew, and with a digest of its own.
+    ///
+    /// # Errors
+    /// Everything that is wrong with the changed one.
+    pub fn changed(&self, change: impl FnOnce(&mut MissionDraft)) -> Result<Self, Diagnostics> {
+        let mut draft = self.draft.clone();
+        change(&mut draft);
+        Self::new(draft)
+    }
+
+    fn settle(
+        (draft, document, findings): (MissionDraft, Document, Diagnostics),
+    ) -> Result<Self, Diagnostics> {
+        let warnings = findings.into_result()?;
+        let mission = Self { settled: in_si_units(&draft), draft, warnings, document };
         mission.check_with_the_planner()?;
         Ok(mission)
+    }
+
+    /// Whether the origin was given: where it was not, nothing real may rest on it.
+    #[must_use]
+    pub fn has_origin(&self) -> bool {
+        self.draft.origin.is_some()
     }
 
     /// A file that passes can be planned: what only several numbers together make impossible, the planner knows.
@@ -201,7 +219,7 @@ impl Mission {
     /// The JSON Schema of the mission file.
     #[must_use]
     pub fn schema() -> Json {
-        Document::schema(mission_file::describe)
+        reading::schema(|s| mission_file::describe(s, &mut MissionDraft::default()))
     }
 
     /// What the planner is asked for one user. `None` if there is no such user.
@@ -236,9 +254,25 @@ impl Mission {
         }
     }
 
-    /// SHA-256 over what the file means: every setting in its canonical form, defaults filled in. Comments,
+    /// What the slot table demands of each vehicle.
+    #[must_use]
+    pub fn transit_limits(&self) -> PerVehicle<Limits> {
+        self.vehicles.map(|vehicle| Limits {
+            acceleration_m_s2: vehicle.acceleration_m_s2,
+            ..Limits::new(vehicle.speed_m_s, vehicle.climb_m_s, vehicle.tilt_rate_rad_s)
+        })
+    }
+
+    /// Lengths of slots and number of superframes.
+    #[must_use]
+    pub fn timing(&self) -> Timing {
+        let seconds = Duration::from_secs_f64;
+        let Tdma { slot_s, guard_s, settle_s, superframes, .. } = self.tdma;
+        Timing { settle: seconds(settle_s), ..Timing::new(seconds(slot_s), seconds(guard_s), superframes) }
+    }
+
+    /// SHA-256 over what the mission means: every setting in its canonical form, defaults filled in. Comments,
     /// formatting and the order of tables and keys do not matter; the order of users and eavesdroppers does.
-    /// It is the file's: fields changed afterwards do not change it.
     #[must_use]
     pub fn digest(&self) -> [u8; 32] {
         let mut hash = Sha256::new();
@@ -272,74 +306,46 @@ impl Mission {
     }
 }
 
-/// A mission as read, before anything is known to be right.
-pub(super) struct Draft {
-    pub(super) name: String,
-    pub(super) seed: u64,
-    pub(super) origin: Geodetic,
-    pub(super) emission: Option<Emission>,
-    pub(super) radio: Radio,
-    pub(super) carrier_hz: Option<f64>,
-    pub(super) airspace: Airspace,
-    pub(super) airspace_max_tilt_rad: f64,
-    pub(super) vehicles: PerVehicle<VehicleSettings>,
-    pub(super) jitter: Jitter,
-    pub(super) tdma: Tdma,
-    pub(super) users: Vec<(String, Position)>,
-    pub(super) eavesdroppers: Vec<(String, Position, Uncertainty)>,
-    pub(super) planner: PlannerSettings,
-}
-
-/// A node's position as the file gives it.
-#[derive(Debug, Clone, Copy)]
-pub(super) enum Position {
-    /// In the mission frame.
-    Enu(Enu),
-    /// Latitude and longitude in degrees, altitude in metres above the origin.
-    Geodetic(Geodetic),
-}
-
-impl Position {
-    /// The position in the frame about `origin`.
-    pub(super) fn enu(self, origin: Geodetic) -> Enu {
-        match self {
-            Self::Enu(position) => position,
-            Self::Geodetic(point) => Geodetic { alt_m: point.alt_m + origin.alt_m, ..point }.to_enu(origin),
-        }
-    }
-}
-
-impl Draft {
-    fn into_mission(self, warnings: Diagnostics, document: Document) -> Mission {
-        let origin = self.origin;
-        Mission {
-            name: self.name,
-            seed: self.seed,
-            origin,
-            emission: self.emission,
-            radio: self.radio,
-            carrier_hz: self.carrier_hz,
-            airspace: self.airspace,
-            airspace_max_tilt_rad: self.airspace_max_tilt_rad,
-            vehicles: self.vehicles,
-            jitter: self.jitter,
-            tdma: self.tdma,
-            users: self
-                .users
-                .into_iter()
-                .map(|(name, at)| User { name, position_enu_m: at.enu(origin) })
-                .collect(),
-            eavesdroppers: self
-                .eavesdroppers
-                .into_iter()
-                .map(|(name, at, uncertainty)| NamedEavesdropper {
-                    name,
-                    node: Eavesdropper { position_enu_m: at.enu(origin), uncertainty },
-                })
-                .collect(),
-            planner: self.planner,
-            warnings,
-            document,
-        }
+/// A draft that passed, in SI units.
+fn in_si_units(draft: &MissionDraft) -> Settled {
+    let origin = draft.origin.unwrap_or(NOWHERE);
+    let RadioDraft { bandwidth_hz, noise_power_w, max_power_w, carrier_hz, .. } = draft.radio;
+    let reference_gain = carrier_hz.map_or(draft.radio.reference_gain, |carrier_hz| {
+        let gains_dbi = draft.radio.tx_gain_dbi + draft.radio.rx_gain_dbi;
+        (C_M_S / carrier_hz / (4.0 * PI)).powi(2) * 10f64.powf(gains_dbi / 10.0)
+    });
+    let user =
+        |user: &NodeDraft| User { name: user.name.clone(), position_enu_m: user.position().enu(origin) };
+    let eavesdropper = |e: &EavesdropperDraft| NamedEavesdropper {
+        name: e.node.name.clone(),
+        node: Eavesdropper { position_enu_m: e.node.position().enu(origin), uncertainty: e.uncertainty() },
+    };
+    Settled {
+        name: draft.name.clone(),
+        seed: draft.seed,
+        origin,
+        emission: draft.emission.clone(),
+        radio: Radio { bandwidth_hz, noise_power_w, max_power_w, reference_gain },
+        carrier_hz,
+        airspace: draft.airspace.clone(),
+        airspace_max_tilt_rad: draft.airspace_max_tilt_deg.to_radians(),
+        vehicles: draft.vehicles.map(|vehicle| VehicleSettings {
+            airframe: vehicle.airframe,
+            max_tilt_rad: vehicle.max_tilt_deg.to_radians(),
+            speed_m_s: vehicle.speed_m_s,
+            climb_m_s: vehicle.climb_m_s,
+            acceleration_m_s2: vehicle.acceleration_m_s2,
+            tilt_rate_rad_s: vehicle.tilt_rate_deg_s.to_radians(),
+            home_enu_m: vehicle.home_enu_m,
+        }),
+        jitter: Jitter {
+            std_rad: draft.jitter.std_deg.to_radians(),
+            model: draft.jitter.model,
+            axes: draft.jitter.axes,
+        },
+        tdma: draft.tdma,
+        users: draft.users.iter().map(user).collect(),
+        eavesdroppers: draft.eavesdroppers.iter().map(eavesdropper).collect(),
+        planner: draft.planner,
     }
 }

@@ -3,10 +3,11 @@
 use std::collections::BTreeMap;
 
 use super::document::Document;
-use super::mission::{Draft, Position};
-use super::mission_file::FAR_M;
-use super::polygon;
+use super::draft::{EavesdropperDraft, MissionDraft, Position};
+use super::mission_file::{FAR_M, NOWHERE};
+use crate::geo::polygon::{Polygon, check_simple};
 use crate::geo::{Enu, Geodetic};
+use crate::planner::problem::Airspace;
 use crate::role::Role;
 
 pub(super) const ORIGIN: &str = "mission.origin";
@@ -14,12 +15,12 @@ pub(super) const ORIGIN_HELP: &str =
     "give [mission] origin = { lat_deg = ..., lon_deg = ..., alt_amsl_m = ... }";
 
 /// Adds what is wrong with the settings together. Settings already refused are left out.
-pub(super) fn check(draft: &Draft, file: &mut Document) {
+pub(super) fn check(draft: &MissionDraft, file: &mut Document) {
     origin(file);
     airspace(draft, file);
     emission(draft, file);
-    names(draft.users.iter().map(|(name, _)| name), "user", file);
-    names(draft.eavesdroppers.iter().map(|(name, ..)| name), "eavesdropper", file);
+    names(draft.users.iter().map(|user| &user.name), "user", file);
+    names(draft.eavesdroppers.iter().map(|e| &e.node.name), "eavesdropper", file);
     nodes(draft, file);
     homes(draft, file);
     tdma(draft, file);
@@ -35,7 +36,7 @@ fn origin(file: &mut Document) {
     }
 }
 
-fn airspace(draft: &Draft, file: &mut Document) {
+fn airspace(draft: &MissionDraft, file: &mut Document) {
     const BAND: &str = "airspace.altitude_m";
     const AREA: &str = "airspace.area_enu_m";
     const SEPARATION: &str = "airspace.min_separation_m";
@@ -48,13 +49,15 @@ fn airspace(draft: &Draft, file: &mut Document) {
         refuse(file, BAND, message, "write [lowest, highest], in metres above the mission origin");
     }
     if file.sound(&[AREA])
-        && let Err(error) = polygon::check(&airspace.area_enu_m)
+        && let Err(error) = check_simple(&airspace.area_enu_m)
     {
         let help = "list the corners once each, in order around the area, at least three of them";
         refuse(file, AREA, format!("`area_enu_m` {error}"), help);
     }
-    if file.sound(&[BAND, AREA, SEPARATION]) {
-        let widest = polygon::diameter_m(&airspace.area_enu_m).hypot(high - low);
+    if file.sound(&[BAND, AREA, SEPARATION])
+        && let Ok(area) = Polygon::new(&airspace.area_enu_m)
+    {
+        let widest = area.diameter_m().hypot(high - low);
         if airspace.min_separation_m > widest {
             let message = format!(
                 "`min_separation_m` of {} m cannot be met: no two points of the airspace are further apart than {widest:.1} m",
@@ -65,7 +68,7 @@ fn airspace(draft: &Draft, file: &mut Document) {
     }
 }
 
-fn emission(draft: &Draft, file: &mut Document) {
+fn emission(draft: &MissionDraft, file: &mut Document) {
     const BAND: &str = "emission.band_hz";
     let Some(emission) = &draft.emission else { return };
     let [low, high] = emission.band_hz;
@@ -75,7 +78,7 @@ fn emission(draft: &Draft, file: &mut Document) {
         );
         refuse(file, BAND, message, "write [lowest, highest], in Hz");
     }
-    if let Some(carrier_hz) = draft.carrier_hz
+    if let Some(carrier_hz) = draft.radio.carrier_hz
         && file.sound(&[BAND, "radio.carrier_hz", "radio.bandwidth_hz"])
     {
         let half_hz = draft.radio.bandwidth_hz / 2.0;
@@ -112,35 +115,36 @@ fn names<'n>(names: impl Iterator<Item = &'n String>, kind: &str, file: &mut Doc
     }
 }
 
-fn nodes(draft: &Draft, file: &mut Document) {
-    let users = draft.users.iter().enumerate().map(|(index, (_, at))| ("user", index, *at));
+fn nodes(draft: &MissionDraft, file: &mut Document) {
+    let users = draft.users.iter().enumerate().map(|(index, user)| ("user", index, user));
     let eavesdroppers =
-        draft.eavesdroppers.iter().enumerate().map(|(index, (_, at, _))| ("eavesdropper", index, *at));
-    for (kind, index, position) in users.chain(eavesdroppers) {
+        draft.eavesdroppers.iter().enumerate().map(|(index, e)| ("eavesdropper", index, &e.node));
+    for (kind, index, at) in users.chain(eavesdroppers) {
         let path = format!("{kind}[{index}]");
         if file.sound(&[&path]) {
-            node(draft, file, kind, &path, position);
+            node(draft, file, kind, &path, at.position());
         }
     }
-    let users: Vec<Enu> = draft.users.iter().map(|(_, at)| at.enu(draft.origin)).collect();
-    for (index, (name, at, _)) in draft.eavesdroppers.iter().enumerate() {
-        let at = at.enu(draft.origin);
+    let origin = draft.origin.unwrap_or(NOWHERE);
+    let users: Vec<Enu> = draft.users.iter().map(|user| user.position().enu(origin)).collect();
+    for (index, EavesdropperDraft { node, .. }) in draft.eavesdroppers.iter().enumerate() {
+        let at = node.position().enu(origin);
         let path = format!("eavesdropper[{index}]");
         if let Some(user) = users.iter().position(|user| *user == at)
             && file.sound(&[&format!("user[{user}]"), &path])
         {
             let message = format!(
-                "eavesdropper {name:?} stands where user {:?} does: no secrecy is possible",
-                draft.users[user].0
+                "eavesdropper {:?} stands where user {:?} does: no secrecy is possible",
+                node.name, draft.users[user].name
             );
             file.warning(file.at(&path), message, "check both positions".to_owned());
         }
     }
 }
 
-fn node(draft: &Draft, file: &mut Document, kind: &str, path: &str, position: Position) {
+fn node(draft: &MissionDraft, file: &mut Document, kind: &str, path: &str, position: Position) {
     let place = |key: &str| format!("{path}.{key}");
-    let enu = position.enu(draft.origin);
+    let enu = position.enu(draft.origin.unwrap_or(NOWHERE));
     let key = match position {
         Position::Enu(_) => place("enu_m"),
         Position::Geodetic(_) => place("lat_deg"),
@@ -171,7 +175,7 @@ fn node(draft: &Draft, file: &mut Document, kind: &str, path: &str, position: Po
         }
     }
     let [low, high] = draft.airspace.altitude_m;
-    let inside = (low..=high).contains(&enu.z) && polygon::contains(&draft.airspace.area_enu_m, enu.xy());
+    let inside = (low..=high).contains(&enu.z) && encloses(&draft.airspace, enu);
     if file.sound(&["airspace.altitude_m", "airspace.area_enu_m"]) && inside {
         let message = format!(
             "the {kind} stands inside the airspace, at {} m of {low} to {high} m: a vehicle could meet it",
@@ -186,14 +190,13 @@ fn node(draft: &Draft, file: &mut Document, kind: &str, path: &str, position: Po
     }
 }
 
-fn homes(draft: &Draft, file: &mut Document) {
+fn homes(draft: &MissionDraft, file: &mut Document) {
     let homes = draft.vehicles.map(|vehicle| vehicle.home_enu_m);
     for role in Role::BOTH {
         let path = if role == Role::I { "vehicles.i.home_enu_m" } else { "vehicles.j.home_enu_m" };
-        let inside = |home: Enu| polygon::contains(&draft.airspace.area_enu_m, home.xy());
         if let Some(home) = homes[role]
             && file.sound(&[path, "airspace.area_enu_m"])
-            && !inside(home)
+            && !encloses(&draft.airspace, home)
         {
             let message =
                 format!("the home of {role}, [{}, {}] m, lies outside `area_enu_m`", home.x, home.y);
@@ -218,7 +221,12 @@ fn homes(draft: &Draft, file: &mut Document) {
     }
 }
 
-fn tdma(draft: &Draft, file: &mut Document) {
+/// Whether a point is above, in or below the area.
+fn encloses(airspace: &Airspace, point: Enu) -> bool {
+    Polygon::new(&airspace.area_enu_m).is_ok_and(|area| area.encloses(point.xy()))
+}
+
+fn tdma(draft: &MissionDraft, file: &mut Document) {
     let tdma = draft.tdma;
     if file.sound(&["tdma.slot_s", "tdma.guard_s"]) && tdma.guard_s >= tdma.slot_s {
         let path = if file.given("tdma.guard_s") { "tdma.guard_s" } else { "tdma.slot_s" };
@@ -234,8 +242,8 @@ fn tdma(draft: &Draft, file: &mut Document) {
     }
 }
 
-fn hints(draft: &Draft, file: &mut Document) {
-    if file.sound(&["jitter"]) && draft.jitter.std_rad == 0.0 {
+fn hints(draft: &MissionDraft, file: &mut Document) {
+    if file.sound(&["jitter"]) && draft.jitter.std_deg == 0.0 {
         let message = "`std_deg` is 0: plans will trust attitudes that no vehicle holds".to_owned();
         file.warning(
             file.at("jitter.std_deg"),

@@ -5,7 +5,7 @@ use serde_json::{Map, Value as Json, json};
 use toml::de::{DeTable, DeValue};
 
 use super::diagnostic::Span;
-use super::document::Document;
+use super::document::{Document, Source};
 use super::kind::{Fault, Item, Kind, miscount, nearest};
 
 /// Most `[[tables]]` of one name. Far above any mission, and low enough that checking each against each is quick.
@@ -55,38 +55,67 @@ impl<'c, 'd> Section<'c, 'd> {
         (value, schema)
     }
 
-    /// A setting with a default.
-    pub(crate) fn read<K: Kind>(
+    /// A setting with a default: what `value` holds, unless the file says otherwise. A draft's value is checked.
+    pub(crate) fn set<K: Kind>(&mut self, key: &'static str, sentence: &str, kind: K, value: &mut K::Out) {
+        let default = kind.canonical(value);
+        self.check(key, &kind, value);
+        if let Some(given) = self.value(key, &kind, Some(&default)) {
+            *value = given;
+        }
+        self.record(key, &kind, Some(value));
+        let mut schema = kind.schema();
+        schema["default"] = default;
+        self.property(key, sentence, schema);
+    }
+
+    /// A setting that may be left unset.
+    pub(crate) fn set_optional<K: Kind>(
         &mut self,
         key: &'static str,
         sentence: &str,
         kind: K,
-        default: K::Out,
-    ) -> K::Out {
-        let default_json = kind.canonical(&default);
-        let value = self.value(key, &kind, Some(&default_json)).unwrap_or(default);
-        self.record(key, &kind, Some(&value));
-        let mut schema = kind.schema();
-        schema["default"] = default_json;
-        self.property(key, sentence, schema);
-        value
+        value: &mut Option<K::Out>,
+    ) {
+        if self.document.source == Source::Values {
+            if let Some(value) = value {
+                self.present(key);
+                self.check(key, &kind, value);
+            }
+        } else {
+            *value = self.value(key, &kind, None);
+        }
+        self.record(key, &kind, value.as_ref());
+        self.property(key, sentence, kind.schema());
+    }
+
+    /// A setting that must be given. A draft holds one in any case.
+    pub(crate) fn set_required<K: Kind<Out: Clone>>(
+        &mut self,
+        key: &'static str,
+        sentence: &str,
+        kind: K,
+        value: &mut K::Out,
+    ) {
+        let expected = kind.expected();
+        self.require(key, || format!("add `{key} = ...`: {expected}"));
+        let mut given = (self.document.source == Source::Values).then(|| value.clone());
+        self.set_optional(key, sentence, kind, &mut given);
+        if let Some(given) = given {
+            *value = given;
+        }
     }
 
     /// A setting that may be left unset.
     pub(crate) fn optional<K: Kind>(&mut self, key: &'static str, sentence: &str, kind: K) -> Option<K::Out> {
-        let value = self.value(key, &kind, None);
-        self.record(key, &kind, value.as_ref());
-        self.property(key, sentence, kind.schema());
+        let mut value = None;
+        self.set_optional(key, sentence, kind, &mut value);
         value
     }
 
     /// A setting that must be given.
     pub(crate) fn required<K: Kind>(&mut self, key: &'static str, sentence: &str, kind: K) -> Option<K::Out> {
-        self.required.push(key);
-        if self.item(key).is_none() {
-            let help = format!("add `{key} = ...`: {}", kind.expected());
-            self.missing(key, &help);
-        }
+        let expected = kind.expected();
+        self.require(key, || format!("add `{key} = ...`: {expected}"));
         self.optional(key, sentence, kind)
     }
 
@@ -111,23 +140,60 @@ impl<'c, 'd> Section<'c, 'd> {
         sentence: &str,
         f: impl FnOnce(&mut Section<'_, '_>) -> T,
     ) -> T {
-        self.required.push(key);
-        if self.item(key).is_none() {
-            let help = format!("add a [{}] table", self.path_of(key));
-            self.missing(key, &help);
-        }
+        let path = self.path_of(key);
+        self.require(key, || format!("add a [{path}] table"));
         self.table(key, sentence, f)
     }
 
     /// A table that means something by being there.
-    pub(crate) fn optional_table<T>(
+    pub(crate) fn set_optional_table<T: Default>(
         &mut self,
         key: &'static str,
         sentence: &str,
-        f: impl FnOnce(&mut Section<'_, '_>) -> T,
-    ) -> Option<T> {
-        let there = self.ask(key).is_some();
-        (there || self.document.describing).then(|| self.table(key, sentence, f)).filter(|_| there)
+        value: &mut Option<T>,
+        f: impl FnOnce(&mut Section<'_, '_>, &mut T),
+    ) {
+        let there = match self.document.source {
+            Source::Values => value.is_some(),
+            Source::Text | Source::Schema => self.ask(key).is_some(),
+        };
+        if there {
+            self.present(key);
+            self.table(key, sentence, |s| f(s, value.get_or_insert_default()));
+        } else if self.document.source == Source::Schema {
+            self.table(key, sentence, |s| f(s, &mut T::default()));
+        }
+    }
+
+    /// `[[key]]` tables; a file's are made by `new`, which is given their index.
+    pub(crate) fn set_tables<T>(
+        &mut self,
+        key: &'static str,
+        sentence: &str,
+        at_least: usize,
+        values: &mut Vec<T>,
+        new: impl Fn(usize) -> T,
+        mut f: impl FnMut(&mut Section<'_, '_>, &mut T),
+    ) {
+        if self.document.source != Source::Values {
+            *values = self.tables(key, sentence, at_least, |s, index| {
+                let mut value = new(index);
+                f(s, &mut value);
+                value
+            });
+            return;
+        }
+        self.present(key);
+        if let Some(clause) = miscount(values.len(), at_least, MOST_TABLES) {
+            let path = self.path_of(key);
+            let message = format!("the list of `{path}` {clause}");
+            self.refuse(&path, 0..0, message, format!("give one of `{path}` for each"));
+        }
+        for (index, value) in values.iter_mut().enumerate() {
+            let path = format!("{}[{index}]", self.path_of(key));
+            self.document.place(&path, 0..0);
+            Section::at_path(self.document, None, path).describe(|s| f(s, value));
+        }
     }
 
     /// `[[key]]` tables, from `at_least` to [`MOST_TABLES`] of them; `f` is given each one's index.
@@ -138,7 +204,7 @@ impl<'c, 'd> Section<'c, 'd> {
         at_least: usize,
         mut f: impl FnMut(&mut Section<'_, '_>, usize) -> T,
     ) -> Vec<T> {
-        if self.document.describing {
+        if self.document.source == Source::Schema {
             let (_, each) = Section::at_path(self.document, None, self.path_of(key)).describe(|s| f(s, 0));
             self.property(
                 key,
@@ -210,7 +276,7 @@ impl<'c, 'd> Section<'c, 'd> {
         self.rules.push(json!({ "oneOf": choices }));
 
         let given: Vec<&[&str]> =
-            groups.iter().copied().filter(|keys| keys.iter().any(|key| self.item(key).is_some())).collect();
+            groups.iter().copied().filter(|keys| keys.iter().any(|key| self.given(key))).collect();
         let all: Vec<String> = groups.iter().map(|keys| quoted(keys)).collect();
         match given.as_slice() {
             [] if needed => {
@@ -229,13 +295,13 @@ impl<'c, 'd> Section<'c, 'd> {
     /// These two keys may not both be given.
     pub(crate) fn excludes(&mut self, second: &'static str, first: &'static str) {
         self.rules.push(json!({ "not": { "required": [first, second] } }));
-        if self.item(first).is_some() && self.item(second).is_some() {
+        if self.given(first) && self.given(second) {
             self.refuse_second(&[first], &[second]);
         }
     }
 
     fn refuse_second(&mut self, first: &[&str], second: &[&str]) {
-        let key = second.iter().copied().find(|key| self.item(key).is_some()).unwrap_or_default();
+        let key = second.iter().copied().find(|key| self.given(key)).unwrap_or_default();
         let message = format!("{} is given together with {}", quoted(second), quoted(first));
         let span = self.document.at(&self.path_of(key));
         let path = self.path.clone();
@@ -248,13 +314,58 @@ impl<'c, 'd> Section<'c, 'd> {
     }
 
     fn need_all(&mut self, keys: &[&str]) {
-        let (there, absent): (Vec<&str>, Vec<&str>) = keys.iter().partition(|key| self.item(key).is_some());
+        let (there, absent): (Vec<&str>, Vec<&str>) = keys.iter().partition(|key| self.given(key));
         if let ([first, ..], [_, ..]) = (there.as_slice(), absent.as_slice()) {
             let span = self.document.at(&self.path_of(first));
             let path = self.path.clone();
             self.document.fail(&path);
             let message = format!("{} is given without {}", quoted(&there), quoted(&absent));
             self.document.missing(span, message, format!("{} belong together", quoted(keys)));
+        }
+    }
+
+    /// Whether the file, or the draft, says something of `key`.
+    pub(crate) fn given(&self, key: &str) -> bool {
+        self.item(key).is_some()
+            || (self.document.source == Source::Values && self.document.given(&self.path_of(key)))
+    }
+
+    /// Notes that a draft says something of `key`.
+    pub(crate) fn present(&mut self, key: &str) {
+        if self.document.source == Source::Values {
+            let path = self.path_of(key);
+            self.document.place(&path, 0..0);
+        }
+    }
+
+    /// Whether nothing of this table has been refused so far.
+    pub(crate) fn is_sound(&self) -> bool {
+        self.document.sound(&[&self.path])
+    }
+
+    /// An error about something that this table lacks, at one of its keys or, without one, at the table.
+    pub(crate) fn lacks(&mut self, key: &str, message: &str, help: &str) {
+        let path = if key.is_empty() { self.path.clone() } else { self.path_of(key) };
+        let span = self.document.at(&path);
+        self.document.missing(span, message.to_owned(), help.to_owned());
+    }
+
+    /// Notes that a file must have `key`, and refuses one that has not.
+    fn require(&mut self, key: &'static str, help: impl FnOnce() -> String) {
+        self.required.push(key);
+        if self.item(key).is_none() && self.document.source != Source::Values {
+            self.missing(key, &help());
+        }
+    }
+
+    /// Checks a draft's value.
+    fn check<K: Kind>(&mut self, key: &str, kind: &K, value: &K::Out) {
+        if self.document.source != Source::Values {
+            return;
+        }
+        if let Some(clause) = kind.fault(value) {
+            let path = self.path_of(key);
+            self.refuse(&path, 0..0, format!("`{path}` {clause}"), format!("give {}", kind.expected()));
         }
     }
 

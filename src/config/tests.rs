@@ -1,5 +1,6 @@
 //! Whole files: defaults, digest, schema and examples.
 
+mod by_value;
 mod defaults;
 mod digest;
 mod garbage;
@@ -17,6 +18,7 @@ use crate::geo::{Enu, Geodetic};
 use crate::planner::problem::*;
 use crate::role::{PerVehicle, Role};
 use crate::schedule::order::Order;
+use crate::transmitter::{Kind, Level, PowerParameter, Protocol, Unit};
 
 const DEMO: &str = include_str!("../../config/mission.toml");
 const PAPER: &str = include_str!("../../config/paper.toml");

@@ -1,150 +1,38 @@
 //! The vehicle file: one per vehicle, what its companion must know of its own hardware.
 
-use std::path::{Path, PathBuf};
+use std::ops::Deref;
+use std::path::Path;
 
 use serde_json::Value as Json;
 
 use super::diagnostic::{Diagnostics, Severity};
 use super::document::Document;
+use super::draft::VehicleDraft;
 use super::file::{MAX_BYTES, read_text};
 use super::mission::Mission;
-use super::mission_checks::{ORIGIN, ORIGIN_HELP};
-use super::vehicle_file;
-use crate::autopilot::{Actuation, FirmwareChoice};
-use crate::link::LinkAddress;
+use super::mission_checks::ORIGIN_HELP;
+use super::reader::Section;
+use super::{reading, vehicle_file};
+use crate::autopilot::Actuation;
 use crate::role::Role;
-use crate::transmitter::{Level, Protocol};
+use crate::transmitter::Kind;
 
-/// A validated vehicle file. SI units, angles in radians.
+/// A validated vehicle file: its settings, which are read as its own fields ([`VehicleDraft`]), and what is to be said of
+/// them. SI units, angles in radians.
 #[derive(Debug, Clone)]
 pub struct Vehicle {
-    /// Which vehicle of the pair this is.
-    pub role: Role,
-    /// The flight controller.
-    pub autopilot: Autopilot,
-    /// The payload radio.
-    pub transmitter: Transmitter,
-    /// Link to the other companion.
-    pub pair_link: LinkAddress,
-    /// The signing key of the pair link, if it is signed; relative paths are made relative to the vehicle file.
-    pub key_file: Option<PathBuf>,
-    /// MAVLink system of the other companion; `None`: any.
-    pub pair_peer_system: Option<u8>,
-    /// Pair messages ride in TUNNEL. Then the peer's system is known.
-    pub pair_tunnel: bool,
-    /// What the vehicle may be asked for.
-    pub limits: Limits,
-    /// Directory for logs.
-    pub log_dir: PathBuf,
+    draft: VehicleDraft,
     /// What the operator should know although the file can be used. No errors.
     pub warnings: Diagnostics,
     document: Document,
 }
 
-/// The flight controller and how it is commanded.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Autopilot {
-    /// Where it is.
-    pub link: LinkAddress,
-    /// What it runs.
-    pub firmware: FirmwareChoice,
-    /// Which targets it is given.
-    pub actuation: Actuation,
-    /// Its MAVLink system; `None`: the first that is heard.
-    pub system_id: Option<u8>,
-    /// The companion's own MAVLink component.
-    pub component_id: u8,
-    /// Setpoints and state per second.
-    pub rate_hz: f64,
-    /// Newtons per unit of thrust along body x, y, z, for [`Actuation::ThrustVector`]; `None`: from the autopilot.
-    pub thrust_n: Option<[f64; 3]>,
-}
+impl Deref for Vehicle {
+    type Target = VehicleDraft;
 
-/// The payload radio.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Transmitter {
-    /// How its power is set.
-    pub kind: TransmitterKind,
-    /// It radiates nothing real.
-    pub simulated: bool,
-    /// Its MAVLink component.
-    pub component_id: u8,
-    /// The MAV_CMD that sets the power of a leased transmitter.
-    pub command: u16,
-    /// The parameter that sets the power; always there for [`TransmitterKind::Parameter`].
-    pub parameter: Option<PowerParameter>,
-}
-
-/// How a radio's power is set.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum TransmitterKind {
-    /// By commands that expire.
-    Leased,
-    /// By a parameter, which does not expire.
-    Parameter,
-    /// There is no radio.
-    None,
-}
-
-/// A parameter that sets a radio's power.
-#[derive(Debug, Clone, PartialEq)]
-pub struct PowerParameter {
-    /// Its name, 1 to 16 characters.
-    pub name: String,
-    /// How it is set.
-    pub protocol: Protocol,
-    /// What its value means.
-    pub unit: PowerUnit,
-    /// The value that silences the radio.
-    pub off_value: f64,
-    /// The values and what they give, for [`PowerUnit::Levels`]; by rising power.
-    pub levels: Vec<Level>,
-}
-
-/// What the value of a power parameter means.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum PowerUnit {
-    /// Watts.
-    Watt,
-    /// Milliwatts.
-    Milliwatt,
-    /// dB relative to one milliwatt.
-    Dbm,
-    /// An entry of a table.
-    Levels,
-}
-
-/// What a vehicle may be asked for; `None` where the mission's word is enough.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Limits {
-    /// Horizontal speed in m/s.
-    pub speed_m_s: Option<f64>,
-    /// Vertical speed in m/s.
-    pub climb_m_s: Option<f64>,
-    /// Turning rate of the antenna in rad/s.
-    pub tilt_rate_rad_s: Option<f64>,
-    /// Tilt from level in radians.
-    pub max_tilt_rad: Option<f64>,
-    /// Transmit power in W.
-    pub max_power_w: Option<f64>,
-}
-
-/// A vehicle file as read, before anything is known to be right.
-pub(super) struct Draft {
-    pub(super) role: Option<Role>,
-    pub(super) autopilot: Autopilot,
-    pub(super) transmitter: Transmitter,
-    pub(super) pair: PairLink,
-    pub(super) limits: Limits,
-    pub(super) log_dir: PathBuf,
-}
-
-/// The `[pair]` table.
-pub(super) struct PairLink {
-    pub(super) link: Option<LinkAddress>,
-    pub(super) key_file: Option<PathBuf>,
-    pub(super) peer_system_id: Option<u8>,
-    pub(super) tunnel: bool,
+    fn deref(&self) -> &VehicleDraft {
+        &self.draft
+    }
 }
 
 impl Vehicle {
@@ -154,12 +42,12 @@ impl Vehicle {
     /// Everything that is wrong with the file, each with its place and remedy.
     pub fn load(path: &Path) -> Result<Self, Diagnostics> {
         let mut vehicle = Self::parse(&path.display().to_string(), &read_text(path, MAX_BYTES)?)?;
-        if let Some(key_file) = vehicle.key_file.take() {
+        if let Some(key_file) = vehicle.draft.key_file.take() {
             let key_file = path.parent().unwrap_or(Path::new("")).join(key_file);
             if let Some((message, help)) = key_file_fault(&key_file) {
                 return Err(vehicle.error_at("pair.key_file", message, help));
             }
-            vehicle.key_file = Some(key_file);
+            vehicle.draft.key_file = Some(key_file);
         }
         Ok(vehicle)
     }
@@ -169,36 +57,32 @@ impl Vehicle {
     /// # Errors
     /// Everything that is wrong with the text, each with its place and remedy.
     pub fn parse(file_name: &str, text: &str) -> Result<Self, Diagnostics> {
-        let (draft, document, findings) = Document::read(file_name, text, vehicle_file::describe, check);
-        let findings = findings.into_result()?;
-        let Draft {
-            role: Some(role),
-            autopilot,
-            mut transmitter,
-            pair: PairLink { link: Some(pair_link), key_file, peer_system_id, tunnel },
-            limits,
-            log_dir,
-        } = draft
-        else {
-            // Both are required, so that one of them missing is among the findings already.
-            return Err(findings);
+        let describe = |s: &mut Section<'_, '_>| {
+            let mut draft = VehicleDraft::blank();
+            vehicle_file::describe(s, &mut draft);
+            draft
         };
-        if let Some(parameter) = &mut transmitter.parameter {
-            parameter.levels.sort_by(|a, b| a.power_w.total_cmp(&b.power_w));
-        }
-        Ok(Self {
-            role,
-            autopilot,
-            transmitter,
-            pair_link,
-            key_file,
-            pair_peer_system: peer_system_id,
-            pair_tunnel: tunnel,
-            limits,
-            log_dir,
-            warnings: findings,
-            document,
-        })
+        Self::settle(reading::text(file_name, text, describe, check))
+    }
+
+    /// Validates a vehicle that was filled in instead of read: every range and every check is the file's.
+    ///
+    /// # Errors
+    /// Everything that is wrong with it, by the settings' paths.
+    pub fn new(draft: VehicleDraft) -> Result<Self, Diagnostics> {
+        Self::settle(reading::values("vehicle", draft, vehicle_file::describe, check))
+    }
+
+    fn settle(
+        (draft, document, findings): (VehicleDraft, Document, Diagnostics),
+    ) -> Result<Self, Diagnostics> {
+        Ok(Self { draft, warnings: findings.into_result()?, document })
+    }
+
+    /// The text of a vehicle file that says the same, defaults spelt out.
+    #[must_use]
+    pub fn to_toml(&self) -> String {
+        self.document.to_toml()
     }
 
     /// An error at a setting, found by whoever uses it.
@@ -211,7 +95,7 @@ impl Vehicle {
     /// The JSON Schema of the vehicle file.
     #[must_use]
     pub fn schema() -> Json {
-        Document::schema(vehicle_file::describe)
+        reading::schema(|s| vehicle_file::describe(s, &mut VehicleDraft::blank()))
     }
 
     /// What is wrong between this vehicle and a mission: limits below what the mission plans with, and a real
@@ -237,7 +121,7 @@ impl Vehicle {
             );
             all.push(severity, file.at(&format!("limits.{key}")), message, help);
         }
-        if self.transmitter.kind != TransmitterKind::None && !self.transmitter.simulated {
+        if self.transmitter.kind != Kind::None && !self.transmitter.simulated {
             let mut refuse = |message: &str, help: &str| {
                 let at = file.at("transmitter.simulated");
                 all.push(Severity::Error, at, message.to_owned(), help.to_owned());
@@ -247,7 +131,7 @@ impl Vehicle {
                     "the transmitter is real, but the mission has no [emission] table",
                     "add [emission] with who authorised it, the band and the largest power, or set simulated = true",
                 );
-            } else if !mission.document.given(ORIGIN) {
+            } else if !mission.has_origin() {
                 refuse("the transmitter is real, but the mission has no `origin`", ORIGIN_HELP);
             }
         }
@@ -299,7 +183,7 @@ struct Comparison {
 }
 
 /// Settings against each other.
-fn check(draft: &Draft, file: &mut Document) {
+fn check(draft: &VehicleDraft, file: &mut Document) {
     let refuse = |file: &mut Document, path: &str, message: &str, help: &str| {
         file.error(file.at(path), message.to_owned(), help.to_owned());
     };
@@ -319,47 +203,18 @@ fn check(draft: &Draft, file: &mut Document) {
         refuse(file, "autopilot.thrust_n", &message, "leave it out, or give actuation = \"thrust_vector\"");
     }
     check_pair(draft, file);
-    let transmitter = &draft.transmitter;
-    if transmitter.kind != TransmitterKind::Parameter || !file.sound(&["transmitter"]) {
-        return;
-    }
-    let Some(parameter) = &transmitter.parameter else {
-        file.missing(
-            file.at("transmitter"),
-            "a transmitter of kind \"parameter\" has no `name`".to_owned(),
-            "give the name of its power parameter".to_owned(),
-        );
-        return;
-    };
-    let off_is_known = file.given("transmitter.off_value")
-        || matches!(parameter.unit, PowerUnit::Watt | PowerUnit::Milliwatt);
-    if !off_is_known {
-        file.missing(
-            file.at("transmitter.unit"),
-            "nothing says how to silence the radio: `off_value` is not set".to_owned(),
-            "give off_value, the parameter's value at which the radio is off".to_owned(),
-        );
-    }
-    if parameter.unit == PowerUnit::Levels && parameter.levels.is_empty() {
-        file.missing(
-            file.at("transmitter.unit"),
-            "`unit` is \"levels\", but there is no [[transmitter.level]]".to_owned(),
-            "add [[transmitter.level]] with value = ... and power_w = ..., one for each level".to_owned(),
-        );
-    }
 }
 
 /// The pair link's addressing.
-fn check_pair(draft: &Draft, file: &mut Document) {
-    let pair = &draft.pair;
-    if pair.tunnel && pair.peer_system_id.is_none() && file.sound(&["pair.peer_system_id"]) {
+fn check_pair(draft: &VehicleDraft, file: &mut Document) {
+    if draft.pair_tunnel && draft.pair_peer_system.is_none() && file.sound(&["pair.peer_system_id"]) {
         file.missing(
             file.at("pair.tunnel"),
             "`tunnel` is set, but not whom TUNNEL is addressed to".to_owned(),
             "give peer_system_id, the MAVLink system of the other vehicle".to_owned(),
         );
     }
-    if let Some(system) = pair.peer_system_id.filter(|peer| Some(*peer) == draft.autopilot.system_id) {
+    if let Some(system) = draft.pair_peer_system.filter(|peer| Some(*peer) == draft.autopilot.system_id) {
         file.error(
             file.at("pair.peer_system_id"),
             format!("`peer_system_id` is {system}, which is this vehicle's own system_id"),

@@ -1,80 +1,91 @@
 //! Every setting of the vehicle file, declared once: key, kind, range, unit, default, sentence.
 
+use super::draft::{Autopilot, Limits, Transmitter, VehicleDraft};
 use super::kind::{Choice, Flag, Integer, Number, Numbers, Parsed, Text};
 use super::mission_file::{climb, power, speed, tilt, tilt_rate};
 use super::reader::Section;
-use super::vehicle::{
-    Autopilot, Draft, Limits, PairLink, PowerParameter, PowerUnit, Transmitter, TransmitterKind,
-};
 use crate::autopilot::{Actuation, FirmwareChoice};
 use crate::link::LinkAddress;
 use crate::role::Role;
-use crate::transmitter::{Level, Protocol};
+use crate::transmitter::{Kind, Level, PowerParameter, Protocol, Unit};
 
 const PATH: Text = Text { max_chars: 4096 };
 const LINK: Parsed<LinkAddress> = Parsed::new(
     "a link: udpin:HOST:PORT, udpout:HOST:PORT, tcpin:HOST:PORT, tcpout:HOST:PORT or serial:PATH:BAUD",
 );
+const NEWTONS: Number = Number::within("N", 0.01, 1e5);
+const ID: Integer = Integer { min: 1, max: 255 };
 
-/// Reads, or describes, a whole vehicle file.
-pub(super) fn describe(s: &mut Section<'_, '_>) -> Draft {
-    let role = s.required_table("vehicle", "Which vehicle of the pair this is.", |s| {
+/// Reads, or checks, or describes, a whole vehicle file.
+pub(super) fn describe(s: &mut Section<'_, '_>, draft: &mut VehicleDraft) {
+    s.required_table("vehicle", "Which vehicle of the pair this is.", |s| {
         let roles = Choice(&[("i", Role::I), ("j", Role::J)]);
-        s.required(
+        s.set_required(
             "role",
             "\"i\": the information transmitter, which leads; \"j\": the friendly jammer.",
             roles,
-        )
+            &mut draft.role,
+        );
     });
-    let autopilot = s.table("autopilot", "The flight controller and how it is commanded.", autopilot);
-    let transmitter = s.table("transmitter", "The payload radio.", transmitter);
-    let pair = s.required_table("pair", "The link between the two companions.", |s| PairLink {
-        link: s.required("link", "Where the other companion is.", LINK),
-        key_file: s
-            .optional(
-                "key_file",
-                "File with the signing key, readable by its owner alone; relative to this file.",
-                PATH,
-            )
-            .map(Into::into),
-        peer_system_id: s
-            .optional(
-                "peer_system_id",
-                "MAVLink system of the other companion; frames of others are turned away. Unset: any system's are taken.",
-                ID,
-            )
-            .map(byte),
-        tunnel: s.read(
-            "tunnel",
-            "Pair messages ride in TUNNEL, for a path across an autopilot, which drops messages it does not know; alike on \
-             both vehicles, and with peer_system_id.",
-            Flag,
-            false,
-        ),
+    s.table("autopilot", "The flight controller and how it is commanded.", |s| {
+        autopilot(s, &mut draft.autopilot);
     });
-    let limits =
-        s.table("limits", "What this vehicle may be asked for. Unset: what the mission says of it.", limits);
-    let log_dir = s.table("log", "Logs of flights.", |s| {
-        s.read(
-            "dir",
-            "Directory for logs; relative to the working directory.",
-            PATH,
-            "flight-logs".to_owned(),
-        )
-        .into()
+    s.table("transmitter", "The payload radio.", |s| transmitter(s, &mut draft.transmitter));
+    s.required_table("pair", "The link between the two companions.", |s| pair(s, draft));
+    s.table("limits", "What this vehicle may be asked for. Unset: what the mission says of it.", |s| {
+        limits(s, &mut draft.limits);
     });
-    Draft { role, autopilot, transmitter, pair, limits, log_dir }
+    s.table("log", "Logs of flights.", |s| {
+        let mut dir = draft.log_dir.display().to_string();
+        s.set("dir", "Directory for logs; relative to the working directory.", PATH, &mut dir);
+        draft.log_dir = dir.into();
+    });
+}
+
+fn pair(s: &mut Section<'_, '_>, draft: &mut VehicleDraft) {
+    s.set_required("link", "Where the other companion is.", LINK, &mut draft.pair_link);
+    let mut key_file = draft.key_file.as_ref().map(|path| path.display().to_string());
+    s.set_optional(
+        "key_file",
+        "File with the signing key, readable by its owner alone; relative to this file.",
+        PATH,
+        &mut key_file,
+    );
+    draft.key_file = key_file.map(Into::into);
+    system(
+        s,
+        "peer_system_id",
+        "MAVLink system of the other companion; frames of others are turned away. Unset: any system's are taken.",
+        &mut draft.pair_peer_system,
+    );
+    s.set(
+        "tunnel",
+        "Pair messages ride in TUNNEL, for a path across an autopilot, which drops messages it does not know; alike on \
+         both vehicles, and with peer_system_id.",
+        Flag,
+        &mut draft.pair_tunnel,
+    );
+}
+
+/// A MAVLink system, which may be left unset.
+fn system(s: &mut Section<'_, '_>, key: &'static str, sentence: &str, id: &mut Option<u8>) {
+    let mut number = id.map(u64::from);
+    s.set_optional(key, sentence, ID, &mut number);
+    *id = number.map(byte);
+}
+
+/// A MAVLink component.
+fn component(s: &mut Section<'_, '_>, sentence: &str, id: &mut u8) {
+    let mut number = u64::from(*id);
+    s.set("component_id", sentence, ID, &mut number);
+    *id = byte(number);
 }
 
 fn byte(value: u64) -> u8 {
     u8::try_from(value).unwrap_or(u8::MAX)
 }
 
-const NEWTONS: Number = Number::within("N", 0.01, 1e5);
-const ID: Integer = Integer { min: 1, max: 255 };
-
-fn autopilot(s: &mut Section<'_, '_>) -> Autopilot {
-    let default_link = LinkAddress::UdpIn(crate::link::HostPort { host: "0.0.0.0".to_owned(), port: 14540 });
+fn autopilot(s: &mut Section<'_, '_>, autopilot: &mut Autopilot) {
     let firmware = Choice(&[
         ("auto", FirmwareChoice::Auto),
         ("px4", FirmwareChoice::Px4),
@@ -85,98 +96,149 @@ fn autopilot(s: &mut Section<'_, '_>) -> Autopilot {
         ("pose", Actuation::Pose),
         ("position", Actuation::Position),
     ]);
-    Autopilot {
-        link: s.read("link", "Where the autopilot is.", LINK, default_link),
-        firmware: s.read("firmware", "\"auto\" takes it from HEARTBEAT.", firmware, FirmwareChoice::Auto),
-        actuation: s.read(
-            "actuation",
-            "\"thrust_vector\": attitude and 3-D thrust (PX4, fully actuated); \"pose\": position and attitude targets; \
-             \"position\": position targets alone, the vehicle stays level.",
-            actuation,
-            Actuation::Pose,
-        ),
-        system_id: s.optional("system_id", "MAVLink system of the autopilot. Unset: the first that is heard.", ID).map(byte),
-        component_id: byte(s.read("component_id", "MAVLink component of this companion.", ID, 191)),
-        rate_hz: s.read("rate_hz", "Setpoints and state per second.", Number::within("Hz", 5.0, 400.0), 50.0),
-        thrust_n: s.optional(
-            "thrust_n",
-            "What one unit of thrust is worth along body x, y and z, for \"thrust_vector\"; ratios matter. Unset: from the \
-             autopilot's CA_ROTOR* parameters.",
-            Numbers([("x", NEWTONS), ("y", NEWTONS), ("z", NEWTONS)]),
-        ),
-    }
+    s.set("link", "Where the autopilot is.", LINK, &mut autopilot.link);
+    s.set("firmware", "\"auto\" takes it from HEARTBEAT.", firmware, &mut autopilot.firmware);
+    s.set(
+        "actuation",
+        "\"thrust_vector\": attitude and 3-D thrust (PX4, fully actuated); \"pose\": position and attitude targets; \
+         \"position\": position targets alone, the vehicle stays level.",
+        actuation,
+        &mut autopilot.actuation,
+    );
+    system(
+        s,
+        "system_id",
+        "MAVLink system of the autopilot. Unset: the first that is heard.",
+        &mut autopilot.system_id,
+    );
+    component(s, "MAVLink component of this companion.", &mut autopilot.component_id);
+    s.set(
+        "rate_hz",
+        "Setpoints and state per second.",
+        Number::within("Hz", 5.0, 400.0),
+        &mut autopilot.rate_hz,
+    );
+    s.set_optional(
+        "thrust_n",
+        "What one unit of thrust is worth along body x, y and z, for \"thrust_vector\"; ratios matter. Unset: from the \
+         autopilot's CA_ROTOR* parameters.",
+        Numbers([("x", NEWTONS), ("y", NEWTONS), ("z", NEWTONS)]),
+        &mut autopilot.thrust_n,
+    );
 }
 
-fn transmitter(s: &mut Section<'_, '_>) -> Transmitter {
-    let kinds = Choice(&[
-        ("leased", TransmitterKind::Leased),
-        ("parameter", TransmitterKind::Parameter),
-        ("none", TransmitterKind::None),
-    ]);
-    let kind = s.read(
+fn transmitter(s: &mut Section<'_, '_>, transmitter: &mut Transmitter) {
+    let (mut kind, mut command, mut by_parameter) = match transmitter.kind.clone() {
+        Kind::Leased { command } => ("leased", command.into(), None),
+        Kind::Parameter(parameter) => ("parameter", Transmitter::COMMAND.into(), Some(parameter)),
+        Kind::None => ("none", Transmitter::COMMAND.into(), None),
+    };
+    s.set(
         "kind",
         "\"leased\": power commands that expire; \"parameter\": power by a parameter, which does not expire; \"none\": no radio.",
-        kinds,
-        TransmitterKind::Leased,
+        Choice(&[("leased", "leased"), ("parameter", "parameter"), ("none", "none")]),
+        &mut kind,
     );
-    let simulated = s.read(
+    s.set(
         "simulated",
         "The transmitter radiates nothing real. Anything else needs the mission's [emission] table.",
         Flag,
-        true,
+        &mut transmitter.simulated,
     );
-    let component_id = byte(s.read("component_id", "MAVLink component of the radio.", ID, 68));
-    let commands = Integer { min: 1, max: u64::from(u16::MAX) };
-    let command = s.read(
+    component(s, "MAVLink component of the radio.", &mut transmitter.component_id);
+    s.set(
         "command",
         "MAV_CMD that sets power, slot and expiry of a leased transmitter.",
-        commands,
-        31_010,
+        Integer { min: 1, max: u64::from(u16::MAX) },
+        &mut command,
     );
-    let parameter = parameter(s);
-    Transmitter {
-        kind,
-        simulated,
-        component_id,
-        command: u16::try_from(command).unwrap_or(u16::MAX),
-        parameter,
-    }
+    parameter(s, &mut by_parameter, kind == "parameter");
+    transmitter.kind = match (kind, by_parameter) {
+        ("leased", _) => Kind::Leased { command: u16::try_from(command).unwrap_or(u16::MAX) },
+        ("parameter", Some(parameter)) => Kind::Parameter(parameter),
+        _ => Kind::None,
+    };
 }
 
-/// The settings of a transmitter's power parameter.
-fn parameter(s: &mut Section<'_, '_>) -> Option<PowerParameter> {
-    let name = s.optional("name", "Name of the power parameter.", Text { max_chars: 16 });
+/// The settings of a transmitter's power parameter, and whether they suffice if it is `used`.
+fn parameter(s: &mut Section<'_, '_>, parameter: &mut Option<PowerParameter>, used: bool) {
+    let mut name = parameter.as_ref().map(|parameter| parameter.name.clone());
+    let mut protocol = parameter.as_ref().map_or(Protocol::Extended, |parameter| parameter.protocol);
+    let mut off_value = parameter.as_ref().map(|parameter| parameter.off_value);
+    let (mut unit, mut levels) = match parameter.take().map(|parameter| parameter.unit) {
+        Some(Unit::Watt) => ("W", Vec::new()),
+        Some(Unit::Milliwatt) => ("mW", Vec::new()),
+        Some(Unit::Dbm) | None => ("dBm", Vec::new()),
+        Some(Unit::Levels(levels)) => ("levels", levels),
+    };
+    s.set_optional("name", "Name of the power parameter.", Text { max_chars: 16 }, &mut name);
     let protocols = Choice(&[("ext", Protocol::Extended), ("classic", Protocol::Classic)]);
-    let protocol =
-        s.read("protocol", "\"ext\": PARAM_EXT_SET; \"classic\": PARAM_SET.", protocols, Protocol::Extended);
-    let units = Choice(&[
-        ("W", PowerUnit::Watt),
-        ("mW", PowerUnit::Milliwatt),
-        ("dBm", PowerUnit::Dbm),
-        ("levels", PowerUnit::Levels),
-    ]);
-    let unit = s.read("unit", "Unit of the power parameter.", units, PowerUnit::Dbm);
+    s.set("protocol", "\"ext\": PARAM_EXT_SET; \"classic\": PARAM_SET.", protocols, &mut protocol);
+    let units = Choice(&[("W", "W"), ("mW", "mW"), ("dBm", "dBm"), ("levels", "levels")]);
+    s.set("unit", "Unit of the power parameter.", units, &mut unit);
     let value = Number::within("", -1e6, 1e6);
-    let off_value = s.optional(
+    s.set_optional(
         "off_value",
         "Value of the power parameter that silences the radio. 0 for \"W\" and \"mW\"; must be given for \"dBm\" and \"levels\".",
         value,
+        &mut off_value,
     );
-    let levels = s.tables("level", "One power level, for unit = \"levels\".", 0, |s, _| Level {
-        value: s.required("value", "Value of the parameter.", value).unwrap_or_default(),
-        power_w: s.required("power_w", "The power it gives.", power()).unwrap_or_default(),
+    let new = |_| Level { value: 0.0, power_w: 0.0 };
+    s.set_tables("level", "One power level, for unit = \"levels\".", 0, &mut levels, new, |s, level| {
+        s.set_required("value", "Value of the parameter.", value, &mut level.value);
+        s.set_required("power_w", "The power it gives.", power(), &mut level.power_w);
     });
-    name.map(|name| PowerParameter { name, protocol, unit, off_value: off_value.unwrap_or(0.0), levels })
+    levels.sort_by(|a, b| a.power_w.total_cmp(&b.power_w));
+    if used {
+        check_parameter(s, name.is_some(), unit, levels.is_empty());
+    }
+    let unit = match unit {
+        "W" => Unit::Watt,
+        "mW" => Unit::Milliwatt,
+        "levels" => Unit::Levels(levels),
+        _ => Unit::Dbm,
+    };
+    *parameter =
+        name.map(|name| PowerParameter { name, protocol, unit, off_value: off_value.unwrap_or(0.0) });
 }
 
-fn limits(s: &mut Section<'_, '_>) -> Limits {
-    Limits {
-        speed_m_s: s.optional("speed_m_s", "Largest horizontal speed.", speed()),
-        climb_m_s: s.optional("climb_m_s", "Largest vertical speed.", climb()),
-        tilt_rate_rad_s: s
-            .optional("tilt_rate_deg_s", "Fastest turn of the antenna.", tilt_rate())
-            .map(f64::to_radians),
-        max_tilt_rad: s.optional("max_tilt_deg", "Largest tilt from level.", tilt()).map(f64::to_radians),
-        max_power_w: s.optional("max_power_w", "Largest transmit power.", power()),
+/// What a parameter that is used must say beside its own settings.
+fn check_parameter(s: &mut Section<'_, '_>, named: bool, unit: &str, no_levels: bool) {
+    if !s.is_sound() {
+        return;
     }
+    if !named {
+        s.lacks(
+            "",
+            "a transmitter of kind \"parameter\" has no `name`",
+            "give the name of its power parameter",
+        );
+        return;
+    }
+    if !s.given("off_value") && !matches!(unit, "W" | "mW") {
+        s.lacks(
+            "unit",
+            "nothing says how to silence the radio: `off_value` is not set",
+            "give off_value, the parameter's value at which the radio is off",
+        );
+    }
+    if unit == "levels" && no_levels {
+        s.lacks(
+            "unit",
+            "`unit` is \"levels\", but there is no [[transmitter.level]]",
+            "add [[transmitter.level]] with value = ... and power_w = ..., one for each level",
+        );
+    }
+}
+
+fn limits(s: &mut Section<'_, '_>, limits: &mut Limits) {
+    s.set_optional("speed_m_s", "Largest horizontal speed.", speed(), &mut limits.speed_m_s);
+    s.set_optional("climb_m_s", "Largest vertical speed.", climb(), &mut limits.climb_m_s);
+    let mut tilt_rate_deg_s = limits.tilt_rate_rad_s.map(f64::to_degrees);
+    s.set_optional("tilt_rate_deg_s", "Fastest turn of the antenna.", tilt_rate(), &mut tilt_rate_deg_s);
+    limits.tilt_rate_rad_s = tilt_rate_deg_s.map(f64::to_radians);
+    let mut max_tilt_deg = limits.max_tilt_rad.map(f64::to_degrees);
+    s.set_optional("max_tilt_deg", "Largest tilt from level.", tilt(), &mut max_tilt_deg);
+    limits.max_tilt_rad = max_tilt_deg.map(f64::to_radians);
+    s.set_optional("max_power_w", "Largest transmit power.", power(), &mut limits.max_power_w);
 }

@@ -1,6 +1,6 @@
 //! The cap: what no configuration can exceed.
 
-use super::PlanError;
+use super::error::PlanError;
 use super::problem::Problem;
 use super::setup::Setup;
 
@@ -25,7 +25,8 @@ pub(super) fn cap_bps(setup: &Setup) -> f64 {
     let user = problem.user_enu_m;
     let [low, high] = problem.airspace.altitude_m;
     // Coordinates are rounded to within their own last places, and so are the distances between them.
-    let slack = ROUNDING * (user.amax() + setup.region.farthest_m(user.xy()) + low.abs().max(high.abs()));
+    let slack =
+        ROUNDING * (user.amax() + setup.region.polygon().farthest_m(user.xy()) + low.abs().max(high.abs()));
     let height = ((user.z.clamp(low, high) - user.z).abs() - slack).max(0.0);
     let nearest = ((setup.region.nearest(user.xy()) - user.xy()).norm() - slack).max(0.0);
     let tilt = setup.tilt_rad[0];

@@ -1,9 +1,9 @@
 //! The objective of a search on a chart: which expectation, over which samples, in which variables.
 
+use super::draws::{Combination, Draws};
 use super::expectation::exact::Exact;
 use super::expectation::kernel::{Raw, Workspace};
 use super::expectation::samples::Samples;
-use super::robust::{Combination, Draws};
 use super::setup::Setup;
 use super::solver::dense::Matrix;
 use super::solver::{self, Constraints, Outcome, Vars, active_set, interior_point};

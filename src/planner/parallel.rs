@@ -35,7 +35,7 @@ pub fn map<M: Default, R: Send>(
 #[cfg(test)]
 mod tests {
     #[test]
-    fn val_order_is_that_of_indices() {
+    fn spec_order_is_that_of_indices() {
         for threads in [1, 2, 3, 50] {
             let squares = super::map(threads, 20, |_: &mut (), k| k * k);
             assert_eq!(squares, (0..20).map(|k| k * k).collect::<Vec<_>>());

@@ -28,6 +28,51 @@ pub struct Problem {
     pub free_yaw: bool,
 }
 
+impl Problem {
+    /// The paper's set-up (its section V): a user at the origin, these eavesdroppers on the ground, given as east and
+    /// north; 1 MHz, a noise variance of 1e-12 W, reference gain 1, the same power ceiling for both vehicles; an
+    /// altitude of 80 to 300 m over a square of a kilometre about the user, no separation; omnidirectional vehicles that
+    /// tilt at will; Euler jitter of roll and pitch, all positions known. What figures, examples, benches and tests
+    /// start from.
+    #[must_use]
+    pub fn paper(
+        eavesdroppers_m: impl IntoIterator<Item = [f64; 2]>,
+        max_power_w: f64,
+        jitter_std_rad: f64,
+    ) -> Self {
+        let vehicle =
+            VehicleModel { airframe: Airframe::Omnidirectional, max_tilt_rad: std::f64::consts::FRAC_PI_2 };
+        let corners = [[-500.0, -500.0], [500.0, -500.0], [500.0, 500.0], [-500.0, 500.0]];
+        let on_the_ground = |[east, north]: [f64; 2]| Eavesdropper {
+            position_enu_m: Vector3::new(east, north, 0.0),
+            uncertainty: Uncertainty::None,
+        };
+        Self {
+            user_enu_m: Vector3::zeros(),
+            eavesdroppers: eavesdroppers_m.into_iter().map(on_the_ground).collect(),
+            radio: Radio {
+                bandwidth_hz: 1e6,
+                noise_power_w: 1e-12,
+                max_power_w: PerVehicle { i: max_power_w, j: max_power_w },
+                reference_gain: 1.0,
+            },
+            airspace: Airspace {
+                altitude_m: [80.0, 300.0],
+                area_enu_m: corners.map(Vector2::from).to_vec(),
+                min_separation_m: 0.0,
+            },
+            vehicles: PerVehicle { i: vehicle, j: vehicle },
+            jitter: Jitter {
+                std_rad: jitter_std_rad,
+                model: JitterModel::Euler,
+                axes: JitterAxes::RollPitch,
+            },
+            objective: Objective::Mean,
+            free_yaw: false,
+        }
+    }
+}
+
 /// A node that must not decode the user's traffic.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Eavesdropper {

@@ -2,6 +2,8 @@
 
 use nalgebra::Vector2;
 
+use crate::geo::polygon::Polygon;
+
 /// The half-plane `normal . p <= offset` with a unit normal.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct HalfPlane {
@@ -16,42 +18,23 @@ pub struct HalfPlane {
 /// A simple polygon cut into convex cells.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Region {
-    polygon: Vec<Vector2<f64>>,
+    polygon: Polygon,
     cells: Vec<Vec<HalfPlane>>,
 }
 
-fn cross(a: Vector2<f64>, b: Vector2<f64>) -> f64 {
-    a.x * b.y - a.y * b.x
-}
-
 fn turn(a: Vector2<f64>, b: Vector2<f64>, c: Vector2<f64>) -> f64 {
-    cross(b - a, c - b)
-}
-
-/// Twice the signed area, positive if counter-clockwise.
-fn double_area(polygon: &[Vector2<f64>]) -> f64 {
-    (0..polygon.len()).map(|k| cross(polygon[k], polygon[(k + 1) % polygon.len()])).sum()
+    (b - a).perp(&(c - b))
 }
 
 impl Region {
     /// The region of a simple polygon, either orientation. `None` without an interior.
     #[must_use]
     pub fn new(area: &[Vector2<f64>]) -> Option<Self> {
-        let mut polygon: Vec<_> = area.to_vec();
-        polygon.dedup();
-        if polygon.len() > 1 && polygon.first() == polygon.last() {
-            polygon.pop();
-        }
-        let area = double_area(&polygon);
-        if polygon.len() < 3 || area == 0.0 || !area.is_finite() {
-            return None;
-        }
-        if area < 0.0 {
-            polygon.reverse();
-        }
-        let size = area.abs().sqrt();
-        let pieces = merge(&polygon, triangulate(&polygon)?, size);
-        let cells = pieces.iter().map(|piece| half_planes(&polygon, piece)).collect();
+        let polygon = Polygon::new(area).ok()?;
+        let corners = polygon.corners();
+        let size_m = (2.0 * polygon.area_m2()).sqrt();
+        let pieces = merge(corners, triangulate(corners)?, size_m);
+        let cells = pieces.iter().map(|piece| half_planes(corners, piece)).collect();
         Some(Self { polygon, cells })
     }
 
@@ -61,9 +44,9 @@ impl Region {
         &self.cells
     }
 
-    /// The vertices, counter-clockwise.
+    /// The polygon itself.
     #[must_use]
-    pub fn polygon(&self) -> &[Vector2<f64>] {
+    pub fn polygon(&self) -> &Polygon {
         &self.polygon
     }
 
@@ -89,38 +72,13 @@ impl Region {
     #[must_use]
     pub fn contains(&self, p: Vector2<f64>, tolerance_m: f64) -> bool {
         self.depth_m(self.cell_of(p), p) >= -tolerance_m
-            || (p - self.nearest_on_boundary(p)).norm() <= tolerance_m
+            || (p - self.polygon.nearest_on_boundary(p)).norm() <= tolerance_m
     }
 
     /// The point of the region that is nearest to `p`.
     #[must_use]
     pub fn nearest(&self, p: Vector2<f64>) -> Vector2<f64> {
-        if self.depth_m(self.cell_of(p), p) >= 0.0 { p } else { self.nearest_on_boundary(p) }
-    }
-
-    /// Largest distance of a point of the region from `p`: that of a vertex.
-    #[must_use]
-    pub fn farthest_m(&self, p: Vector2<f64>) -> f64 {
-        self.polygon.iter().map(|v| (v - p).norm()).fold(0.0, f64::max)
-    }
-
-    /// Largest distance between two points of the region: between two vertices.
-    #[must_use]
-    pub fn diameter_m(&self) -> f64 {
-        self.polygon.iter().map(|v| self.farthest_m(*v)).fold(0.0, f64::max)
-    }
-
-    fn nearest_on_boundary(&self, p: Vector2<f64>) -> Vector2<f64> {
-        let mut best = self.polygon[0];
-        for (k, a) in self.polygon.iter().enumerate() {
-            let edge = self.polygon[(k + 1) % self.polygon.len()] - a;
-            let along = ((p - a).dot(&edge) / edge.norm_squared()).clamp(0.0, 1.0);
-            let q = a + along * edge;
-            if (q - p).norm_squared() < (best - p).norm_squared() {
-                best = q;
-            }
-        }
-        best
+        if self.depth_m(self.cell_of(p), p) >= 0.0 { p } else { self.polygon.nearest_on_boundary(p) }
     }
 }
 
@@ -160,11 +118,12 @@ fn triangulate(polygon: &[Vector2<f64>]) -> Option<Vec<Vec<usize>>> {
 }
 
 /// Joins neighbouring pieces for as long as the result is convex (Hertel and Mehlhorn).
-fn merge(polygon: &[Vector2<f64>], mut pieces: Vec<Vec<usize>>, size: f64) -> Vec<Vec<usize>> {
+fn merge(polygon: &[Vector2<f64>], mut pieces: Vec<Vec<usize>>, size_m: f64) -> Vec<Vec<usize>> {
     let convex = |piece: &[usize]| {
         let n = piece.len();
         (0..n).all(|k| {
-            turn(polygon[piece[k]], polygon[piece[(k + 1) % n]], polygon[piece[(k + 2) % n]]) >= -1e-12 * size
+            turn(polygon[piece[k]], polygon[piece[(k + 1) % n]], polygon[piece[(k + 2) % n]])
+                >= -1e-12 * size_m
         })
     };
     'again: loop {
@@ -241,7 +200,7 @@ mod tests {
         assert!(region.cells()[0].iter().all(|h| !h.cut));
         assert!((region.depth_m(0, Vector2::new(1.0, 0.5)) - 0.5).abs() < 1e-15);
         assert_eq!(region.nearest(Vector2::new(5.0, 1.0)), Vector2::new(2.0, 1.0));
-        assert!((region.diameter_m() - 8f64.sqrt()).abs() < 1e-15);
+        assert!((region.polygon().diameter_m() - 8f64.sqrt()).abs() < 1e-15);
     }
 
     #[test]
@@ -257,13 +216,13 @@ mod tests {
     }
 
     #[test]
-    fn val_no_interior_no_region() {
+    fn spec_no_interior_no_region() {
         assert_eq!(Region::new(&polygon(&[[0.0, 0.0], [1.0, 1.0]])), None);
         assert_eq!(Region::new(&polygon(&[[0.0, 0.0], [1.0, 1.0], [2.0, 2.0]])), None);
     }
 
     proptest! {
-        /// Star-shaped polygons about the origin, as concave as can be: cells agree with the winding rule.
+        /// Star-shaped polygons about the origin, as concave as can be: cells agree with the even-odd rule.
         #[test]
         fn prop_cells_cover_the_polygon(radii in prop::collection::vec(10.0..100.0, 5..12), x in -90.0..90.0, y in -90.0..90.0) {
             let n = radii.len() as f64;
@@ -273,16 +232,9 @@ mod tests {
             }).collect();
             let region = Region::new(&star).unwrap();
             let p = Vector2::new(x, y);
-            let mut inside = false;
-            for (k, a) in star.iter().enumerate() {
-                let b = star[(k + 1) % star.len()];
-                if (a.y > y) != (b.y > y) && x < (b.x - a.x) * (y - a.y) / (b.y - a.y) + a.x {
-                    inside = !inside;
-                }
-            }
-            let distance = (p - region.nearest_on_boundary(p)).norm();
+            let distance = (p - region.polygon().nearest_on_boundary(p)).norm();
             if distance > 1e-6 {
-                prop_assert_eq!(region.contains(p, 0.0), inside);
+                prop_assert_eq!(region.contains(p, 0.0), region.polygon().encloses(p));
             }
             prop_assert!(region.contains(region.nearest(p), 1e-9));
         }

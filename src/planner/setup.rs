@@ -4,7 +4,7 @@ use nalgebra::{Vector2, Vector3};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use super::PlanError;
+use super::error::PlanError;
 use super::expectation::kernel::{ANGLES, POWER, Raw, Scene, VEHICLE};
 use super::plan::VehiclePlan;
 use super::problem::{Airframe, Objective, Problem, Uncertainty};
@@ -42,7 +42,7 @@ impl<'a> Setup<'a> {
         let air = &problem.airspace;
         let region =
             Region::new(&air.area_enu_m).ok_or(PlanError::EmptyArea { vertices: air.area_enu_m.len() })?;
-        let reach_m = libm::hypot(region.diameter_m(), air.altitude_m[1] - air.altitude_m[0]);
+        let reach_m = libm::hypot(region.polygon().diameter_m(), air.altitude_m[1] - air.altitude_m[0]);
         if reach_m < air.min_separation_m {
             return Err(PlanError::SeparationImpossible { separation_m: air.min_separation_m, reach_m });
         }
@@ -102,7 +102,7 @@ impl<'a> Setup<'a> {
     /// A point drawn uniformly from the geofence: by rejection from its bounding box, at most so often.
     #[must_use]
     pub fn uniform(&self, rng: &mut ChaCha8Rng) -> (f64, f64) {
-        let polygon = self.region.polygon();
+        let polygon = self.region.polygon().corners();
         let bounds = |axis: usize| {
             polygon.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), p| {
                 (low.min(p[axis]), high.max(p[axis]))
@@ -123,7 +123,7 @@ impl<'a> Setup<'a> {
     /// `raw` with positions that always keep the separation: at the two corners of the airspace farthest apart.
     #[must_use]
     pub fn resort(&self, raw: &Raw) -> Raw {
-        let polygon = self.region.polygon();
+        let polygon = self.region.polygon().corners();
         let pairs = polygon.iter().flat_map(|a| polygon.iter().map(move |b| (a, b)));
         let longer = |x: &(_, _), y: &(_, _)| {
             let length = |p: &(&Vector2<f64>, &Vector2<f64>)| (p.0 - p.1).norm_squared();

@@ -77,7 +77,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_digest_tells_every_bit_of_what_is_flown_and_nothing_else() {
+    fn spec_digest_tells_every_bit_of_what_is_flown_and_nothing_else() {
         let base = Plan::new(vec![slot("a", 1.0), slot("b", 2.0)]);
         let same = Plan::new(vec![slot("a", 1.0), slot("b", 2.0)]);
         assert_eq!(base.digest, same.digest);

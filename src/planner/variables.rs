@@ -333,8 +333,8 @@ mod tests {
     use crate::planner::expectation::kernel::{Scene, Workspace};
     use crate::planner::expectation::samples::{Samples, Sequence};
     use crate::planner::phase1;
+    use crate::planner::problem::Problem;
     use crate::planner::problem::{Eavesdropper, JitterAxes, JitterModel, Uncertainty};
-    use crate::planner::testing;
 
     const SCENE: Scene = Scene { user: [10.0, -5.0, 2.0], budget_m2_w: 1e9 };
 
@@ -406,7 +406,11 @@ mod tests {
         for model in [JitterModel::Euler, JitterModel::Body] {
             for axes in [JitterAxes::RollPitch, JitterAxes::RollPitchYaw] {
                 for draws in [1, 4] {
-                    let mut problem = testing::problem(&[[120.0, 80.0], [-200.0, 90.0], [40.0, -300.0]], 5.0);
+                    let mut problem = Problem::paper(
+                        [[120.0, 80.0], [-200.0, 90.0], [40.0, -300.0]],
+                        0.5,
+                        5f64.to_radians(),
+                    );
                     (problem.jitter.model, problem.jitter.axes) = (model, axes);
                     for e in &mut problem.eavesdroppers {
                         *e = Eavesdropper { uncertainty: Uncertainty::Disc { radius_m: 30.0 }, ..*e };

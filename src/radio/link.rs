@@ -74,7 +74,7 @@ mod tests {
     }
 
     #[test]
-    fn val_negative_power_radiates_nothing() {
+    fn spec_negative_power_radiates_nothing() {
         assert_eq!(received_power_w(&level_at(1.0, 0.0, 0.0, -1.0), &Vector3::zeros(), 1.0), 0.0);
     }
 

@@ -43,7 +43,7 @@ mod tests {
     }
 
     #[test]
-    fn val_the_choice_is_the_nearest_of_all_combinations() {
+    fn spec_the_choice_is_the_nearest_of_all_combinations() {
         // The first candidates are far apart; in a line stand the second of a, the third of b and the second of c.
         let users = [
             vec![poses(-400.0, 300.0), poses(0.0, 0.0)],
@@ -55,13 +55,13 @@ mod tests {
     }
 
     #[test]
-    fn val_nothing_to_choose() {
+    fn spec_nothing_to_choose() {
         assert_eq!(shortest(&testing::router(), &[vec![poses(0.0, 0.0)], vec![poses(50.0, 0.0)]], 1), [0, 0]);
         assert!(shortest(&testing::router(), &[], 1).is_empty());
     }
 
     #[test]
-    fn val_what_cannot_be_flown_is_not_chosen() {
+    fn spec_what_cannot_be_flown_is_not_chosen() {
         // A pose outside the geofence has no way to it.
         let users = [vec![poses(900.0, 0.0), poses(0.0, 0.0)], vec![poses(10.0, 0.0), poses(300.0, 0.0)]];
         assert_eq!(shortest(&testing::router(), &users, 1), [1, 0]);

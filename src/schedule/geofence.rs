@@ -9,45 +9,17 @@ use std::sync::OnceLock;
 
 use nalgebra::Vector2;
 
+use crate::geo::polygon::{Polygon, PolygonError};
+
 /// A point this far outside, in metres, still counts as inside: the boundary belongs to the fence.
 pub const BOUNDARY_TOLERANCE_M: f64 = 1e-9;
-/// Coordinates beyond this, in metres, are no part of a tangent plane on Earth.
-pub const MAX_COORDINATE_M: f64 = 1e7;
 /// How far corners are kept away from, in metres, in the order tried.
 const CORNER_MARGINS_M: [f64; 3] = [0.5, 0.05, 0.0];
-
-/// Why a polygon is no geofence.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum FenceError {
-    /// Fewer than three different vertices.
-    #[error("the area has {vertices} different vertices; give at least 3")]
-    TooFewVertices {
-        /// How many there are.
-        vertices: usize,
-    },
-    /// A coordinate is not a number, or beyond [`MAX_COORDINATE_M`].
-    #[error("vertex {index} of the area is ({x_m}, {y_m}); give coordinates within {MAX_COORDINATE_M:e} m")]
-    NotUsable {
-        /// Position in the list, from 0.
-        index: usize,
-        /// East, metres.
-        x_m: f64,
-        /// North, metres.
-        y_m: f64,
-    },
-    /// All vertices lie on a line.
-    #[error("the area is {area_m2} m^2; its vertices lie on a line")]
-    NoArea {
-        /// The polygon's area.
-        area_m2: f64,
-    },
-}
 
 /// A geofence with what its shortest paths need.
 #[derive(Debug, Clone)]
 pub struct Geofence {
-    /// Counter-clockwise, without repeated vertices.
-    vertices: Vec<Vector2<f64>>,
+    polygon: Polygon,
     tolerance_m: f64,
     /// One for each of `CORNER_MARGINS_M`, made when a path first needs it.
     graphs: [OnceLock<Graph>; CORNER_MARGINS_M.len()],
@@ -63,42 +35,21 @@ struct Graph {
 
 impl Geofence {
     /// A fence around `area_enu_m`, not closed (the last vertex joins the first). That it does not cross itself is
-    /// the caller's promise (`config` checks it); a crossing one is taken by the even-odd rule.
+    /// the caller's promise (`config` checks it).
     ///
     /// # Errors
-    /// [`FenceError`] if the polygon has no interior or a vertex is not finite.
-    pub fn new(area_enu_m: &[Vector2<f64>]) -> Result<Self, FenceError> {
-        let usable = |v: &Vector2<f64>| v.iter().all(|c| c.abs() <= MAX_COORDINATE_M);
-        if let Some((index, v)) = area_enu_m.iter().enumerate().find(|(_, v)| !usable(v)) {
-            return Err(FenceError::NotUsable { index, x_m: v.x, y_m: v.y });
-        }
-        let mut vertices = area_enu_m.to_vec();
-        vertices.dedup();
-        while vertices.len() > 1 && vertices.first() == vertices.last() {
-            vertices.pop();
-        }
-        if vertices.len() < 3 {
-            return Err(FenceError::TooFewVertices { vertices: vertices.len() });
-        }
-        // About the first vertex, so that coordinates far from the origin lose no digits.
-        let origin = vertices[0];
-        let twice_area: f64 = edges(&vertices).map(|(p, q)| cross(p - origin, q - origin)).sum();
-        if twice_area == 0.0 {
-            return Err(FenceError::NoArea { area_m2: 0.0 });
-        }
-        if twice_area < 0.0 {
-            vertices.reverse();
-        }
-        let reach = vertices.iter().fold(0.0, |m: f64, v| m.max(v.x.abs()).max(v.y.abs()));
+    /// [`PolygonError`] if the polygon has no interior or a vertex is not finite.
+    pub fn new(area_enu_m: &[Vector2<f64>]) -> Result<Self, PolygonError> {
+        let polygon = Polygon::new(area_enu_m)?;
         // Beyond some 300 km rounding alone moves a point by more than the nominal tolerance.
-        let tolerance_m = BOUNDARY_TOLERANCE_M.max(16.0 * f64::EPSILON * reach);
-        Ok(Self { vertices, tolerance_m, graphs: Default::default() })
+        let tolerance_m = BOUNDARY_TOLERANCE_M.max(16.0 * f64::EPSILON * polygon.reach_m());
+        Ok(Self { polygon, tolerance_m, graphs: Default::default() })
     }
 
     /// Whether `point` is inside or on the boundary, to [`BOUNDARY_TOLERANCE_M`].
     #[must_use]
     pub fn contains(&self, point: Vector2<f64>) -> bool {
-        self.even_odd(point) || self.boundary_distance_m(point) <= self.tolerance_m
+        self.polygon.contains(point, self.tolerance_m)
     }
 
     /// Whether all of the segment from `a` to `b` is inside or on the boundary.
@@ -116,14 +67,14 @@ impl Geofence {
             return true;
         }
         let mut cuts = vec![0.0, 1.0];
-        for (p, q) in edges(&self.vertices) {
+        for [p, q] in self.polygon.edges() {
             let e = q - p;
-            let denominator = cross(d, e);
+            let denominator = d.perp(&e);
             // A cut too many does no harm: parallel edges and near misses are cut as well.
             if denominator * denominator <= 1e-24 * length2 * e.norm_squared() {
                 cuts.extend([(p - a).dot(&d) / length2, (q - a).dot(&d) / length2]);
-            } else if (-1e-6..=1.0 + 1e-6).contains(&(cross(p - a, d) / denominator)) {
-                cuts.push(cross(p - a, e) / denominator);
+            } else if (-1e-6..=1.0 + 1e-6).contains(&((p - a).perp(&d) / denominator)) {
+                cuts.push((p - a).perp(&e) / denominator);
             }
         }
         cuts.retain(|t| (0.0..=1.0).contains(t));
@@ -137,7 +88,7 @@ impl Geofence {
     /// The point of the fence nearest to `point` (itself if inside).
     #[must_use]
     pub fn project(&self, point: Vector2<f64>) -> Vector2<f64> {
-        if self.contains(point) { point } else { self.nearest_on_boundary(point) }
+        if self.contains(point) { point } else { self.polygon.nearest_on_boundary(point) }
     }
 
     /// The shortest path inside the fence, both ends included; `None` if an end is outside.
@@ -156,12 +107,12 @@ impl Geofence {
 
     /// The fence's corners at which paths may turn, pulled in by `margin_m` or as far as there is room.
     fn graph(&self, margin_m: f64) -> Graph {
-        let n = self.vertices.len();
+        let vertices = self.polygon.corners();
+        let n = vertices.len();
         let mut corners = Vec::new();
         for k in 0..n {
-            let (previous, v, next) =
-                (self.vertices[(k + n - 1) % n], self.vertices[k], self.vertices[(k + 1) % n]);
-            if cross(v - previous, next - v) < 0.0 {
+            let (previous, v, next) = (vertices[(k + n - 1) % n], vertices[k], vertices[(k + 1) % n]);
+            if (v - previous).perp(&(next - v)) < 0.0 {
                 corners.push(self.pulled_in(previous, v, next, margin_m));
             }
         }
@@ -252,38 +203,6 @@ impl Geofence {
         path.reverse();
         Some(path)
     }
-
-    fn even_odd(&self, point: Vector2<f64>) -> bool {
-        edges(&self.vertices).fold(false, |inside, (p, q)| {
-            let straddles = (p.y > point.y) != (q.y > point.y);
-            inside ^ (straddles && point.x < p.x + (q.x - p.x) * (point.y - p.y) / (q.y - p.y))
-        })
-    }
-
-    fn boundary_distance_m(&self, point: Vector2<f64>) -> f64 {
-        (point - self.nearest_on_boundary(point)).norm()
-    }
-
-    fn nearest_on_boundary(&self, point: Vector2<f64>) -> Vector2<f64> {
-        let mut best = (f64::INFINITY, point);
-        for (p, q) in edges(&self.vertices) {
-            let e = q - p;
-            let candidate = p + e * ((point - p).dot(&e) / e.norm_squared()).clamp(0.0, 1.0);
-            let distance2 = (point - candidate).norm_squared();
-            if distance2 < best.0 {
-                best = (distance2, candidate);
-            }
-        }
-        best.1
-    }
-}
-
-fn cross(a: Vector2<f64>, b: Vector2<f64>) -> f64 {
-    a.x * b.y - a.y * b.x
-}
-
-fn edges(vertices: &[Vector2<f64>]) -> impl Iterator<Item = (Vector2<f64>, Vector2<f64>)> {
-    vertices.iter().copied().zip(vertices.iter().copied().cycle().skip(1))
 }
 
 #[cfg(test)]
@@ -351,13 +270,13 @@ mod tests {
         let tight = 2.0 * 5f64.hypot(15.0) + 10.0;
         let length: f64 = path.windows(2).map(|w| (w[1] - w[0]).norm()).sum();
         assert!(length > tight && length < tight + 4.0 * 0.5, "{length} {tight}");
-        assert!(path[1..3].iter().all(|c| fence.boundary_distance_m(*c) > 0.3));
+        assert!(path[1..3].iter().all(|c| (c - fence.polygon.nearest_on_boundary(*c)).norm() > 0.3));
         assert_eq!(fence.shortest_path(v2([5., 25.]), v2([15., 25.])), None);
         assert_eq!(fence.project(v2([13., 25.])), v2([10., 25.]));
     }
 
     #[test]
-    fn val_a_gap_narrower_than_the_margin_is_still_passed() {
+    fn spec_a_gap_narrower_than_the_margin_is_still_passed() {
         // Two rooms joined by a gap of 0.02 m.
         let area = [
             [0., 0.],
@@ -377,17 +296,6 @@ mod tests {
     }
 
     #[test]
-    fn val_polygons_that_are_no_fence() {
-        let fence = |points: &[[f64; 2]]| Geofence::new(&testing::polygon(points)).map(|_| ());
-        assert_eq!(fence(&[[0., 0.], [1., 0.], [0., 0.]]), Err(FenceError::TooFewVertices { vertices: 2 }));
-        assert_eq!(fence(&[[0., 0.], [1., 1.], [2., 2.]]), Err(FenceError::NoArea { area_m2: 0.0 }));
-        assert!(matches!(
-            fence(&[[0., 0.], [1., f64::NAN], [2., 2.]]),
-            Err(FenceError::NotUsable { index: 1, .. })
-        ));
-    }
-
-    #[test]
     fn prop_paths_stay_inside_random_concave_fences() {
         let mut rng = testing::rng(1);
         let mut bent = 0;
@@ -401,7 +309,7 @@ mod tests {
             for w in path.windows(2) {
                 for k in 0..=1000 {
                     let p = w[0] + (w[1] - w[0]) * (f64::from(k) / 1000.0);
-                    assert!(fence.even_odd(p) || fence.boundary_distance_m(p) < 1e-8);
+                    assert!(fence.polygon.contains(p, 1e-8));
                 }
             }
             let back = fence.shortest_path(b, a).unwrap();

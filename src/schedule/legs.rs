@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
+use super::error::TableError;
 use super::order::{Order, Places, Tour};
-use super::table::TableError;
 use super::trajectory::Start;
 use super::transit::{Router, Transit, TransitError};
 use crate::geo::Pose;

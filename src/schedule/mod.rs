@@ -6,6 +6,7 @@
 //! the same table, bit for bit.
 
 pub mod choice;
+mod error;
 pub mod geofence;
 mod legs;
 pub mod order;

@@ -342,7 +342,7 @@ mod tests {
     }
 
     #[test]
-    fn val_no_users_or_no_way_is_no_tour() {
+    fn spec_no_users_or_no_way_is_no_tour() {
         let mut places = random_places(&mut testing::rng(6), 3, 1, 1);
         places.from_start.fill(Duration::MAX);
         assert_eq!(places.tour(Order::Shortest), None);

@@ -13,10 +13,11 @@
 
 use std::time::Duration;
 
+pub use super::error::TableError;
 use super::legs::Legs;
 use super::order::{Order, Tour};
 use super::trajectory::{Start, Trajectory};
-use super::transit::{Router, Separation, TransitError};
+use super::transit::{Router, Separation};
 use crate::geo::Pose;
 use crate::role::PerVehicle;
 
@@ -45,45 +46,6 @@ impl Timing {
     pub const fn new(slot: Duration, guard: Duration, superframes: u16) -> Self {
         Self { slot, guard, settle: Self::DEFAULT_SETTLE, superframes }
     }
-}
-
-/// Why there is no table.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum TableError {
-    /// Nobody to serve.
-    #[error("there is no slot: {users} users in {superframes} superframes; give at least one of each")]
-    Empty {
-        /// Users with at least one pose.
-        users: usize,
-        /// Superframes.
-        superframes: u16,
-    },
-    /// Slots are numbered in 16 bits.
-    #[error("{slots} slots are too many: lower tdma.superframes so that there are at most {limit}")]
-    TooMany {
-        /// Users times superframes.
-        slots: usize,
-        /// The limit.
-        limit: u16,
-    },
-    /// Nothing is left of a slot.
-    #[error("tdma.guard_s ({guard_s} s) leaves nothing of tdma.slot_s ({slot_s} s): lower it")]
-    NoAirtime {
-        /// Slot in seconds.
-        slot_s: f64,
-        /// Guard in seconds.
-        guard_s: f64,
-    },
-    /// A leg of the tour cannot be flown (or, in the shortest order, no tour can be flown and this leg is the first).
-    #[error("from {} to user {to}: {source}", from.map_or_else(|| "the start".to_owned(), |user| format!("user {user}")))]
-    Transit {
-        /// Index of the user before, or the start.
-        from: Option<usize>,
-        /// Index of the user to be served.
-        to: usize,
-        /// What is wrong.
-        source: TransitError,
-    },
 }
 
 /// One slot and the way to it. Times are since the mission's start.
@@ -203,6 +165,7 @@ mod tests {
     use crate::role::Role;
     use crate::schedule::testing;
     use crate::schedule::transit::End;
+    use crate::schedule::transit::TransitError;
 
     const S: fn(f64) -> Duration = Duration::from_secs_f64;
     const TIMING: Timing = Timing::new(Duration::from_secs(20), Duration::from_secs(1), 2);
@@ -276,7 +239,7 @@ mod tests {
     }
 
     #[test]
-    fn val_what_cannot_be_scheduled_is_refused_with_numbers() {
+    fn spec_what_cannot_be_scheduled_is_refused_with_numbers() {
         let users = [vec![poses(0.0)], vec![poses(495.0)]];
         assert_eq!(built(&[], &TIMING, Order::Listed), Err(TableError::Empty { users: 0, superframes: 2 }));
         assert_eq!(

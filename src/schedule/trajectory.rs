@@ -341,7 +341,7 @@ mod tests {
     }
 
     #[test]
-    fn val_limits_that_are_none_are_named() {
+    fn spec_limits_that_are_none_are_named() {
         assert_eq!(LIMITS.fault(), None);
         assert_eq!(Limits::new(10.0, 0.0, 0.5).fault(), Some(("climb_m_s", 0.0)));
         assert_eq!(Limits::new(-1.0, 0.0, 0.5).fault(), Some(("speed_m_s", -1.0)));

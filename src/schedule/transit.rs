@@ -24,11 +24,12 @@ use std::time::Duration;
 
 use nalgebra::{UnitQuaternion, Vector3};
 
-use super::geofence::{Geofence, MAX_COORDINATE_M};
+use super::geofence::Geofence;
 use super::route::Corridor;
 use super::separation::{Clearance, clearance_m, polyline_distance_m};
 use super::sequence::{self, Move, PAUSE, Side};
 use super::trajectory::{Limits, Start, Trajectory};
+use crate::geo::polygon::MAX_COORDINATE_M;
 use crate::geo::{Attitude, Enu, Pose};
 use crate::planner::problem::Airspace;
 use crate::role::{PerVehicle, Role};

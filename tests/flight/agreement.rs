@@ -27,10 +27,7 @@ fn never_takes_off(mut flight: Flight, complaint: &str) {
 
 #[test]
 fn val_another_mission_on_the_other_vehicle_never_takes_off() {
-    let mut other = yard().clone();
-    other.mission =
-        veilwing::config::Mission::parse("other.toml", &MISSION.replace("slot_s = 5.0", "slot_s = 5.5"))
-            .unwrap();
+    let other = yard().under(|m| m.tdma.slot_s = 5.5);
     let given = PerVehicle { i: yard().clone(), j: other };
     never_takes_off(Flight::new(Setup { given, ..Setup::default() }), "flies another mission");
 }

@@ -7,13 +7,13 @@ use std::time::Duration;
 
 use mavlink::MavHeader;
 use mavlink::dialects::ardupilotmega::{COMMAND_LONG_DATA, MavCmd, MavMessage};
-use veilwing::config::{Mission, Vehicle};
-use veilwing::desk::simulation::{self, Given, Observer, VehicleText, actuation, world_config};
+use veilwing::config::{Mission, MissionDraft, Vehicle};
+use veilwing::desk::simulation::{self, Given, Observer, vehicle_draft, world_config};
 pub use veilwing::desk::simulation::{Path, index};
 use veilwing::link::codec::Encoder;
 use veilwing::mission::{Notice, Outgoing};
-use veilwing::planner::slots::{Plan, PlannedSlot};
-use veilwing::planner::{Options, plan_slot};
+use veilwing::planner::slots::Plan;
+use veilwing::planning;
 use veilwing::role::{PerVehicle, Role};
 use veilwing_sitl::{FlightReport, Slip, World};
 
@@ -35,34 +35,30 @@ pub struct Planned {
     pub plan: Plan,
 }
 
-pub fn planned(text: &str) -> Planned {
-    let mission = Mission::parse("test.toml", text).unwrap();
-    let options = Options { method: mission.planner.method, seed: mission.seed, ..Options::default() };
-    let slots = mission.users.iter().enumerate().map(|(k, user)| PlannedSlot {
-        user: user.name.clone(),
-        plan: plan_slot(&mission.problem(k).unwrap(), &options).unwrap(),
-    });
-    let plan = Plan::new(slots.collect());
-    Planned { mission, plan }
+impl Planned {
+    pub fn new(mission: Mission) -> Self {
+        let plan = planning::plan(&mission).unwrap();
+        Self { mission, plan }
+    }
+
+    /// The same plan under a mission of which something else was changed.
+    pub fn under(&self, change: impl FnOnce(&mut MissionDraft)) -> Self {
+        Self { mission: self.mission.changed(change).unwrap(), plan: self.plan.clone() }
+    }
 }
 
 /// The small mission, planned once.
 pub fn yard() -> &'static Planned {
     static YARD: OnceLock<Planned> = OnceLock::new();
-    YARD.get_or_init(|| planned(MISSION))
+    YARD.get_or_init(|| Planned::new(Mission::parse("yard.toml", MISSION).unwrap()))
 }
 
-fn vehicle_file(mission: &Mission, role: Role, simulated: bool, pair: &str) -> Vehicle {
-    let text = VehicleText {
-        role,
-        autopilot_link: "udpout:127.0.0.1:1",
-        pair_link: "udpout:127.0.0.1:2",
-        actuation: actuation(mission, role),
-        simulated,
-        log_dir: None,
-    };
-    // The text ends in the [pair] table.
-    Vehicle::parse("vehicle.toml", &(text.text() + pair)).unwrap()
+fn vehicle(mission: &Mission, role: Role, simulated: bool, tunnel: bool) -> Vehicle {
+    let mut draft = vehicle_draft(mission, role, [1, 2]);
+    draft.transmitter.simulated = simulated;
+    draft.pair_tunnel = tunnel;
+    draft.pair_peer_system = tunnel.then(|| 1 + index(role.peer()) as u8);
+    Vehicle::new(draft).unwrap()
 }
 
 /// What a flight left behind, all in simulation time.
@@ -91,8 +87,8 @@ pub struct Setup {
     pub given: PerVehicle<Planned>,
     pub simulated: bool,
     pub start_unasked: bool,
-    /// More lines for the [pair] tables of the vehicle files.
-    pub pair_lines: PerVehicle<&'static str>,
+    /// Whose pair messages ride in TUNNEL.
+    pub tunnel: PerVehicle<bool>,
     pub pair: Path,
     /// A slip planted in what a vehicle's autopilot hears.
     pub slip: Option<(Role, Slip)>,
@@ -105,7 +101,7 @@ impl Default for Setup {
             given: PerVehicle { i: yard().clone(), j: yard().clone() },
             simulated: true,
             start_unasked: true,
-            pair_lines: PerVehicle::default(),
+            tunnel: PerVehicle::default(),
             pair: Path::GOOD,
             slip: None,
             seed: 1,
@@ -145,7 +141,7 @@ impl Flight {
         }
         let given = PerVehicle::from_fn(|role| {
             let Planned { mission, plan } = setup.given[role].clone();
-            let vehicle = vehicle_file(&mission, role, setup.simulated, setup.pair_lines[role]);
+            let vehicle = vehicle(&mission, role, setup.simulated, setup.tunnel[role]);
             Arc::new(Given { mission, plan, vehicle })
         });
         let setup = simulation::Setup {

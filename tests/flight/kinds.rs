@@ -2,28 +2,24 @@
 
 use std::sync::Arc;
 
+use veilwing::autopilot::Actuation;
 use veilwing::config::{Mission, Vehicle};
-use veilwing::desk::simulation::{Flight, Given, Path, Setup, VehicleText, world_config};
+use veilwing::desk::simulation::{Flight, Given, Path, Setup, vehicle_draft, world_config};
 use veilwing::mission::Outcome;
+use veilwing::planner::problem::{Airframe, Method};
 use veilwing::planner::slots::Plan;
 use veilwing::role::{PerVehicle, Role};
 use veilwing_sitl::{FlightReport, World};
 
-use crate::harness::{LONGEST, MISSION, planned, yard};
+use crate::harness::{LONGEST, Planned, yard};
 
 /// Flies a mission with these actuations to its end.
-fn fly(mission: &Mission, plan: &Plan, actuations: PerVehicle<&str>) -> FlightReport {
+fn fly(mission: &Mission, plan: &Plan, actuations: PerVehicle<Actuation>) -> FlightReport {
     let config = world_config(mission, plan).unwrap();
     let given = PerVehicle::from_fn(|role| {
-        let text = VehicleText {
-            role,
-            autopilot_link: "udpout:127.0.0.1:1",
-            pair_link: "udpout:127.0.0.1:2",
-            actuation: actuations[role],
-            simulated: true,
-            log_dir: None,
-        };
-        let vehicle = Vehicle::parse("vehicle.toml", &text.text()).unwrap();
+        let mut draft = vehicle_draft(mission, role, [1, 2]);
+        draft.autopilot.actuation = actuations[role];
+        let vehicle = Vehicle::new(draft).unwrap();
         Arc::new(Given { mission: mission.clone(), plan: plan.clone(), vehicle })
     });
     let setup = Setup { given, start_unasked: true, autopilot: Path::GOOD, pair: Path::GOOD, seed: 1 };
@@ -54,27 +50,28 @@ fn assert_served(report: &FlightReport, position_m: f64) {
 
 #[test]
 fn val_a_conventional_mission_is_flown_by_position_targets() {
-    let conventional = MISSION
-        .replace("[vehicles.i]\n", "[vehicles.i]\nairframe = \"conventional\"\n")
-        .replace("[vehicles.j]\n", "[vehicles.j]\nairframe = \"conventional\"\n")
-        + "[planner]\nmethod = \"conventional\"\n";
-    let planned = planned(&conventional);
+    let conventional = yard().mission.changed(|m| {
+        m.vehicles.i.airframe = Airframe::Conventional;
+        m.vehicles.j.airframe = Airframe::Conventional;
+        m.planner.method = Method::Conventional;
+    });
+    let planned = Planned::new(conventional.unwrap());
     for slot in &planned.plan.slots {
         for role in Role::BOTH {
             let pose = slot.plan.vehicles[role].pose;
             assert!(pose.roll_rad == 0.0 && pose.pitch_rad == 0.0, "{pose:?}");
         }
     }
-    let report = fly(&planned.mission, &planned.plan, PerVehicle { i: "position", j: "position" });
+    let report =
+        fly(&planned.mission, &planned.plan, PerVehicle { i: Actuation::Position, j: Actuation::Position });
     assert_served(&report, 0.3);
 }
 
 #[test]
 fn val_one_vehicle_by_thrust_vector_and_the_other_by_pose() {
     let yard = yard();
-    for actuations in
-        [PerVehicle { i: "thrust_vector", j: "pose" }, PerVehicle { i: "pose", j: "thrust_vector" }]
-    {
+    let (thrust, pose) = (Actuation::ThrustVector, Actuation::Pose);
+    for actuations in [PerVehicle { i: thrust, j: pose }, PerVehicle { i: pose, j: thrust }] {
         let report = fly(&yard.mission, &yard.plan, actuations);
         assert_served(&report, 0.1);
     }

@@ -9,10 +9,7 @@ use mavlink::dialects::ardupilotmega::{
 };
 use veilwing::autopilot::Firmware;
 use veilwing::companion::settings::settings;
-use veilwing::config::Vehicle;
-use veilwing::desk::simulation::{
-    Flight, Given, Observer, Path, Setup, VehicleText, actuation, world_config,
-};
+use veilwing::desk::simulation::{Flight, Given, Observer, Path, Setup, vehicle, world_config};
 use veilwing::geo::{Attitude, Enu, EnuVelocity, Geodetic, LocalFrame, Ned, NedVelocity};
 use veilwing::mission::{Notice, Outgoing};
 use veilwing::pair::wire;
@@ -89,22 +86,10 @@ impl Observer for Recorder {
     }
 }
 
-fn vehicle(role: Role) -> Vehicle {
-    let text = VehicleText {
-        role,
-        autopilot_link: "udpout:127.0.0.1:1",
-        pair_link: "udpout:127.0.0.1:2",
-        actuation: actuation(&yard().mission, role),
-        simulated: true,
-        log_dir: None,
-    };
-    Vehicle::parse("vehicle.toml", &text.text()).unwrap()
-}
-
 /// The way home of both, as the plan and the homes give it: from the last slot's poses to above the homes.
 fn ways_home(homes: &PerVehicle<Enu>) -> PerVehicle<Trajectory> {
     let planned = yard();
-    let settings = settings(&planned.mission, &vehicle(Role::I), 1, true);
+    let settings = settings(&planned.mission, &vehicle(&planned.mission, Role::I).unwrap(), 1, true);
     let router = Router::new(&settings.airspace, &settings.limits).unwrap();
     let floor_m = settings.airspace.altitude_m[0];
     let start = homes
@@ -128,7 +113,7 @@ fn val_each_setpoint_of_a_transit_is_the_trajectory_at_its_own_time() {
     let planned = yard();
     let given = PerVehicle::from_fn(|role| {
         let (mission, plan) = (planned.mission.clone(), planned.plan.clone());
-        Arc::new(Given { mission, plan, vehicle: vehicle(role) })
+        Arc::new(Given { mission, plan, vehicle: vehicle(&yard().mission, role).unwrap() })
     });
     let setup = Setup { given, start_unasked: true, autopilot: Path::GOOD, pair: Path::GOOD, seed: 1 };
     let world = World::new(world_config(&planned.mission, &planned.plan).unwrap()).unwrap();
@@ -139,7 +124,7 @@ fn val_each_setpoint_of_a_transit_is_the_trajectory_at_its_own_time() {
         flight.step(LONGEST, &mut recorder).unwrap();
     }
     let homes = PerVehicle::from_fn(|role| recorder.0[role].home_enu_m.unwrap());
-    let limits = settings(&planned.mission, &vehicle(Role::I), 1, true).limits;
+    let limits = settings(&planned.mission, &vehicle(&planned.mission, Role::I).unwrap(), 1, true).limits;
     for (role, way) in Role::BOTH.into_iter().map(|role| (role, ways_home(&homes)[role].clone())) {
         let heard = &recorder.0[role];
         let returns_at = heard.returns_at.unwrap();

@@ -11,7 +11,7 @@ use veilwing::companion::settings::{
     allow_for_clock_rate, pair_form, scheduling_allowance, settings, transmitter_settings,
 };
 use veilwing::config::Vehicle;
-use veilwing::desk::simulation::{Late, VehicleText, actuation, judge, world_config};
+use veilwing::desk::simulation::{Late, judge, vehicle_draft, world_config};
 use veilwing::link::codec::Encoder;
 use veilwing::link::{Clock, Key, LinkConfig, SigningConfig};
 use veilwing::mission::Outcome;
@@ -29,16 +29,7 @@ const LATE: Duration = Duration::from_millis(20);
 
 fn companion(role: Role, ports: [u16; 2], directory: &Path, clock: &Clock) -> Companion {
     let planned = yard();
-    let [autopilot_link, pair_link] = ports.map(|port| format!("udpout:127.0.0.1:{port}"));
-    let text = VehicleText {
-        role,
-        autopilot_link: &autopilot_link,
-        pair_link: &pair_link,
-        actuation: actuation(&planned.mission, role),
-        simulated: true,
-        log_dir: None,
-    };
-    let vehicle = Vehicle::parse("vehicle.toml", &text.text()).unwrap();
+    let vehicle = Vehicle::new(vehicle_draft(&planned.mission, role, ports)).unwrap();
     let mut told = settings(&planned.mission, &vehicle, 1, true);
     allow_for_clock_rate(&mut told, RATE);
     let signing = SigningConfig {

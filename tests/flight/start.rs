@@ -5,18 +5,16 @@ use std::time::Duration;
 use mavlink::dialects::ardupilotmega::MavCmd;
 use veilwing::mission::Outcome;
 use veilwing::role::{PerVehicle, Role};
+use veilwing::time::Utc;
 
 use crate::harness::*;
 
 /// The simulated world begins at 2027-01-15T12:00:00Z.
-fn starting_at(time: &str) -> Planned {
-    let text = MISSION.replace("[tdma]\n", &format!("[tdma]\nstart_utc = 2027-01-15T{time}Z\n"));
-    assert_ne!(text, MISSION);
-    let mission = veilwing::config::Mission::parse("timed.toml", &text).unwrap();
-    Planned { mission, ..yard().clone() }
+fn starting_at((hour, minute, second): (u8, u8, u8)) -> Planned {
+    yard().under(|m| m.tdma.start_utc = Utc::from_civil((2027, 1, 15), (hour, minute, second), 0, 0))
 }
 
-fn setup(time: &str, start_unasked: bool) -> Setup {
+fn setup(time: (u8, u8, u8), start_unasked: bool) -> Setup {
     let given = PerVehicle { i: starting_at(time), j: starting_at(time) };
     Setup { given, start_unasked, ..Setup::default() }
 }
@@ -48,7 +46,7 @@ fn val_the_first_transit_begins_at_the_given_time_whoever_asks_for_more() {
     let at = Duration::from_secs(75);
     let mut first = Vec::new();
     for start_unasked in [false, true] {
-        let mut flight = Flight::new(setup("12:01:15", start_unasked));
+        let mut flight = Flight::new(setup((12, 1, 15), start_unasked));
         flight.pass(Duration::from_secs(30));
         for role in Role::BOTH {
             assert!(flight.landed(role), "{}", flight.story());
@@ -70,7 +68,7 @@ fn val_the_first_transit_begins_at_the_given_time_whoever_asks_for_more() {
         first.push(first_on(&completes(flight)));
     }
     // Ten seconds later is ten seconds later: slots keep their places in UTC.
-    let later = first_on(&completes(Flight::new(setup("12:01:25", false))));
+    let later = first_on(&completes(Flight::new(setup((12, 1, 25), false))));
     for first in first {
         let shift = (later - first).as_secs_f64();
         assert!((shift - 10.0).abs() < 0.1, "{first:?} {later:?}");
@@ -80,7 +78,7 @@ fn val_the_first_transit_begins_at_the_given_time_whoever_asks_for_more() {
 #[test]
 fn val_a_start_in_the_past_waits_for_the_operator_and_says_so() {
     for told in Role::BOTH {
-        let mut flight = Flight::new(setup("11:59:00", false));
+        let mut flight = Flight::new(setup((11, 59, 0), false));
         flight.pass(Duration::from_secs(30));
         for role in Role::BOTH {
             assert!(flight.landed(role), "{}", flight.story());

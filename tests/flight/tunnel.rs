@@ -8,14 +8,13 @@ use veilwing::role::{PerVehicle, Role};
 
 use crate::harness::*;
 
-const THROUGH: PerVehicle<&str> =
-    PerVehicle { i: "tunnel = true\npeer_system_id = 2\n", j: "tunnel = true\npeer_system_id = 1\n" };
+const THROUGH: PerVehicle<bool> = PerVehicle { i: true, j: true };
 
 #[test]
 fn val_a_flight_through_tunnel_is_the_flight_without_it() {
-    let fly = |pair_lines| {
+    let fly = |tunnel| {
         let pair = Path { loss: 0.2, duplication: 0.2, delay: Duration::from_millis(30), ..Path::GOOD };
-        let mut flight = Flight::new(Setup { pair_lines, pair, ..Setup::default() });
+        let mut flight = Flight::new(Setup { tunnel, pair, ..Setup::default() });
         flight.fly_out();
         flight.assert_safe();
         for role in Role::BOTH {
@@ -30,9 +29,9 @@ fn val_a_flight_through_tunnel_is_the_flight_without_it() {
 #[test]
 fn val_two_forms_of_one_link_never_take_off_and_are_counted() {
     for plain in Role::BOTH {
-        let mut pair_lines = THROUGH;
-        pair_lines[plain] = "";
-        let mut flight = Flight::new(Setup { pair_lines, ..Setup::default() });
+        let mut tunnel = THROUGH;
+        tunnel[plain] = false;
+        let mut flight = Flight::new(Setup { tunnel, ..Setup::default() });
         flight.pass(Duration::from_secs(60));
         for role in Role::BOTH {
             assert!(flight.landed(role), "{}", flight.story());

@@ -11,11 +11,12 @@ use crate::harness::*;
 
 /// Slot 0 with I in the west and J in the east, slot 1 the other way round, both level.
 fn exchange() -> Planned {
-    let text = MISSION
-        .replace("altitude_m = [10.0, 30.0]", "altitude_m = [15.0, 16.0]")
-        .replace("home_enu_m = [-8.0, 0.0, 0.0]", "home_enu_m = [-20.0, 0.0, 0.0]")
-        .replace("home_enu_m = [8.0, -20.0, 0.0]", "home_enu_m = [20.0, 0.0, 0.0]");
-    let mission = veilwing::config::Mission::parse("exchange.toml", &text).unwrap();
+    let mission = yard().mission.changed(|m| {
+        m.airspace.altitude_m = [15.0, 16.0];
+        m.vehicles.i.home_enu_m = Some(Enu::new(-20.0, 0.0, 0.0));
+        m.vehicles.j.home_enu_m = Some(Enu::new(20.0, 0.0, 0.0));
+    });
+    let mission = mission.unwrap();
     let mut slots = yard().plan.slots.clone();
     for (slot, west) in slots.iter_mut().zip([-20.0, 20.0]) {
         let level =

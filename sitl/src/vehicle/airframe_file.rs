@@ -120,7 +120,7 @@ mod tests {
     const QUAD: &str = include_str!("../../airframes/level-four.toml");
 
     #[test]
-    fn regress_the_files_are_the_built_in_airframes() {
+    fn spec_the_files_are_the_built_in_airframes() {
         for (text, airframe) in [(OMNI, Airframe::Omnidirectional), (QUAD, Airframe::Conventional)] {
             let read = AirframeModel::parse("airframe.toml", text).unwrap();
             let built_in = AirframeModel::of(airframe);
@@ -135,7 +135,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_bad_files_are_refused_with_place_and_remedy() {
+    fn spec_bad_files_are_refused_with_place_and_remedy() {
         let refused = |text: &str| AirframeModel::parse("x.toml", text).unwrap_err().to_string();
         let error = refused(&OMNI.replace("mass_kg", "mass"));
         assert!(error.starts_with("x.toml") && error.contains("line") && error.contains("mass"), "{error}");

@@ -84,7 +84,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn prop_delay_keeps_the_order_and_loss_its_share() {
+    fn spec_delay_keeps_the_order_and_loss_its_share() {
         let ms = Duration::from_millis;
         let mut link = CompanionLink::new(1, 0);
         assert_eq!(link.receive(b"a", ms(0)), Some(&b"a"[..]));

@@ -198,7 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn val_without_gps_it_runs_away_and_jumps_back() {
+    fn spec_without_gps_it_runs_away_and_jumps_back() {
         let mut estimator = Estimator::new(SensorConfig::default(), 1, 0, DT);
         estimator.set_gps(true, Duration::ZERO);
         let mut last = truth(0.0);

@@ -142,7 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_at_vertical_pitch_the_law_follows_the_angles_meant() {
+    fn spec_at_vertical_pitch_the_law_follows_the_angles_meant() {
         // At pitch 90 degrees, (roll 0.5, yaw 0) and (roll 0, yaw -0.5) are one rotation with different laws.
         let mut jitter = Jitter::new(config(JitterModel::Euler, 0.0), 8, 0);
         let a = Euler { roll_rad: 0.5, pitch_rad: std::f64::consts::FRAC_PI_2, yaw_rad: 0.0 };

@@ -287,7 +287,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_broadcasts_spread_and_addressed_frames_are_routed() {
+    fn spec_broadcasts_spread_and_addressed_frames_are_routed() {
         let mut router = Router::new(1, &[1, 68]);
         let taken = router.receive(0, &wire::encode(0, 1, 191, &heartbeat()));
         assert_eq!(taken.iter().map(|(_, c, _)| *c).collect::<Vec<_>>(), [1, 68]);
@@ -308,7 +308,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_each_component_counts_its_own_frames_on_each_link() {
+    fn spec_each_component_counts_its_own_frames_on_each_link() {
         let mut router = Router::new(1, &[1, 68]);
         for component in [1, 68, 1, 1] {
             router.send(To::All, component, &heartbeat());
@@ -319,7 +319,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_an_unnamed_command_is_answered_and_long_texts_are_chunked() {
+    fn spec_an_unnamed_command_is_answered_and_long_texts_are_chunked() {
         let mut router = Router::new(1, &[1, 68]);
         let mut frame = wire::encode(0, 255, 190, &command(1, 1));
         frame[10 + 28..10 + 30].copy_from_slice(&60_001u16.to_le_bytes());

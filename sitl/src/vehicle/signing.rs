@@ -135,7 +135,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_only_the_key_and_only_once() {
+    fn spec_only_the_key_and_only_once() {
         let (mut sender, mut receiver) = (with_key(KEY), with_key(KEY));
         let first = frame(&sender.seal(0, message()));
         let second = frame(&sender.seal(0, message()));
@@ -148,7 +148,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_a_stream_that_begins_long_after_its_clock_is_refused() {
+    fn spec_a_stream_that_begins_long_after_its_clock_is_refused() {
         let (mut sender, mut receiver) = (with_key(KEY), with_key(KEY));
         let old = frame(&sender.seal(0, message()));
         receiver.set_utc(EPOCH_UNIX_US + 61_000_000);
@@ -161,7 +161,7 @@ mod tests {
     }
 
     #[test]
-    fn val_a_key_of_zeros_ends_signing() {
+    fn spec_a_key_of_zeros_ends_signing() {
         let mut signing = with_key(KEY);
         signing.set_up(&SETUP_SIGNING_DATA::DEFAULT);
         assert_eq!(signing.seal(0, message()), message());

@@ -117,7 +117,7 @@ mod tests {
     }
 
     #[test]
-    fn val_lease_expires_to_the_millisecond() {
+    fn spec_lease_expires_to_the_millisecond() {
         let mut tx = Transmitter::new(30.0);
         let t0 = Duration::from_micros(1_234_567);
         let reply = tx.command(&power(26.5, 4, 500), t0);
@@ -130,7 +130,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_bad_powers_are_denied_and_change_nothing() {
+    fn spec_bad_powers_are_denied_and_change_nothing() {
         let mut tx = Transmitter::new(27.0);
         tx.command(&power(20.0, 1, 500), Duration::ZERO);
         let before = tx.emission();
@@ -147,7 +147,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_off_is_off_at_once() {
+    fn spec_off_is_off_at_once() {
         for off in [power(f32::NEG_INFINITY, 1, 500), power(20.0, 1, 0), power(f32::NAN, 1, -3)] {
             let mut tx = Transmitter::new(27.0);
             tx.command(&power(20.0, 1, 500), Duration::ZERO);
@@ -160,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_a_stuck_transmitter_ignores_expiry_and_orders() {
+    fn spec_a_stuck_transmitter_ignores_expiry_and_orders() {
         let mut tx = Transmitter::new(27.0);
         tx.command(&power(20.0, 1, 100), Duration::ZERO);
         tx.stuck = true;
@@ -170,7 +170,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_a_transmitter_without_expiry_still_obeys() {
+    fn spec_a_transmitter_without_expiry_still_obeys() {
         let mut tx = Transmitter::new(27.0);
         tx.endless = true;
         tx.command(&power(20.0, 1, 100), Duration::ZERO);

@@ -16,7 +16,7 @@ use crate::desk::simulation::{Faults, Scenario, ScenarioError, draw};
 use crate::link::clock::Clock;
 use crate::planner::slots::hex;
 
-use super::planning::{document as plan_document, mission_options, plan_mission};
+use super::planning::{document as plan_document, plan_mission};
 use super::{Exit, interrupt, load_mission, print_json, print_text};
 use out::Out;
 use shard::Shard;
@@ -97,7 +97,7 @@ fn prepare(args: &Args, path: &Path) -> Result<(Mission, Faults), Exit> {
 
 fn fly(args: &Args, (mission, file): (&Mission, &Path), faults: &Faults) -> Result<Exit, String> {
     let wall = Clock::real();
-    let options = mission_options(mission);
+    let options = crate::planning::options(mission);
     let timed = plan_mission(mission, &options).map_err(|error| error.to_string())?;
     let plan = plan_document(mission, &options, &timed);
     let scenario = Scenario::new(mission, &timed.plan).map_err(|error| error.to_string())?;

@@ -1,10 +1,10 @@
 //! What of an edited plan no transmitter could do, and what in it the mission does not allow.
 
 use crate::config::Mission;
+use crate::geo::polygon::Polygon;
 use crate::planner::document::{EditedPlan, EditedSlot, VehicleDocument};
 use crate::planner::plan::VehiclePlan;
 use crate::role::Role;
-use crate::schedule::geofence::Geofence;
 use crate::units::Watts;
 
 /// Larger figures make no sense, and the sums behind a rate overflow.
@@ -44,11 +44,11 @@ pub(super) fn exceeded(mission: &Mission, edited: &EditedPlan) -> Vec<String> {
     if edited.mission_digest.as_ref().is_some_and(|digest| *digest != mission.digest_hex()) {
         all.push("made for another mission, or for this one before it was edited".to_owned());
     }
-    let fence = Geofence::new(&mission.airspace.area_enu_m).ok();
+    let area = Polygon::new(&mission.airspace.area_enu_m).ok();
     for (index, slot) in edited.slots.iter().enumerate() {
         let mut note = |text: String| all.push(format!("slots[{index}] ({}): {text}", slot.user));
         for role in Role::BOTH {
-            check_vehicle(mission, fence.as_ref(), role, &slot.vehicles[role], &mut note);
+            check_vehicle(mission, area.as_ref(), role, &slot.vehicles[role], &mut note);
         }
         let apart_m = distance_m(&slot.vehicles.i, &slot.vehicles.j);
         let least_m = mission.airspace.min_separation_m;
@@ -63,7 +63,7 @@ pub(super) fn exceeded(mission: &Mission, edited: &EditedPlan) -> Vec<String> {
 
 fn check_vehicle(
     mission: &Mission,
-    fence: Option<&Geofence>,
+    area: Option<&Polygon>,
     role: Role,
     vehicle: &VehicleDocument,
     note: &mut impl FnMut(String),
@@ -75,8 +75,7 @@ fn check_vehicle(
     }
     let at = nalgebra::Vector2::new(east, north);
     // A plan at the border may lie outside by its last bit.
-    let inside = |fence: &Geofence| fence.contains(at) || (fence.project(at) - at).norm() < ROUNDING;
-    if fence.is_some_and(|fence| !inside(fence)) {
+    if area.is_some_and(|area| !area.contains(at, ROUNDING)) {
         note(format!("{role} is at [{east}, {north}] m, outside area_enu_m"));
     }
     let tilt_rad = VehiclePlan::from(vehicle.clone()).pose.attitude().tilt_rad();

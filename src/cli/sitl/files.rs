@@ -5,11 +5,12 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 use crate::config::file::{unwritable, usable_directory, write_whole};
+use crate::config::{Mission, Vehicle};
 use crate::desk::report::{self, Timeline};
 use crate::role::Role;
 
 use crate::cli::report::{REPORT, write};
-use crate::desk::simulation::VehicleText;
+use crate::desk::simulation::vehicle_draft;
 
 /// Kept where the operator said, or temporary and removed at the end.
 pub(in crate::cli) struct Directory {
@@ -68,22 +69,17 @@ impl Drop for Directory {
 /// Writes the vehicle file of one companion: loopback links, a simulated transmitter.
 pub(super) fn write_vehicle(
     directory: &Path,
+    mission: &Mission,
     role: Role,
-    [autopilot_port, pair_port]: [u16; 2],
-    actuation: &str,
+    ports: [u16; 2],
 ) -> Result<PathBuf, String> {
     let name = role.to_string().to_lowercase();
     let path = directory.join(format!("vehicle-{name}.toml"));
-    // The companion may run in another directory; TOML's own quoting takes any path.
-    let log_dir = std::path::absolute(directory).unwrap_or_else(|_| directory.to_path_buf());
-    let text = VehicleText {
-        role,
-        autopilot_link: &format!("udpout:127.0.0.1:{autopilot_port}"),
-        pair_link: &format!("udpout:127.0.0.1:{pair_port}"),
-        actuation,
-        simulated: true,
-        log_dir: Some(toml::Value::String(log_dir.display().to_string()).to_string()),
-    };
-    std::fs::write(&path, text.text()).map_err(|error| unwritable(&path, &error))?;
+    let mut draft = vehicle_draft(mission, role, ports);
+    // The companion may run in another directory.
+    draft.log_dir = std::path::absolute(directory).unwrap_or_else(|_| directory.to_path_buf());
+    let vehicle = Vehicle::new(draft).map_err(|findings| findings.to_string())?;
+    let text = format!("# The simulated vehicle {role}.\n{}", vehicle.to_toml());
+    std::fs::write(&path, text).map_err(|error| unwritable(&path, &error))?;
     Ok(path)
 }

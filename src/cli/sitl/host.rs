@@ -11,6 +11,7 @@ use tokio::time::MissedTickBehavior;
 use veilwing_sitl::{self as sim, World};
 
 use crate::cli::progress;
+use crate::config::Mission;
 use crate::desk::report::{Event, EventKind, Severity};
 use crate::desk::simulation::{self, Change, Excused, Fault, FaultKind, Late, Supervisor, index, judge};
 use crate::link::HostPort;
@@ -45,7 +46,8 @@ pub(super) struct Setup<'a> {
     pub directory: &'a Path,
     /// Ports at which the companions find each other, instead of this process's own.
     pub pair_relay: Option<PerVehicle<u16>>,
-    pub actuation: PerVehicle<&'static str>,
+    /// What the mission file says.
+    pub settings: &'a Mission,
     pub ground_station: Option<&'a HostPort>,
     /// Begin without waiting for MISSION_START.
     pub start: bool,
@@ -101,7 +103,7 @@ pub(super) async fn fly(mut setup: Setup<'_>) -> Result<Flight, String> {
     let write = |role: Role| {
         let [autopilot, pair] = links.numbers(role)?;
         let pair = setup.pair_relay.as_ref().map_or(pair, |ports| ports[role]);
-        write_vehicle(setup.directory, role, [autopilot, pair], setup.actuation[role])
+        write_vehicle(setup.directory, setup.settings, role, [autopilot, pair])
     };
     let vehicle_files = PerVehicle { i: write(Role::I)?, j: write(Role::J)? };
     let spawn = |role: Role| spawn_companion(&setup.spawning(), role, &vehicle_files[role], &lines);

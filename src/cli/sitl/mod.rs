@@ -20,7 +20,7 @@ use crate::link::clock::Clock;
 use crate::role::PerVehicle;
 
 use super::plan::write_plan;
-use super::planning::{document as plan_document, mission_options, plan_mission};
+use super::planning::{document as plan_document, plan_mission};
 use super::{Exit, load_mission, print_json, print_text, progress};
 use document::{FlightDocument, FlightResult};
 
@@ -93,7 +93,7 @@ pub(super) fn run(args: &Args) -> Exit {
 fn fly(args: &Args, mission: &Mission, faults: &Faults) -> Result<Exit, String> {
     let wall = Clock::real();
     let directory = files::Directory::new(args.out.as_deref())?;
-    let options = mission_options(mission);
+    let options = crate::planning::options(mission);
     let timed = plan_mission(mission, &options).map_err(|error| error.to_string())?;
     let plan = plan_document(mission, &options, &timed);
     if write_plan(directory.path(), &plan).is_err() {
@@ -124,7 +124,7 @@ fn fly(args: &Args, mission: &Mission, faults: &Faults) -> Result<Exit, String> 
         speed: args.speed,
         directory: directory.path(),
         pair_relay: args.pair_relay,
-        actuation: PerVehicle::from_fn(|role| simulation::actuation(mission, role)),
+        settings: mission,
         ground_station: args.ground_station.as_ref(),
         start: !args.wait_for_start,
     }))?;

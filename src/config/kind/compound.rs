@@ -4,7 +4,7 @@ use serde_json::{Value as Json, json};
 use toml::de::DeValue;
 
 use super::scalar::Number;
-use super::{Fault, Item, Kind, miscount, wrong_type};
+use super::value::{Fault, Item, Kind, miscount, wrong_type};
 use crate::role::{PerVehicle, Role};
 
 /// A fixed number of numbers, each with its name and range.
@@ -31,6 +31,11 @@ impl<const N: usize> Kind for Numbers<N> {
             }
         }
         sound.then_some(values)
+    }
+
+    fn fault(&self, value: &[f64; N]) -> Option<String> {
+        let mut each = self.0.iter().zip(value);
+        each.find_map(|((name, kind), number)| Some(format!("({name}) {}", kind.fault(number)?)))
     }
 
     fn expected(&self) -> String {
@@ -69,6 +74,13 @@ impl<K: Kind> Kind for List<K> {
             return None;
         }
         values.into_iter().collect()
+    }
+
+    fn fault(&self, values: &Vec<K::Out>) -> Option<String> {
+        values
+            .iter()
+            .find_map(|value| self.each.fault(value))
+            .or_else(|| miscount(values.len(), self.at_least, self.at_most))
     }
 
     fn expected(&self) -> String {
@@ -115,6 +127,10 @@ impl<K: Kind<Out: Copy>> Kind for Each<K> {
             return None;
         }
         Some(PerVehicle { i: values.i?, j: values.j? })
+    }
+
+    fn fault(&self, value: &Self::Out) -> Option<String> {
+        Role::BOTH.into_iter().find_map(|role| Some(format!("of {role} {}", self.0.fault(&value[role])?)))
     }
 
     fn expected(&self) -> String {

@@ -7,7 +7,7 @@ use serde_json::{Value as Json, json};
 use toml::de::DeValue;
 use toml::value::Offset;
 
-use super::{Fault, Item, Kind, nearest, wrong_type};
+use super::value::{Fault, Item, Kind, nearest, wrong_type};
 use crate::time::Utc;
 
 /// A finite number in a unit and a range.
@@ -78,11 +78,15 @@ impl Kind for Number {
             wrong_type(self, item, faults);
             return None;
         };
-        if let Some(clause) = self.out_of_range(value) {
-            faults.push(Fault { at: item.span(), clause });
-            return None;
+        match self.fault(&value) {
+            Some(clause) => faults.push(Fault { at: item.span(), clause }),
+            None => return Some(value),
         }
-        Some(value)
+        None
+    }
+
+    fn fault(&self, value: &f64) -> Option<String> {
+        self.out_of_range(*value)
     }
 
     fn expected(&self) -> String {
@@ -131,6 +135,11 @@ impl Kind for Integer {
         }
     }
 
+    fn fault(&self, value: &u64) -> Option<String> {
+        let within = (self.min..=self.max).contains(value);
+        (!within).then(|| format!("is {value}, outside {} to {}", self.min, self.max))
+    }
+
     fn expected(&self) -> String {
         format!("a whole number from {} to {}", self.min, self.max)
     }
@@ -156,6 +165,10 @@ impl Kind for Flag {
             wrong_type(self, item, faults);
         }
         value
+    }
+
+    fn fault(&self, _: &Self::Out) -> Option<String> {
+        None
     }
 
     fn expected(&self) -> String {
@@ -184,17 +197,24 @@ impl Kind for Text {
             wrong_type(self, item, faults);
             return None;
         };
-        let clause = if text.trim().is_empty() {
-            "is empty".to_owned()
-        } else if text.chars().any(char::is_control) {
-            format!("holds a control character: {text:?}")
-        } else if text.chars().count() > self.max_chars {
-            format!("has {} characters, more than {}", text.chars().count(), self.max_chars)
-        } else {
-            return Some(text.to_owned());
-        };
-        faults.push(Fault { at: item.span(), clause });
+        let text = text.to_owned();
+        match self.fault(&text) {
+            Some(clause) => faults.push(Fault { at: item.span(), clause }),
+            None => return Some(text),
+        }
         None
+    }
+
+    fn fault(&self, text: &String) -> Option<String> {
+        if text.trim().is_empty() {
+            Some("is empty".to_owned())
+        } else if text.chars().any(char::is_control) {
+            Some(format!("holds a control character: {text:?}"))
+        } else if text.chars().count() > self.max_chars {
+            Some(format!("has {} characters, more than {}", text.chars().count(), self.max_chars))
+        } else {
+            None
+        }
     }
 
     fn expected(&self) -> String {
@@ -239,6 +259,11 @@ impl<T: Copy + PartialEq> Kind for Choice<T> {
         None
     }
 
+    fn fault(&self, value: &T) -> Option<String> {
+        let known = self.0.iter().any(|(_, choice)| choice == value);
+        (!known).then(|| "is none of its values".to_owned())
+    }
+
     fn expected(&self) -> String {
         let words: Vec<String> = self.words().map(|word| format!("{word:?}")).collect();
         format!("one of {}", words.join(", "))
@@ -277,6 +302,11 @@ impl<T: FromStr<Err: Display> + Display> Kind for Parsed<T> {
         text.parse()
             .map_err(|error| faults.push(Fault { at: item.span(), clause: format!("is {text:?}: {error}") }))
             .ok()
+    }
+
+    fn fault(&self, value: &T) -> Option<String> {
+        let text = value.to_string();
+        text.parse::<T>().err().map(|error| format!("is {text:?}: {error}"))
     }
 
     fn expected(&self) -> String {
@@ -320,6 +350,10 @@ impl Kind for Moment {
             faults.push(Fault { at: item.span(), clause: format!("is {datetime}, which is before 1970") });
         }
         moment
+    }
+
+    fn fault(&self, _: &Self::Out) -> Option<String> {
+        None
     }
 
     fn expected(&self) -> String {

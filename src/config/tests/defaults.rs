@@ -3,7 +3,7 @@
 use super::*;
 
 #[test]
-fn val_defaults_are_those_of_the_interface() {
+fn spec_defaults_are_those_of_the_interface() {
     let least = mission(LEAST);
     assert_eq!((least.name.as_str(), least.seed), ("mission", 7));
     assert_eq!(least.origin, Geodetic { lat_deg: 50.0755, lon_deg: 14.4378, alt_m: 200.0 });
@@ -55,7 +55,7 @@ fn val_defaults_are_those_of_the_interface() {
 }
 
 #[test]
-fn val_vehicle_defaults_are_those_of_the_interface() {
+fn spec_vehicle_defaults_are_those_of_the_interface() {
     let least = vehicle("vehicle.role = \"j\"\npair.link = \"udpout:10.0.0.1:14600\"\n");
     assert_eq!((least.role, least.key_file.as_ref()), (Role::J, None));
     assert_eq!(least.autopilot.link.to_string(), "udpin:0.0.0.0:14540");
@@ -65,13 +65,7 @@ fn val_vehicle_defaults_are_those_of_the_interface() {
     );
     assert_eq!((least.autopilot.system_id, least.autopilot.component_id), (None, 191));
     assert_eq!(least.autopilot.rate_hz, 50.0);
-    let leased = Transmitter {
-        kind: TransmitterKind::Leased,
-        simulated: true,
-        component_id: 68,
-        command: 31010,
-        parameter: None,
-    };
+    let leased = Transmitter { kind: Kind::Leased { command: 31010 }, simulated: true, component_id: 68 };
     assert_eq!(least.transmitter, leased);
     assert_eq!(least.limits, Limits::default());
     assert_eq!((least.pair_peer_system, least.pair_tunnel), (None, false));
@@ -102,7 +96,7 @@ fn val_a_start_is_one_instant_however_it_is_written() {
 }
 
 #[test]
-fn val_the_demo_is_what_the_interface_promises() {
+fn spec_the_demo_is_what_the_interface_promises() {
     let demo = mission(DEMO);
     assert!(demo.users.len() >= 2 && demo.eavesdroppers.len() >= 3, "two users and three eavesdroppers");
     assert!((demo.jitter.std_rad.to_degrees() - 2.0).abs() < 1e-12);
@@ -125,7 +119,7 @@ fn val_the_paper_mission_is_reference_scenario_0() {
 }
 
 #[test]
-fn val_a_problem_has_the_strictest_power_and_tilt() {
+fn spec_a_problem_has_the_strictest_power_and_tilt() {
     let text = LEAST.replacen("[mission]\n", &format!("[mission]\n{ORIGIN}"), 1)
         + "[emission]\nauthorised_by = \"me\"\nband_hz = [2.4e9, 2.41e9]\nmax_power_w = 0.3\n\
            [radio]\nmax_power_w = { i = 0.5, j = 0.2 }\n[airspace]\nmax_tilt_deg = 60\n\
@@ -152,7 +146,7 @@ fn val_the_reference_gain_of_a_carrier_is_free_space_loss_at_one_metre() {
 }
 
 #[test]
-fn val_a_geodetic_position_is_the_same_place() {
+fn spec_a_geodetic_position_is_the_same_place() {
     let origin = Geodetic { lat_deg: 50.0, lon_deg: 14.0, alt_m: 200.0 };
     let there = Geodetic::from_enu(Enu::new(120.0, -40.0, 3.0), origin);
     let (lat, lon, alt) = (there.lat_deg, there.lon_deg, there.alt_m - 200.0);
@@ -166,7 +160,7 @@ fn val_a_geodetic_position_is_the_same_place() {
 }
 
 #[test]
-fn val_all_settings_of_the_interface_are_there() {
+fn spec_all_settings_of_the_interface_are_there() {
     let mut found = Vec::new();
     settings(&Mission::schema(), "", &mut found);
     let found: BTreeSet<String> = found.into_iter().map(|(path, _)| path).collect();

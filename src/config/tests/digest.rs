@@ -3,7 +3,7 @@
 use super::*;
 
 #[test]
-fn val_the_digest_sees_the_meaning_and_not_the_writing() {
+fn spec_the_digest_sees_the_meaning_and_not_the_writing() {
     let demo = mission(DEMO);
     let rewritten = DEMO.parse::<toml::Table>().unwrap().to_string();
     assert!(!rewritten.contains('#'));
@@ -40,7 +40,7 @@ fn leaf<'v>(value: &'v mut toml::Value, path: &[String]) -> &'v mut toml::Value 
 }
 
 #[test]
-fn val_the_digest_changes_with_every_single_value() {
+fn spec_the_digest_changes_with_every_single_value() {
     let demo = mission(DEMO);
     let document = toml::Value::Table(DEMO.parse().unwrap());
     let mut paths = Vec::new();
@@ -67,7 +67,7 @@ fn val_the_digest_changes_with_every_single_value() {
 }
 
 #[test]
-fn val_differences_name_what_only_one_side_has() {
+fn spec_differences_name_what_only_one_side_has() {
     let more = mission(&format!("{LEAST}[radio]\ncarrier_hz = 2.4e9\n"));
     let difference = Difference {
         key: "radio.carrier_hz".to_owned(),

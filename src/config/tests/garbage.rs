@@ -3,7 +3,7 @@
 use super::*;
 
 #[test]
-fn val_garbage_of_the_largest_size_is_told_in_bounded_space() {
+fn spec_garbage_of_the_largest_size_is_told_in_bounded_space() {
     for piece in ["=\n", "[[user]]\n", "[ 1 ", "a.", "\"", "x=[[", "user=1\n"] {
         let findings = Mission::parse("m.toml", &piece.repeat((1 << 20) / piece.len())).unwrap_err();
         assert!(findings.has_errors() && findings.list().len() <= 1000);

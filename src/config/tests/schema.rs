@@ -3,7 +3,7 @@
 use super::*;
 
 #[test]
-fn val_every_shipped_file_is_valid_under_the_schema() {
+fn spec_every_shipped_file_is_valid_under_the_schema() {
     let schema = schema();
     for (part, text) in [
         ("mission", DEMO),
@@ -18,7 +18,7 @@ fn val_every_shipped_file_is_valid_under_the_schema() {
 }
 
 #[test]
-fn val_the_schema_refuses_what_the_parser_refuses_of_single_settings() {
+fn spec_the_schema_refuses_what_the_parser_refuses_of_single_settings() {
     let schema = schema();
     for name in [
         "unknown_key",
@@ -68,7 +68,7 @@ fn documented(text: &str) -> Vec<(String, Option<Json>)> {
 }
 
 #[test]
-fn val_the_examples_explain_every_setting_with_its_default() {
+fn spec_the_examples_explain_every_setting_with_its_default() {
     for (schema, text) in [(Mission::schema(), DEMO), (Vehicle::schema(), VEHICLE_I)] {
         let mut wanted = Vec::new();
         settings(&schema, "", &mut wanted);

@@ -3,7 +3,7 @@
 use super::*;
 
 #[test]
-fn val_a_tunnel_must_say_whom_it_leads_to() {
+fn spec_a_tunnel_must_say_whom_it_leads_to() {
     let text = |more: &str| {
         format!(
             "vehicle.role = \"i\"\nautopilot.system_id = 1\n[pair]\nlink = \"udpout:10.0.0.1:14600\"\n{more}"
@@ -23,7 +23,7 @@ fn val_a_tunnel_must_say_whom_it_leads_to() {
 }
 
 #[test]
-fn val_a_real_transmitter_needs_the_mission_to_allow_it() {
+fn spec_a_real_transmitter_needs_the_mission_to_allow_it() {
     let real = vehicle(&VEHICLE_I.replace("simulated = true ", "simulated = false"));
     let findings = real.check_against(&mission(DEMO));
     assert!(findings.has_errors());
@@ -41,7 +41,7 @@ fn val_a_real_transmitter_needs_the_mission_to_allow_it() {
 }
 
 #[test]
-fn val_a_vehicle_may_not_be_slower_than_planned() {
+fn spec_a_vehicle_may_not_be_slower_than_planned() {
     let slow = VEHICLE_I
         .replace("speed_m_s = 10.0", "speed_m_s = 7.9")
         .replace("climb_m_s = 5.0", "climb_m_s = 3.9")
@@ -59,7 +59,7 @@ fn val_a_vehicle_may_not_be_slower_than_planned() {
 }
 
 #[test]
-fn val_a_parameter_transmitter_must_say_how_it_is_silenced() {
+fn spec_a_parameter_transmitter_must_say_how_it_is_silenced() {
     for (without, fragment) in
         [("off_value = 0.0\n", "silence"), ("name = \"TX_POWER\"\n", "no `name`"), ("simulated = true\n", "")]
     {
@@ -72,13 +72,17 @@ fn val_a_parameter_transmitter_must_say_how_it_is_silenced() {
             }
         }
     }
-    let powers: Vec<f64> =
-        vehicle(VEHICLE_J).transmitter.parameter.unwrap().levels.iter().map(|level| level.power_w).collect();
+    let Kind::Parameter(PowerParameter { unit: Unit::Levels(levels), .. }) =
+        &vehicle(VEHICLE_J).transmitter.kind
+    else {
+        panic!("no levels")
+    };
+    let powers: Vec<f64> = levels.iter().map(|level| level.power_w).collect();
     assert_eq!(powers, [0.01, 0.1, 0.5]);
 }
 
 #[test]
-fn val_broken_vehicle_files_say_what_is_wrong() {
+fn spec_broken_vehicle_files_say_what_is_wrong() {
     // With each: what is pointed at, and at which column of its line.
     for (from, to, at, column, fragment) in [
         ("role = \"i\"", "role = \"k\"", "role", 8, "none of its values"),
@@ -110,7 +114,7 @@ fn line_of(text: &str, start: &str) -> usize {
 
 #[cfg(unix)]
 #[test]
-fn val_a_key_file_open_to_others_is_refused() {
+fn spec_a_key_file_open_to_others_is_refused() {
     use std::os::unix::fs::PermissionsExt;
     let dir = std::env::temp_dir().join(format!("veilwing-key-{}", std::process::id()));
     std::fs::create_dir_all(&dir).unwrap();

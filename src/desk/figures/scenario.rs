@@ -1,15 +1,11 @@
 //! The paper's setup with random eavesdroppers, and statistics over scenarios.
 
-use nalgebra::{Vector2, Vector3};
+use nalgebra::Vector3;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use crate::planner::expectation::sobol::mix;
-use crate::planner::problem::{
-    Airframe, Airspace, Eavesdropper, Jitter, JitterAxes, JitterModel, Objective, Problem, Radio,
-    Uncertainty, VehicleModel,
-};
-use crate::role::PerVehicle;
+use crate::planner::problem::{Problem, Uncertainty};
 
 /// Half the side of the square of vehicles and eavesdroppers, about the user, in metres.
 pub const REACH_M: f64 = 500.0;
@@ -39,40 +35,16 @@ pub fn eavesdroppers(seed: u64, index: usize) -> Vec<Vector3<f64>> {
     (0..EAVESDROPPERS).map(|_| Vector3::new(coordinate(), coordinate(), 0.0)).collect()
 }
 
-/// The paper's problem: user at the origin, noise variance 1e-12 W, reference gain 1, no separation.
+/// [`Problem::paper`] with these eavesdroppers, on the ground, under a figure's conditions.
 pub fn problem(eavesdroppers: &[Vector3<f64>], conditions: &Conditions) -> Problem {
-    let uncertainty = if conditions.uncertainty_m > 0.0 {
-        Uncertainty::Disc { radius_m: conditions.uncertainty_m }
-    } else {
-        Uncertainty::None
-    };
-    let node = |p: &Vector3<f64>| Eavesdropper { position_enu_m: *p, uncertainty };
-    let vehicle =
-        VehicleModel { airframe: Airframe::Omnidirectional, max_tilt_rad: std::f64::consts::FRAC_PI_2 };
-    let corners = [(-REACH_M, -REACH_M), (REACH_M, -REACH_M), (REACH_M, REACH_M), (-REACH_M, REACH_M)];
-    Problem {
-        user_enu_m: Vector3::zeros(),
-        eavesdroppers: eavesdroppers.iter().map(node).collect(),
-        radio: Radio {
-            bandwidth_hz: BANDWIDTH_HZ,
-            noise_power_w: 1e-12,
-            max_power_w: PerVehicle { i: conditions.max_power_w, j: conditions.max_power_w },
-            reference_gain: 1.0,
-        },
-        airspace: Airspace {
-            altitude_m: ALTITUDE_M,
-            area_enu_m: corners.iter().map(|(x, y)| Vector2::new(*x, *y)).collect(),
-            min_separation_m: 0.0,
-        },
-        vehicles: PerVehicle { i: vehicle, j: vehicle },
-        jitter: Jitter {
-            std_rad: conditions.jitter_std_rad,
-            model: JitterModel::Euler,
-            axes: JitterAxes::RollPitch,
-        },
-        objective: Objective::Mean,
-        free_yaw: false,
+    let on_the_ground = eavesdroppers.iter().map(|p| [p.x, p.y]);
+    let mut problem = Problem::paper(on_the_ground, conditions.max_power_w, conditions.jitter_std_rad);
+    if conditions.uncertainty_m > 0.0 {
+        for eavesdropper in &mut problem.eavesdroppers {
+            eavesdropper.uncertainty = Uncertainty::Disc { radius_m: conditions.uncertainty_m };
+        }
     }
+    problem
 }
 
 /// The same problem for a planner that takes the estimated positions for true.

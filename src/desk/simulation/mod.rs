@@ -27,7 +27,7 @@ pub(crate) use path::Pipe;
 pub use process::Given;
 pub use scenario::{Flown, LONGEST, Scenario, ScenarioError, Witness};
 pub use supervisor::{Host, Supervisor};
-pub use vehicle::{VehicleText, actuation, vehicle};
+pub use vehicle::{vehicle, vehicle_draft};
 pub use world::world_config;
 
 use std::time::Duration;

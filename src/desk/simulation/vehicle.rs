@@ -1,67 +1,38 @@
-//! The vehicle file of a simulated vehicle's companion.
+//! The settings of a simulated vehicle's companion.
 
-use crate::config::{Diagnostics, Mission, Vehicle};
+use crate::autopilot::Actuation;
+use crate::config::{Diagnostics, Mission, Vehicle, VehicleDraft};
+use crate::link::{HostPort, LinkAddress};
 use crate::planner::problem::Airframe;
 use crate::role::Role;
 
 use super::index;
 
-/// What differs between the vehicle files of simulated vehicles.
-#[derive(Debug, Clone)]
-pub struct VehicleText<'a> {
-    /// I or J.
-    pub role: Role,
-    /// Address of the autopilot link.
-    pub autopilot_link: &'a str,
-    /// Address of the pair link.
-    pub pair_link: &'a str,
-    /// As in the vehicle file.
-    pub actuation: &'a str,
-    /// The transmitter is declared to radiate nothing real.
-    pub simulated: bool,
-    /// Directory for logs, as a TOML value; without it, the default.
-    pub log_dir: Option<String>,
-}
-
-impl VehicleText<'_> {
-    /// The file's text.
-    #[must_use]
-    pub fn text(&self) -> String {
-        let Self { role, autopilot_link, pair_link, actuation, simulated, .. } = self;
-        let name = role.to_string().to_lowercase();
-        let system_id = 1 + index(*role);
-        let log = self.log_dir.as_ref().map_or(String::new(), |dir| format!("\n[log]\ndir = {dir}\n"));
-        format!(
-            "# The simulated vehicle {role}.\n\
-             [vehicle]\nrole = \"{name}\"\n\n\
-             [autopilot]\nlink = \"{autopilot_link}\"\nactuation = \"{actuation}\"\nsystem_id = {system_id}\n\n\
-             [transmitter]\nkind = \"leased\"\nsimulated = {simulated}\n\n\
-             [pair]\nlink = \"{pair_link}\"\n{log}"
-        )
-    }
+/// Every simulated vehicle has its role's MAVLink system and a simulated transmitter that expires; what else it has, its
+/// user fills in. `ports` are those of the autopilot link and of the pair link, on this machine.
+#[must_use]
+pub fn vehicle_draft(mission: &Mission, role: Role, ports: [u16; 2]) -> VehicleDraft {
+    let [autopilot, pair] =
+        ports.map(|port| LinkAddress::UdpOut(HostPort { host: "127.0.0.1".into(), port }));
+    let mut draft = VehicleDraft::new(role, pair);
+    draft.autopilot.link = autopilot;
+    draft.autopilot.actuation = actuation(mission, role);
+    draft.autopilot.system_id = Some(if index(role) == 0 { 1 } else { 2 });
+    draft
 }
 
 /// How the simulated vehicle of this role is commanded.
-#[must_use]
-pub fn actuation(mission: &Mission, role: Role) -> &'static str {
+fn actuation(mission: &Mission, role: Role) -> Actuation {
     match mission.vehicles[role].airframe {
-        Airframe::Omnidirectional => "pose",
-        Airframe::Conventional => "position",
+        Airframe::Omnidirectional => Actuation::Pose,
+        Airframe::Conventional => Actuation::Position,
     }
 }
 
-/// The vehicle file for a flight in virtual time, whose links have no address.
+/// The vehicle for a flight in virtual time, whose links have no address.
 ///
 /// # Errors
-/// Never for the text that is written here; a change of the vehicle file's settings would show.
+/// Never for what is filled in here; a change of the vehicle file's settings would show.
 pub fn vehicle(mission: &Mission, role: Role) -> Result<Vehicle, Diagnostics> {
-    let text = VehicleText {
-        role,
-        autopilot_link: "udpout:127.0.0.1:1",
-        pair_link: "udpout:127.0.0.1:2",
-        actuation: actuation(mission, role),
-        simulated: true,
-        log_dir: None,
-    };
-    Vehicle::parse("simulated vehicle", &text.text())
+    Vehicle::new(vehicle_draft(mission, role, [1, 2]))
 }

@@ -3,7 +3,6 @@
 use nalgebra::Vector2;
 use veilwing_sitl as sim;
 
-use crate::companion::settings::{timing, transit_limits};
 use crate::config::Mission;
 use crate::geo::Attitude;
 use crate::planner::plan::VehiclePlan;
@@ -101,9 +100,9 @@ fn served<'a>(
     let start = PerVehicle { i: homes[0], j: homes[1] }
         .map(|home| Start { position_enu_m: home.push(bottom_m), attitude: Attitude::level() });
     let router =
-        Router::new(&mission.airspace, &transit_limits(mission)).map_err(|error| error.to_string())?;
+        Router::new(&mission.airspace, &mission.transit_limits()).map_err(|error| error.to_string())?;
     let users: Vec<_> = plan.slots.iter().map(|slot| vec![slot.plan.vehicles.map(|v| v.pose)]).collect();
-    let table = Table::build(&router, &start, &users, &timing(mission), mission.tdma.order)
+    let table = Table::build(&router, &start, &users, &mission.timing(), mission.tdma.order)
         .map_err(|e| e.to_string())?;
     Ok(table.entries.iter().filter_map(|entry| plan.slots.get(entry.user_index)).collect())
 }

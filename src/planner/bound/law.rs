@@ -1,4 +1,16 @@
-//! Means over the Euler jitter of one vehicle, bounded over boxes of angles.
+//! The mean of `log2(1 + scale G)` over one vehicle's attitude noise, bounded from below for a whole box of poses at once:
+//! step 5 of the parent module's section 3.
+//!
+//! *What is asked.* The antenna's axis has a roll and a pitch, and Gaussian noise on both. A receiver lies along a *line*,
+//! which has a roll and a pitch too: those of the axis that points straight at it, and so sends it nothing. The gain
+//! towards the receiver is `G = sin^2(psi)`, psi the angle between axis and line. Branch and bound asks for the mean not
+//! at one pose but over a *box*: intervals of the axis's angles, of the line's, and of their difference, the *offset*. The
+//! answer may be too low, never too high.
+//!
+//! *How it is answered.* The mean grows with the size of the offset, so that the least offset of the box stands for all
+//! of it ([`Nearest`]); there the mean is taken by a fixed rule of points. What makes this more than a line of code is that
+//! roll and pitch are latitude and longitude on the sphere of directions: on another meridian than the line's own, the
+//! nearest point to the line has another latitude than the line ([`Aside`]), and every line has images half a turn away.
 
 use nalgebra::{Matrix3, Vector3};
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, LN_2, PI};
@@ -29,21 +41,25 @@ fn nearest_zero(a: Range) -> f64 {
     if a[0] > 0.0 { a[0] } else { a[1].min(0.0) }
 }
 
-/// How the roll of a box lies to that of the line.
+/// The roll offset of a box, and how it changes as pitch leads away from the line.
+///
+/// Take roll for latitude and the line for a town. On the town's own meridian the nearest point to it is the town. On a
+/// meridian `v` away the nearest point lies farther from the equator, by an angle of tangent
+/// `s c (1 - cos v) / (1 - c^2 (1 - cos v))`, with s and c sine and cosine of the town's latitude. So whoever stands
+/// poleward of the town is nearer to it, in latitude, on that meridian than on the town's; whoever stands on the side
+/// of the equator is farther from it.
 struct Aside {
-    /// The least size of the offset, modulo half a turn.
+    /// The least size of the roll offset on the line's own meridian, modulo half a turn.
     x: f64,
-    /// Sine times cosine of the line's roll, and its cosine squared, by which pitch brings the offset nearer to zero (or
-    /// farther from it: negative).
+    /// `s c` of the formula: positive where the offset shrinks, negative where it grows.
     bend: f64,
+    /// `c^2` of the formula.
     flat: f64,
 }
 
 impl Aside {
-    /// On the meridian `v` away the roll nearest to the line is larger in size, by an angle of tangent
-    /// `sin cos (1 - cos v) / (1 - cos^2 (1 - cos v))`, sine and cosine of the line's roll. A roll beyond the line's is so
-    /// brought nearer. One on the other side is carried off, which counts where nothing passes a right angle: offsets
-    /// and pitches `small`.
+    /// Of the whole box: where an offset may shrink, the largest `s c` in it counts. That all of them grow, by the least
+    /// `s c`, counts only where no angle passes a right one, for which pitches must be `small`; else no change is assumed.
     fn new(roll_off: Range, line: Range, small: bool) -> Self {
         let sides = |from: f64, to: f64| {
             let ends = [0.5 * (2.0 * from).sin(), 0.5 * (2.0 * to).sin()];

@@ -123,6 +123,7 @@
 // `!(a > b)` is how NaN is refused.
 #![allow(clippy::neg_cmp_op_on_partial_ord)]
 
+mod budget;
 mod cell;
 mod decoupled;
 mod form;
@@ -135,55 +136,16 @@ mod steady;
 
 use std::f64::consts::FRAC_PI_2;
 
+pub use budget::{Bound, Budget};
+
 use prepared::Prepared;
 use steady::Outcome;
 
-use super::PlanError;
 use super::cap::cap_bps;
+use super::error::PlanError;
 use super::plan::BoundKind;
 use super::problem::Problem;
 use super::setup::Setup;
-use crate::radio::jitter::is_present;
-
-/// What a bound may cost and when it is good enough.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Budget {
-    /// Boxes to examine at most. About a microsecond each without jitter, ten with.
-    pub boxes: usize,
-    /// Stop once the bound is within this share of the lower bound, e.g. 1e-3.
-    pub relative_gap: f64,
-    /// Boxes are not split below this edge, metres.
-    pub resolution_m: f64,
-    /// Look on after a refutation, to the last box: for trials of soundness. Without jitter only.
-    pub exhaustive: bool,
-}
-
-impl Budget {
-    /// About a second without jitter: 0.1%.
-    pub const STEADY: Self =
-        Self { boxes: 800_000, relative_gap: 1e-3, resolution_m: 1e-3, exhaustive: false };
-    /// Ten to fifteen seconds under jitter: 2% where the noise is of a degree or two.
-    pub const JITTER: Self = Self { boxes: 1_200_000, relative_gap: 2e-2, ..Self::STEADY };
-}
-
-impl Budget {
-    /// [`Budget::STEADY`] or [`Budget::JITTER`], as the problem has it.
-    #[must_use]
-    pub fn of(problem: &Problem) -> Self {
-        if is_present(&problem.jitter) { Self::JITTER } else { Self::STEADY }
-    }
-}
-
-/// An upper bound on the secrecy rate of a problem.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Bound {
-    /// The bound in bit/s.
-    pub upper_bound_bps: f64,
-    /// What it bounds and how firmly.
-    pub kind: BoundKind,
-    /// Boxes examined.
-    pub boxes_used: usize,
-}
 
 /// The answer to "does any configuration beat this threshold?".
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -2,11 +2,12 @@
 
 use nalgebra::Vector3;
 
+use super::budget::{Bound, Budget};
 use super::cell::Region;
+use super::decoupled;
 use super::law::Law;
 use super::link::Links;
 use super::steady::{self, Outcome};
-use super::{Bound, Budget, decoupled};
 use crate::planner::plan::BoundKind;
 use crate::planner::problem::{JitterAxes, JitterModel, Problem, Uncertainty};
 use crate::radio::jitter::is_present;

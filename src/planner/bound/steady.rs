@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::Budget;
+use super::budget::Budget;
 use super::cell::{Cell, Region};
 use super::form::{Axis, Form, exclude};
 use super::link::Links;

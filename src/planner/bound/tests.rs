@@ -4,10 +4,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::*;
 use crate::planner::cap;
-use crate::planner::problem::{
-    Airframe, Airspace, Eavesdropper, Jitter, JitterAxes, JitterModel, Objective, Radio, Uncertainty,
-    VehicleModel,
-};
+use crate::planner::problem::{JitterModel, Objective, Uncertainty};
 use crate::role::PerVehicle;
 
 fn rows(name: &str) -> Vec<Vec<f64>> {
@@ -17,32 +14,7 @@ fn rows(name: &str) -> Vec<Vec<f64>> {
 }
 
 fn problem(eavesdroppers: &[f64], max_power_w: f64, jitter_rad: f64) -> Problem {
-    let vehicle = VehicleModel { airframe: Airframe::Omnidirectional, max_tilt_rad: FRAC_PI_2 };
-    let at = |p: &[f64]| Eavesdropper {
-        position_enu_m: Vector3::new(p[0], p[1], 0.0),
-        uncertainty: Uncertainty::None,
-    };
-    Problem {
-        user_enu_m: Vector3::zeros(),
-        eavesdroppers: eavesdroppers.chunks(2).map(at).collect(),
-        radio: Radio {
-            bandwidth_hz: 1e6,
-            noise_power_w: 1e-12,
-            max_power_w: PerVehicle { i: max_power_w, j: max_power_w },
-            reference_gain: 1.0,
-        },
-        airspace: Airspace {
-            altitude_m: [80.0, 300.0],
-            area_enu_m: [(-500.0, -500.0), (500.0, -500.0), (500.0, 500.0), (-500.0, 500.0)]
-                .map(|(x, y)| Vector2::new(x, y))
-                .to_vec(),
-            min_separation_m: 0.0,
-        },
-        vehicles: PerVehicle { i: vehicle, j: vehicle },
-        jitter: Jitter { std_rad: jitter_rad, model: JitterModel::Euler, axes: JitterAxes::RollPitch },
-        objective: Objective::Nominal,
-        free_yaw: false,
-    }
+    Problem::paper(eavesdroppers.chunks(2).map(|p| [p[0], p[1]]), max_power_w, jitter_rad)
 }
 
 fn scenario(n: usize, k: usize) -> Vec<f64> {
@@ -93,7 +65,7 @@ fn val_bound_holds_at_the_best_known_and_meets_the_gap() {
 }
 
 #[test]
-fn prop_false_thresholds_are_never_certified() {
+fn spec_false_thresholds_are_never_certified() {
     // To the last box at half a metre or coarser: a refutation does not end the trial.
     for (k, row) in
         rows("no_jitter.csv").iter().filter(|r| r[0] == 2.0 && r[2] == 0.5).enumerate().step_by(10)
@@ -157,7 +129,7 @@ fn val_chain_under_jitter_holds_at_every_known_plan() {
 }
 
 #[test]
-fn prop_false_thresholds_under_jitter_are_never_certified() {
+fn spec_false_thresholds_under_jitter_are_never_certified() {
     // The example tries many more: `--example certify -- false-thresholds`.
     for row in rows("jitter.csv").iter().filter(|r| r[0] == 2.0).step_by(13) {
         let p = problem(&scenario(2, row[1] as usize), 0.5, row[2].to_radians());
@@ -170,7 +142,7 @@ fn prop_false_thresholds_under_jitter_are_never_certified() {
 }
 
 #[test]
-fn prop_near_a_node_the_bound_is_without_the_decoupled_formulas() {
+fn spec_near_a_node_the_bound_is_without_the_decoupled_formulas() {
     // An eavesdropper inside the airspace: within a millimetre links follow another law.
     let mut p = problem(&scenario(2, 9), 0.5, 1.0_f64.to_radians());
     p.eavesdroppers[0].position_enu_m.z = 100.0;
@@ -180,7 +152,7 @@ fn prop_near_a_node_the_bound_is_without_the_decoupled_formulas() {
 }
 
 #[test]
-fn prop_bound_is_deterministic_and_falls_back() {
+fn spec_bound_is_deterministic_and_falls_back() {
     let p = problem(&scenario(2, 9), 0.5, 1.0_f64.to_radians());
     let budget = Budget { boxes: 400_000, relative_gap: 0.03, ..Budget::JITTER };
     let bound = best_bound(&p, 25.4e6, budget).unwrap();

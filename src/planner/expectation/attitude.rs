@@ -1,7 +1,7 @@
 //! The antenna axis of one vehicle under a block of attitude noise.
 
+use super::lanes::{LANES, Lane};
 use super::noise::Noise;
-use super::samples::{LANES, Lane};
 
 /// Axes of one vehicle in a block: Y, and the axes about which roll and pitch turn it.
 pub struct Axes {

@@ -398,8 +398,8 @@ impl Workspace {
 mod tests {
     use super::*;
     use crate::planner::expectation::samples::Sequence;
+    use crate::planner::problem::Problem;
     use crate::planner::problem::{Jitter, JitterAxes, JitterModel};
-    use crate::planner::testing;
     use crate::radio::link::{self, Transmitter};
     use crate::radio::{jitter, secrecy};
 
@@ -411,7 +411,7 @@ mod tests {
     fn val_each_sample_is_the_radio_modules_rate() {
         let nodes = [[120.0, -40.0], [-300.0, 210.0], [10.0, 400.0]];
         for model in [JitterModel::Euler, JitterModel::Body] {
-            let mut problem = testing::problem(&nodes, 3.0);
+            let mut problem = Problem::paper(nodes, 0.5, 3f64.to_radians());
             problem.jitter = Jitter { model, axes: JitterAxes::RollPitchYaw, ..problem.jitter };
             let samples = Samples::new(&problem, 32, 1, 4, Sequence::Sobol);
             let set = super::super::sobol::Scrambled::new(4);
@@ -449,7 +449,7 @@ mod tests {
     /// that ln(1 + a) = a, the user's mean is k E[G].
     #[test]
     fn val_mean_gain_in_closed_form() {
-        let mut problem = testing::problem(&[[4e5, 4e5]], 10.0);
+        let mut problem = Problem::paper([[4e5, 4e5]], 0.5, 10f64.to_radians());
         problem.jitter.std_rad = 0.3;
         let raw: Raw = [60.0, 0.0, 80.0, 0.5, 0.4, 0.0, 1.0, 0.0, 0.0, 100.0, 0.0, 0.0, 0.0, 0.0];
         let scene = Scene { budget_m2_w: 1e-4, ..SCENE };
@@ -465,8 +465,8 @@ mod tests {
     }
 
     #[test]
-    fn prop_clipping_lifts_negative_samples_to_zero() {
-        let problem = testing::problem(&[[5.0, 0.0], [-300.0, 210.0]], 10.0);
+    fn spec_clipping_lifts_negative_samples_to_zero() {
+        let problem = Problem::paper([[5.0, 0.0], [-300.0, 210.0]], 0.5, 10f64.to_radians());
         let samples = Samples::new(&problem, 512, 1, 3, Sequence::Sobol);
         let (mut signed, mut clipped) = (0.0, 0.0);
         let mut workspace = Workspace::default();
@@ -480,8 +480,8 @@ mod tests {
     }
 
     #[test]
-    fn prop_the_narrowest_vectors_give_the_same_bits() {
-        let problem = testing::problem(&[[120.0, -40.0], [-300.0, 210.0]], 2.0);
+    fn spec_the_narrowest_vectors_give_the_same_bits() {
+        let problem = Problem::paper([[120.0, -40.0], [-300.0, 210.0]], 0.5, 2f64.to_radians());
         let samples = Samples::new(&problem, 256, 1, 3, Sequence::Sobol);
         let (mut wide, mut narrow) = ([0.0; 14], [0.0; 14]);
         let mut workspace = Workspace::default();

@@ -67,7 +67,7 @@ mod tests {
     }
 
     #[test]
-    fn val_what_is_no_positive_number_is_not_lost() {
+    fn spec_what_is_no_positive_number_is_not_lost() {
         assert_eq!(sum(&[]), 0.0);
         assert_eq!(sum(&[2.0, 0.0]), f64::NEG_INFINITY);
         assert_eq!(sum(&[2.0, f64::INFINITY]), f64::INFINITY);

@@ -4,6 +4,7 @@ pub mod attitude;
 pub mod beams;
 pub mod exact;
 pub mod kernel;
+mod lanes;
 pub mod logarithm;
 pub mod noise;
 pub mod normal;
@@ -11,10 +12,12 @@ pub mod samples;
 pub mod sobol;
 mod trigonometry;
 
+use super::draws::QUANTILE;
+use super::error::PlanError;
 use super::plan::VehiclePlan;
 use super::problem::{Objective, Problem};
 use super::setup::Setup;
-use super::{PlanError, robust};
+use super::worst::worst_positions;
 use crate::radio::link::{self, Transmitter};
 use crate::role::PerVehicle;
 use kernel::Raw;
@@ -162,7 +165,7 @@ fn quantile(setup: &Setup, raw: &Raw, options: &EvaluateOptions) -> f64 {
     let mut rates = clipped_by_draw(setup, raw, &samples, draws);
     rates.sort_by(f64::total_cmp);
     // Between the two ranks whose middles enclose the quantile.
-    let rank = (robust::QUANTILE * draws as f64 - 0.5).max(0.0);
+    let rank = (QUANTILE * draws as f64 - 0.5).max(0.0);
     let low = (rank.floor() as usize).min(draws - 1);
     let high = (low + 1).min(draws - 1);
     rates[low] + (rank - rank.floor()) * (rates[high] - rates[low])
@@ -173,7 +176,7 @@ fn worst_case(setup: &Setup, raw: &Raw, options: &EvaluateOptions) -> f64 {
     let estimates: Vec<_> = setup.problem.eavesdroppers.iter().map(|e| e.position_enu_m).collect();
     let count = options.samples.clamp(LANES, WORST_SAMPLES);
     let samples = Samples::shared(setup.problem, count, vec![estimates], options.seed);
-    let (worst, _) = robust::worst_positions(setup, raw, &samples, &[]);
+    let (worst, _) = worst_positions(setup, raw, &samples, &[]);
     let samples = Samples::shared(setup.problem, options.samples, vec![worst], options.seed);
     clipped_by_draw(setup, raw, &samples, 1)[0]
 }
@@ -200,8 +203,8 @@ fn mean_and_error(estimates: &[f64]) -> (f64, f64) {
 mod tests {
     use super::*;
     use crate::geo::Pose;
+    use crate::planner::problem::Problem;
     use crate::planner::problem::Uncertainty;
-    use crate::planner::testing;
     use nalgebra::Vector3;
 
     fn vehicles() -> PerVehicle<VehiclePlan> {
@@ -217,7 +220,11 @@ mod tests {
     }
 
     fn scenario() -> Problem {
-        testing::problem(&[[21.385_737_975, 103.841_847_006], [-29.058_202_678, -296.752_057_455]], 2.0)
+        Problem::paper(
+            [[21.385_737_975, 103.841_847_006], [-29.058_202_678, -296.752_057_455]],
+            0.5,
+            2f64.to_radians(),
+        )
     }
 
     fn options(samples: usize, seed: u64) -> EvaluateOptions {
@@ -275,7 +282,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_objectives_over_discs_are_in_order() {
+    fn spec_objectives_over_discs_are_in_order() {
         let mut problem = scenario();
         for e in &mut problem.eavesdroppers {
             e.uncertainty = Uncertainty::Disc { radius_m: 50.0 };

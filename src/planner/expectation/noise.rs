@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::samples::{LANES, Lane, Sequence};
+use super::lanes::{LANES, Lane};
 use super::{normal, sobol, trigonometry};
 use crate::planner::problem::{Eavesdropper, Jitter, JitterModel, Uncertainty};
 use crate::radio::jitter;
@@ -17,6 +17,15 @@ pub enum Noise {
     Euler([[Lane; 2]; 3]),
     /// The antenna axis in the desired body frame.
     Body([Lane; 3]),
+}
+
+/// Where the random numbers come from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Sequence {
+    /// Scrambled Sobol points.
+    Sobol,
+    /// Independent pseudo-random points, for comparison.
+    MonteCarlo,
 }
 
 /// Where uniform numbers come from.

@@ -2,24 +2,11 @@
 
 use nalgebra::Vector3;
 
+pub use super::lanes::{LANES, Lane};
+pub use super::noise::Sequence;
 use super::noise::{self, Noise, Uniform};
 use crate::planner::problem::Problem;
 use crate::radio::jitter;
-
-/// Samples handled together: one arithmetic instruction a lane, whatever the machine's vector width.
-pub const LANES: usize = 8;
-
-/// One value per sample of a block.
-pub type Lane = [f64; LANES];
-
-/// Where the random numbers come from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Sequence {
-    /// Scrambled Sobol points.
-    Sobol,
-    /// Independent pseudo-random points, for comparison.
-    MonteCarlo,
-}
 
 /// A sample set, common to every evaluation of a plan (common random numbers).
 #[derive(Debug, Clone)]

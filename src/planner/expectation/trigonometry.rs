@@ -3,7 +3,7 @@
 //! Within 45 deg, where attitude noise nearly always is, by Taylor's series, whose first dropped term is below a hundredth
 //! of the last place; beyond, by the library's functions. The same operations on every machine give the same bits.
 
-use super::samples::{LANES, Lane};
+use super::lanes::{LANES, Lane};
 
 const FARTHEST: f64 = std::f64::consts::FRAC_PI_4;
 const SINE: [f64; 9] = [

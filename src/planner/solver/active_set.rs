@@ -345,7 +345,7 @@ mod tests {
     }
 
     #[test]
-    fn val_a_function_that_is_not_finite_ends_at_its_start() {
+    fn spec_a_function_that_is_not_finite_ends_at_its_start() {
         let mut bad = |_: &Vars, _: &mut Vars| f64::NAN;
         let end = minimise(
             &mut bad,

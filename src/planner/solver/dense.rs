@@ -96,7 +96,7 @@ mod tests {
     }
 
     #[test]
-    fn val_refuses_the_indefinite() {
+    fn spec_refuses_the_indefinite() {
         let mut m = identity(1.0);
         m[1][1] = -1.0;
         assert!(!solve(&mut m, &mut [1.0; MAX], 2));

@@ -261,7 +261,7 @@ mod tests {
     }
 
     #[test]
-    fn val_a_start_on_the_boundary_is_returned() {
+    fn spec_a_start_on_the_boundary_is_returned() {
         let mut f = |_: &Vars, _: &mut Vars| 0.0;
         let end = minimise(&mut f, &mut boxed(1, 0.0), &[0.0; MAX], &Settings::default());
         assert!(!end.converged && end.iterations == 0);

@@ -1,7 +1,7 @@
 //! What can be wrong with a transit.
 
+use crate::geo::polygon::{MAX_COORDINATE_M, PolygonError};
 use crate::role::Role;
-use crate::schedule::geofence::{FenceError, MAX_COORDINATE_M};
 use crate::schedule::trajectory::LIMIT_RANGE;
 
 /// Why there is no transit.
@@ -9,7 +9,7 @@ use crate::schedule::trajectory::LIMIT_RANGE;
 pub enum TransitError {
     /// The area is no geofence.
     #[error(transparent)]
-    Fence(#[from] FenceError),
+    Fence(#[from] PolygonError),
     /// The altitude band is empty or beyond [`MAX_COORDINATE_M`], or the separation is no distance.
     #[error(
         "altitude band {low_m} m to {high_m} m with a separation of {separation_m} m: give a rising finite band and a separation of 0 or more"

@@ -114,7 +114,7 @@ fn places(rng: &mut ChaCha8Rng, router: &Router, radius_m: f64, apart_m: f64) ->
 }
 
 #[test]
-fn val_far_apart_both_fly_directly_at_once() {
+fn spec_far_apart_both_fly_directly_at_once() {
     let router = router(square(200.0), [20.0, 100.0]);
     let from = PerVehicle { i: start(0.0, 0.0, 30.0), j: start(0.0, 100.0, 30.0) };
     let to = PerVehicle { i: pose(80.0, 0.0, 30.0), j: pose(40.0, 100.0, 30.0) };
@@ -127,7 +127,7 @@ fn val_far_apart_both_fly_directly_at_once() {
 }
 
 #[test]
-fn val_crossing_paths_take_different_layers() {
+fn spec_crossing_paths_take_different_layers() {
     let router = router(square(200.0), [20.0, 100.0]);
     let from = PerVehicle { i: start(-50.0, 0.0, 30.0), j: start(0.0, -50.0, 30.0) };
     let to = PerVehicle { i: pose(50.0, 0.0, 30.0), j: pose(0.0, 50.0, 30.0) };
@@ -140,7 +140,7 @@ fn val_crossing_paths_take_different_layers() {
 }
 
 #[test]
-fn val_crossing_in_a_band_of_one_altitude_goes_round_where_there_is_room() {
+fn spec_crossing_in_a_band_of_one_altitude_goes_round_where_there_is_room() {
     let router = router(square(200.0), [30.0, 30.0]);
     let from = PerVehicle { i: start(-50.0, 0.0, 30.0), j: start(0.0, -50.0, 30.0) };
     let to = PerVehicle { i: pose(50.0, 0.0, 30.0), j: pose(0.0, 50.0, 30.0) };
@@ -153,7 +153,7 @@ fn val_crossing_in_a_band_of_one_altitude_goes_round_where_there_is_room() {
 }
 
 #[test]
-fn val_crossing_in_a_band_of_one_altitude_takes_turns_where_there_is_none() {
+fn spec_crossing_in_a_band_of_one_altitude_takes_turns_where_there_is_none() {
     // Nobody gets round the ends of the other's path.
     let router = router(square(55.0), [30.0, 30.0]);
     let from = PerVehicle { i: start(-50.0, 0.0, 30.0), j: start(0.0, -50.0, 30.0) };
@@ -166,7 +166,7 @@ fn val_crossing_in_a_band_of_one_altitude_takes_turns_where_there_is_none() {
 }
 
 #[test]
-fn val_places_are_exchanged_in_a_band_of_one_altitude() {
+fn spec_places_are_exchanged_in_a_band_of_one_altitude() {
     let router = router(square(60.0), [30.0, 30.0]);
     let from = PerVehicle { i: start(-20.0, 0.0, 30.0), j: start(20.0, 0.0, 30.0) };
     let to = PerVehicle { i: pose(20.0, 0.0, 30.0), j: pose(-20.0, 0.0, 30.0) };
@@ -176,7 +176,7 @@ fn val_places_are_exchanged_in_a_band_of_one_altitude() {
 }
 
 #[test]
-fn val_no_room_to_pass_is_an_error_with_numbers() {
+fn spec_no_room_to_pass_is_an_error_with_numbers() {
     // A corridor 4 m wide at one altitude.
     let router = router(polygon(&[[-50., -2.], [50., -2.], [50., 2.], [-50., 2.]]), [30.0, 30.0]);
     let from = PerVehicle { i: start(-20.0, 0.0, 30.0), j: start(20.0, 0.0, 30.0) };
@@ -185,7 +185,7 @@ fn val_no_room_to_pass_is_an_error_with_numbers() {
 }
 
 #[test]
-fn val_bad_ends_are_named() {
+fn spec_bad_ends_are_named() {
     let router = router(square(100.0), [20.0, 100.0]);
     let from = PerVehicle { i: start(0.0, 0.0, 0.0), j: start(10.0, 0.0, 0.0) };
     let to = PerVehicle { i: pose(0.0, 0.0, 30.0), j: pose(30.0, 0.0, 30.0) };
@@ -221,7 +221,7 @@ fn val_bad_ends_are_named() {
 }
 
 #[test]
-fn val_poses_at_the_least_separation_are_reached_without_getting_closer() {
+fn spec_poses_at_the_least_separation_are_reached_without_getting_closer() {
     let router = router(square(100.0), [20.0, 100.0]);
     let from = PerVehicle { i: start(0.0, 0.0, 0.0), j: start(6.0, 0.0, 0.0) };
     // The vehicles change sides and end 5 m apart, which is the minimum.
@@ -232,7 +232,7 @@ fn val_poses_at_the_least_separation_are_reached_without_getting_closer() {
 }
 
 #[test]
-fn val_home_ends_level_above_home_and_a_vehicle_on_its_home_stays() {
+fn spec_home_ends_level_above_home_and_a_vehicle_on_its_home_stays() {
     let router = router(square(100.0), [20.0, 100.0]);
     let tilted = Attitude::from_euler(1.2, 0.4, 0.7);
     let from = PerVehicle {
@@ -252,7 +252,7 @@ fn val_home_ends_level_above_home_and_a_vehicle_on_its_home_stays() {
 }
 
 #[test]
-fn val_alone_goes_round_where_the_other_may_be() {
+fn spec_alone_goes_round_where_the_other_may_be() {
     let router = router(square(100.0), [20.0, 20.0]);
     let from = start(-40.0, 0.0, 20.0);
     let home = Enu::new(40.0, 0.0, 0.0);
@@ -272,7 +272,7 @@ fn val_alone_goes_round_where_the_other_may_be() {
 }
 
 #[test]
-fn val_numbers_that_cannot_be_computed_with_are_refused() {
+fn spec_numbers_that_cannot_be_computed_with_are_refused() {
     let router = router(square(100.0), [20.0, 100.0]);
     let from = PerVehicle { i: start(0.0, 0.0, 30.0), j: start(20.0, 0.0, 30.0) };
     let to = PerVehicle { i: pose(0.0, 50.0, 30.0), j: pose(20.0, 50.0, 30.0) };

@@ -311,7 +311,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_ignore_bits_per_firmware() {
+    fn spec_ignore_bits_per_firmware() {
         let mut o = Offboard::default();
         o.local(&target(1 | 1024), (Firmware::Px4, &Traps::default()), &frame(), Duration::ZERO);
         let s = o.setpoint.unwrap();
@@ -348,7 +348,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_a_stream_is_proven_after_a_second_and_dies_of_gaps() {
+    fn spec_a_stream_is_proven_after_a_second_and_dies_of_gaps() {
         let ms = Duration::from_millis;
         let mut o = Offboard::default();
         for k in 0..=5 {
@@ -361,7 +361,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_bad_quaternions_are_counted_and_ignored() {
+    fn spec_bad_quaternions_are_counted_and_ignored() {
         let mut o = Offboard::default();
         for q in [[0.0; 4], [f32::NAN, 0.0, 0.0, 0.0], [2.0, 0.0, 0.0, 0.0]] {
             o.attitude(

@@ -139,7 +139,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn prop_streams_keep_their_rate() {
+    fn spec_streams_keep_their_rate() {
         let mut streams = Streams::new(Firmware::Px4, Duration::ZERO);
         let id = LOCAL_POSITION_NED_DATA::ID;
         streams.set(id, Duration::from_millis(20), Duration::ZERO);
@@ -156,7 +156,7 @@ mod tests {
     }
 
     #[test]
-    fn val_a_group_of_the_old_request() {
+    fn spec_a_group_of_the_old_request() {
         let mut streams = Streams::new(Firmware::ArduCopter, Duration::ZERO);
         let interval = |streams: &Streams, id| streams.interval(id).map(|d| d.as_millis());
         streams.set_group(10, true, 20, Duration::ZERO);

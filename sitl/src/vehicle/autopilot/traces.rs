@@ -151,7 +151,7 @@ mod tests {
     const MS: Duration = Duration::from_millis(1);
 
     #[test]
-    fn prop_only_another_hand_takes_and_only_the_companion_takes_back() {
+    fn spec_only_another_hand_takes_and_only_the_companion_takes_back() {
         let mut traces = Traces::default();
         traces.listen_to(true);
         traces.beats(Mode::Companion, true, Duration::ZERO);
@@ -180,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn val_what_is_shown_has_a_first_and_a_latest_time() {
+    fn spec_what_is_shown_has_a_first_and_a_latest_time() {
         let mut traces = Traces::default();
         for (ms, ok) in [(1, true), (2, false), (3, false)] {
             traces.sends(ESTIMATOR_STATUS_DATA::ID, MS, ok, ms * MS);

@@ -101,7 +101,7 @@ fn prop_hold_in_gusts() {
 }
 
 #[test]
-fn prop_tracks_a_moving_setpoint_with_its_velocity() {
+fn spec_tracks_a_moving_setpoint_with_its_velocity() {
     // 3 m/s^2 to 8 m/s, on at 8 m/s, streamed at 50 Hz.
     let mut rig = Rig::new(Airframe::Omnidirectional, WindConfig::default());
     let path = |t: f64| {
@@ -121,7 +121,7 @@ fn prop_tracks_a_moving_setpoint_with_its_velocity() {
 }
 
 #[test]
-fn prop_a_far_target_is_reached_without_overshoot() {
+fn spec_a_far_target_is_reached_without_overshoot() {
     for airframe in [Airframe::Omnidirectional, Airframe::Conventional] {
         let mut rig = Rig::new(airframe, WindConfig::default());
         let at = Vector3::new(60.0, -30.0, 120.0);
@@ -168,7 +168,7 @@ fn val_thrust_units_are_forces_along_the_bodys_axes() {
 }
 
 #[test]
-fn prop_a_steady_torque_leaves_no_attitude_error() {
+fn spec_a_steady_torque_leaves_no_attitude_error() {
     // 10 m/s of wind on a lever of 10 cm: 0.4 Nm, for which the rate loop alone would stand off by 2.9 degrees.
     let model = Body { pressure_offset_m: [0.0, 0.0, 0.1], ..Body::default() };
     let mut rig = Rig::new(
@@ -184,7 +184,7 @@ fn prop_a_steady_torque_leaves_no_attitude_error() {
 }
 
 #[test]
-fn prop_one_lost_rotor_of_eight_is_survived_if_it_is_known() {
+fn spec_one_lost_rotor_of_eight_is_survived_if_it_is_known() {
     let at = Vector3::new(0.0, 0.0, 100.0);
     let fly = |known: bool| {
         let mut rig = Rig::new(Airframe::Omnidirectional, WindConfig::default());

@@ -64,7 +64,7 @@ fn val_hover_thrust_balances_gravity() {
 }
 
 #[test]
-fn prop_torque_free_spin_keeps_momentum_and_energy() {
+fn spec_torque_free_spin_keeps_momentum_and_energy() {
     let mut d = flying(Body { inertia_kg_m2: [0.05, 0.09, 0.14], drag_n_s2_per_m2: 0.0, ..Body::default() });
     d.position_enu_m.z = 1e5;
     // About the unstable middle axis, slightly off: it tumbles.

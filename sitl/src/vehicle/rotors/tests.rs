@@ -100,7 +100,7 @@ fn val_rotors_lag_by_their_time_constant() {
 }
 
 #[test]
-fn prop_lost_rotors_and_nonsense_give_nothing() {
+fn spec_lost_rotors_and_nonsense_give_nothing() {
     let mut rotors = Rotors::new(&Geometry { lag_s: 0.0, ..omni() });
     rotors.lose(0);
     rotors.lose(99);
@@ -127,7 +127,7 @@ fn val_a_wrong_curve_bends_the_thrust() {
 }
 
 #[test]
-fn prop_geometries_that_cannot_be_are_named() {
+fn spec_geometries_that_cannot_be_are_named() {
     let mut none = omni();
     none.rotors.clear();
     assert_eq!(none.fault(), Some(("geometry: number of rotors", 0.0)));

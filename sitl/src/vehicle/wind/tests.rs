@@ -95,7 +95,7 @@ fn val_the_spectrum_is_drydens() {
 }
 
 #[test]
-fn prop_calm_air_has_its_mean_alone_and_the_mean_can_change() {
+fn spec_calm_air_has_its_mean_alone_and_the_mean_can_change() {
     let mut wind = Wind::new(WindConfig { mean_enu_m_s: [3.0, -1.0, 0.5], turbulence_m_s: 0.0 }, 1, 0);
     assert_eq!(wind.step(DT, 30.0, &Vector3::zeros()), Vector3::new(3.0, -1.0, 0.5));
     wind.set_mean(Vector3::new(0.0, 7.0, 0.0));
@@ -103,7 +103,7 @@ fn prop_calm_air_has_its_mean_alone_and_the_mean_can_change() {
 }
 
 #[test]
-fn prop_gusts_are_the_seeds_and_the_vehicles_own() {
+fn spec_gusts_are_the_seeds_and_the_vehicles_own() {
     let config = WindConfig { mean_enu_m_s: [0.0, 5.0, 0.0], turbulence_m_s: 5.0 };
     assert_eq!(gusts(config, 3, 4, 30.0), gusts(config, 3, 4, 30.0));
     assert_ne!(gusts(config, 3, 4, 30.0), gusts(config, 3, 5, 30.0));

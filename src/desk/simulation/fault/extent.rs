@@ -15,13 +15,16 @@ impl Kind for Extent {
             return self.0.read(item, faults).map(|number| [number; 2]);
         }
         let ends = Numbers([("lowest", self.0), ("highest", self.0)]);
-        let [low, high] = ends.read(item, faults)?;
-        if low > high {
-            let clause = format!("is inverted: the lowest, {low}, is above the highest, {high}");
-            faults.push(Fault { at: item.span(), clause });
-            return None;
+        let ends = ends.read(item, faults)?;
+        match inverted(ends) {
+            Some(clause) => faults.push(Fault { at: item.span(), clause }),
+            None => return Some(ends),
         }
-        Some([low, high])
+        None
+    }
+
+    fn fault(&self, ends: &[f64; 2]) -> Option<String> {
+        ends.iter().find_map(|end| self.0.fault(end)).or_else(|| inverted(*ends))
     }
 
     fn expected(&self) -> String {
@@ -36,4 +39,8 @@ impl Kind for Extent {
     fn canonical(&self, [low, high]: &[f64; 2]) -> Json {
         json!([low + 0.0, high + 0.0])
     }
+}
+
+fn inverted([low, high]: [f64; 2]) -> Option<String> {
+    (low > high).then(|| format!("is inverted: the lowest, {low}, is above the highest, {high}"))
 }

@@ -13,6 +13,7 @@ use crate::config::document::Document;
 use crate::config::file::{MAX_BYTES, read_text};
 use crate::config::kind::{Choice, Integer, Number};
 use crate::config::reader::Section;
+use crate::config::reading;
 
 use super::extent::Extent;
 use super::kind::{FaultKind, Magnitude, NAMES};
@@ -230,7 +231,7 @@ impl Faults {
     /// Everything that is wrong with the text, each with its place and remedy.
     pub fn parse(file_name: &str, text: &str) -> Result<Self, Diagnostics> {
         let (drafts, document, findings) =
-            Document::read(file_name, text, describe, |drafts, file| check(drafts, file));
+            reading::text(file_name, text, describe, |drafts, file| check(drafts, file));
         findings.into_result()?;
         let laws = drafts.into_iter().filter_map(Draft::law).collect();
         let canonical: Vec<String> =
@@ -241,7 +242,7 @@ impl Faults {
     /// The JSON Schema of the fault file.
     #[must_use]
     pub fn schema() -> Json {
-        Document::schema(describe)
+        reading::schema(describe)
     }
 }
 

@@ -1,0 +1,408 @@
+//! What a mission file and a vehicle file say, by value: every setting in the file's own unit, with its default. Reading a
+//! file fills a draft in; so may anybody else. `Mission::new` and `Vehicle::new` check it, by the same rules.
+
+use std::path::PathBuf;
+
+use nalgebra::Vector2;
+
+use crate::autopilot::{Actuation, FirmwareChoice};
+use crate::geo::{Enu, Geodetic};
+use crate::link::{HostPort, LinkAddress};
+use crate::planner::problem::{Airframe, Airspace, JitterAxes, JitterModel, Method, Objective, Uncertainty};
+use crate::role::{PerVehicle, Role};
+use crate::schedule::order::Order;
+use crate::time::Utc;
+use crate::transmitter::Kind;
+
+/// The mission file. The default has neither users nor eavesdroppers: at least one of each must be added.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MissionDraft {
+    /// Name of the mission.
+    pub name: String,
+    /// Seed of everything random in planning.
+    pub seed: u64,
+    /// Origin of the mission frame; altitude above mean sea level. `None`: a default where nobody is.
+    pub origin: Option<Geodetic>,
+    /// Who allows what to be radiated.
+    pub emission: Option<Emission>,
+    /// Link budget.
+    pub radio: RadioDraft,
+    /// Where vehicles may be.
+    pub airspace: Airspace,
+    /// Largest tilt the airspace's rules allow, in degrees.
+    pub airspace_max_tilt_deg: f64,
+    /// What must be known of each vehicle.
+    pub vehicles: PerVehicle<PlannedVehicleDraft>,
+    /// Attitude jitter of both vehicles.
+    pub jitter: JitterDraft,
+    /// Slots.
+    pub tdma: Tdma,
+    /// At least one.
+    pub users: Vec<NodeDraft>,
+    /// At least one.
+    pub eavesdroppers: Vec<EavesdropperDraft>,
+    /// How slots are planned.
+    pub planner: PlannerSettings,
+}
+
+impl Default for MissionDraft {
+    fn default() -> Self {
+        let square = [[-500.0, -500.0], [500.0, -500.0], [500.0, 500.0], [-500.0, 500.0]];
+        Self {
+            name: "mission".to_owned(),
+            seed: 7,
+            origin: None,
+            emission: None,
+            radio: RadioDraft::default(),
+            airspace: Airspace {
+                altitude_m: [80.0, 300.0],
+                area_enu_m: square.map(Vector2::from).to_vec(),
+                min_separation_m: 5.0,
+            },
+            airspace_max_tilt_deg: 90.0,
+            vehicles: PerVehicle::default(),
+            jitter: JitterDraft { std_deg: 2.0, model: JitterModel::Euler, axes: JitterAxes::RollPitch },
+            tdma: Tdma::default(),
+            users: Vec::new(),
+            eavesdroppers: Vec::new(),
+            planner: PlannerSettings {
+                method: Method::Veilwing,
+                objective: Objective::Mean,
+                free_yaw: false,
+            },
+        }
+    }
+}
+
+/// The permission to radiate.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Emission {
+    /// Who permitted it.
+    pub authorised_by: String,
+    /// Lowest and highest frequency in Hz.
+    pub band_hz: [f64; 2],
+    /// Ceiling over every other power, in W.
+    pub max_power_w: f64,
+}
+
+/// The link budget.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RadioDraft {
+    /// Bandwidth of the user's channel, in Hz.
+    pub bandwidth_hz: f64,
+    /// Noise power in that bandwidth, in W.
+    pub noise_power_w: f64,
+    /// Largest transmit power of each vehicle, in W.
+    pub max_power_w: PerVehicle<f64>,
+    /// Path gain at one metre, linear; the carrier's, if that is given.
+    pub reference_gain: f64,
+    /// Carrier frequency in Hz: makes the reference gain.
+    pub carrier_hz: Option<f64>,
+    /// Largest gain of the vehicles' antennas, in dBi; used with the carrier.
+    pub tx_gain_dbi: f64,
+    /// Gain of the nodes' antennas, in dBi; used with the carrier.
+    pub rx_gain_dbi: f64,
+}
+
+impl Default for RadioDraft {
+    fn default() -> Self {
+        Self {
+            bandwidth_hz: 1e6,
+            noise_power_w: 1e-12,
+            max_power_w: PerVehicle { i: 0.5, j: 0.5 },
+            reference_gain: 1.0,
+            carrier_hz: None,
+            tx_gain_dbi: 0.0,
+            rx_gain_dbi: 0.0,
+        }
+    }
+}
+
+/// What must be known of a vehicle to plan for it and to time its transits.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PlannedVehicleDraft {
+    /// Omnidirectional or level.
+    pub airframe: Airframe,
+    /// Largest tilt of this vehicle, in degrees.
+    pub max_tilt_deg: f64,
+    /// Horizontal speed in transit, in m/s.
+    pub speed_m_s: f64,
+    /// Vertical speed in transit, in m/s.
+    pub climb_m_s: f64,
+    /// Acceleration in transit in any direction, in m/s^2.
+    pub acceleration_m_s2: f64,
+    /// How fast it turns its antenna, in deg/s.
+    pub tilt_rate_deg_s: f64,
+    /// Where the simulated vehicle starts.
+    pub home_enu_m: Option<Enu>,
+}
+
+impl Default for PlannedVehicleDraft {
+    fn default() -> Self {
+        Self {
+            airframe: Airframe::Omnidirectional,
+            max_tilt_deg: 90.0,
+            speed_m_s: 8.0,
+            climb_m_s: 3.0,
+            acceleration_m_s2: 2.5,
+            tilt_rate_deg_s: 45.0,
+            home_enu_m: None,
+        }
+    }
+}
+
+/// How steadily the vehicles hold their attitude.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct JitterDraft {
+    /// Standard deviation of each axis, in degrees.
+    pub std_deg: f64,
+    /// How it adds to the attitude.
+    pub model: JitterModel,
+    /// The axes that jitter.
+    pub axes: JitterAxes,
+}
+
+/// The slot table.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Tdma {
+    /// Length of a slot in seconds, without the transit before it.
+    pub slot_s: f64,
+    /// The part of a slot in which nobody radiates, in seconds, half of it at each end; shorter than a slot.
+    pub guard_s: f64,
+    /// Time to come to rest and catch up after each transit, in seconds.
+    pub settle_s: f64,
+    /// In which order users are served.
+    pub order: Order,
+    /// How often the whole list of users is served.
+    pub superframes: u16,
+    /// When the transit to the first slot begins; `None`: when the operator says so.
+    pub start_utc: Option<Utc>,
+}
+
+impl Default for Tdma {
+    fn default() -> Self {
+        Self {
+            slot_s: 20.0,
+            guard_s: 1.0,
+            settle_s: 3.0,
+            order: Order::Listed,
+            superframes: 1,
+            start_utc: None,
+        }
+    }
+}
+
+/// How slots are planned.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct PlannerSettings {
+    /// The planning method.
+    pub method: Method,
+    /// What is maximised over uncertain positions.
+    pub objective: Objective,
+    /// The desired yaw is a variable instead of 0.
+    pub free_yaw: bool,
+}
+
+/// A node's name and its position: in the mission frame, or by latitude and longitude, not both.
+#[derive(Debug, Clone, PartialEq)]
+pub struct NodeDraft {
+    /// Unique among its kind.
+    pub name: String,
+    /// Position from the mission origin, in metres.
+    pub enu_m: Option<Enu>,
+    /// Latitude in degrees, north positive.
+    pub lat_deg: Option<f64>,
+    /// Longitude in degrees, east positive.
+    pub lon_deg: Option<f64>,
+    /// With latitude and longitude: altitude above the mission origin in metres; `None`: 0.
+    pub alt_m: Option<f64>,
+}
+
+impl NodeDraft {
+    /// A node by its position in the mission frame.
+    #[must_use]
+    pub fn new(name: &str, enu_m: Enu) -> Self {
+        Self { enu_m: Some(enu_m), ..Self::unplaced(name.to_owned()) }
+    }
+
+    pub(super) fn unplaced(name: String) -> Self {
+        Self { name, enu_m: None, lat_deg: None, lon_deg: None, alt_m: None }
+    }
+
+    /// Where it is, as far as it is told.
+    pub(super) fn position(&self) -> Position {
+        match (self.enu_m, self.lat_deg, self.lon_deg) {
+            (None, Some(lat_deg), Some(lon_deg)) => {
+                Position::Geodetic(Geodetic { lat_deg, lon_deg, alt_m: self.alt_m.unwrap_or(0.0) })
+            }
+            (enu_m, _, _) => Position::Enu(enu_m.unwrap_or_else(Enu::zeros)),
+        }
+    }
+}
+
+/// A node's position as it is given.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Position {
+    /// In the mission frame.
+    Enu(Enu),
+    /// Latitude and longitude in degrees, altitude in metres above the origin.
+    Geodetic(Geodetic),
+}
+
+impl Position {
+    /// The position in the frame about `origin`.
+    pub(super) fn enu(self, origin: Geodetic) -> Enu {
+        match self {
+            Self::Enu(position) => position,
+            Self::Geodetic(point) => Geodetic { alt_m: point.alt_m + origin.alt_m, ..point }.to_enu(origin),
+        }
+    }
+}
+
+/// An eavesdropper: a node, and how well its position is known.
+#[derive(Debug, Clone, PartialEq)]
+pub struct EavesdropperDraft {
+    /// Name and estimated position.
+    pub node: NodeDraft,
+    /// It is anywhere in a horizontal disc of this radius in metres; 0 is exact.
+    pub radius_m: Option<f64>,
+    /// It is Gaussian with this deviation in east and in north in metres; 0 is exact. Not with a radius.
+    pub std_m: Option<f64>,
+}
+
+impl EavesdropperDraft {
+    /// One whose position is exactly known.
+    #[must_use]
+    pub fn new(name: &str, enu_m: Enu) -> Self {
+        Self { node: NodeDraft::new(name, enu_m), radius_m: None, std_m: None }
+    }
+
+    pub(super) fn uncertainty(&self) -> Uncertainty {
+        let positive = |value: Option<f64>| value.filter(|value| *value > 0.0);
+        match (positive(self.radius_m), positive(self.std_m)) {
+            (Some(radius_m), _) => Uncertainty::Disc { radius_m },
+            (None, Some(std_m)) => Uncertainty::Gaussian { std_m },
+            (None, None) => Uncertainty::None,
+        }
+    }
+}
+
+/// The vehicle file. SI units, angles in radians.
+#[derive(Debug, Clone, PartialEq)]
+pub struct VehicleDraft {
+    /// Which vehicle of the pair this is.
+    pub role: Role,
+    /// The flight controller.
+    pub autopilot: Autopilot,
+    /// The payload radio.
+    pub transmitter: Transmitter,
+    /// Link to the other companion.
+    pub pair_link: LinkAddress,
+    /// The signing key of the pair link, if it is signed.
+    pub key_file: Option<PathBuf>,
+    /// MAVLink system of the other companion; `None`: any.
+    pub pair_peer_system: Option<u8>,
+    /// Pair messages ride in TUNNEL. Then the peer's system must be given.
+    pub pair_tunnel: bool,
+    /// What the vehicle may be asked for.
+    pub limits: Limits,
+    /// Directory for logs.
+    pub log_dir: PathBuf,
+}
+
+impl VehicleDraft {
+    /// A vehicle with the defaults of everything that has one.
+    #[must_use]
+    pub fn new(role: Role, pair_link: LinkAddress) -> Self {
+        Self {
+            role,
+            autopilot: Autopilot::default(),
+            transmitter: Transmitter::default(),
+            pair_link,
+            key_file: None,
+            pair_peer_system: None,
+            pair_tunnel: false,
+            limits: Limits::default(),
+            log_dir: PathBuf::from("flight-logs"),
+        }
+    }
+
+    /// Before a file is read: what must be given is anything.
+    pub(super) fn blank() -> Self {
+        Self::new(Role::I, listening_on(14_600))
+    }
+}
+
+fn listening_on(port: u16) -> LinkAddress {
+    LinkAddress::UdpIn(HostPort { host: "0.0.0.0".to_owned(), port })
+}
+
+/// The flight controller and how it is commanded.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Autopilot {
+    /// Where it is.
+    pub link: LinkAddress,
+    /// What it runs.
+    pub firmware: FirmwareChoice,
+    /// Which targets it is given.
+    pub actuation: Actuation,
+    /// Its MAVLink system; `None`: the first that is heard.
+    pub system_id: Option<u8>,
+    /// The companion's own MAVLink component.
+    pub component_id: u8,
+    /// Setpoints and state per second.
+    pub rate_hz: f64,
+    /// Newtons per unit of thrust along body x, y, z, for [`Actuation::ThrustVector`]; `None`: from the autopilot.
+    pub thrust_n: Option<[f64; 3]>,
+}
+
+impl Default for Autopilot {
+    fn default() -> Self {
+        Self {
+            link: listening_on(14_540),
+            firmware: FirmwareChoice::Auto,
+            actuation: Actuation::Pose,
+            system_id: None,
+            component_id: 191,
+            rate_hz: 50.0,
+            thrust_n: None,
+        }
+    }
+}
+
+/// The payload radio.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Transmitter {
+    /// How its power is set.
+    pub kind: Kind,
+    /// It radiates nothing real.
+    pub simulated: bool,
+    /// Its MAVLink component.
+    pub component_id: u8,
+}
+
+impl Transmitter {
+    /// The MAV_CMD that sets power, slot and expiry where nobody says otherwise: MAV_CMD_USER_1.
+    pub(super) const COMMAND: u16 = 31_010;
+}
+
+impl Default for Transmitter {
+    fn default() -> Self {
+        Self { kind: Kind::Leased { command: Self::COMMAND }, simulated: true, component_id: 68 }
+    }
+}
+
+/// What a vehicle may be asked for; `None` where the mission's word is enough.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Limits {
+    /// Horizontal speed in m/s.
+    pub speed_m_s: Option<f64>,
+    /// Vertical speed in m/s.
+    pub climb_m_s: Option<f64>,
+    /// Turning rate of the antenna in rad/s.
+    pub tilt_rate_rad_s: Option<f64>,
+    /// Tilt from level in radians.
+    pub max_tilt_rad: Option<f64>,
+    /// Transmit power in W.
+    pub max_power_w: Option<f64>,
+}

@@ -1,0 +1,44 @@
+//! Why the planner has no answer.
+
+/// Why a problem has no plan.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum PlanError {
+    /// Nobody to hide from.
+    #[error("no eavesdropper is given; name at least one")]
+    NoEavesdropper,
+    /// Without noise every SINR is infinite or undefined.
+    #[error(
+        "noise power is 0 W, with which rates are unbounded; give the receivers' noise (variance) in W, for instance 1e-12"
+    )]
+    NoNoise,
+    /// A number outside its range, or not finite.
+    #[error("{what} is {value}, outside {least} to {most}")]
+    OutOfRange {
+        /// Which.
+        what: &'static str,
+        /// Its value.
+        value: f64,
+        /// Least allowed.
+        least: f64,
+        /// Most allowed.
+        most: f64,
+    },
+    /// The geofence has no interior.
+    #[error(
+        "the area of {vertices} vertices has no interior or crosses itself; give the corners of a simple polygon in order"
+    )]
+    EmptyArea {
+        /// Vertices given.
+        vertices: usize,
+    },
+    /// The airspace is smaller than the separation.
+    #[error(
+        "a separation of {separation_m} m does not fit into an airspace {reach_m} m across; enlarge the area or lower the separation"
+    )]
+    SeparationImpossible {
+        /// Separation asked for, in metres.
+        separation_m: f64,
+        /// Largest distance in the airspace, in metres.
+        reach_m: f64,
+    },
+}

@@ -1,0 +1,157 @@
+//! The worst positions of uncertain eavesdroppers.
+//!
+//! For a configuration x they maximise `E max_j ln(1 + Gamma_j(e_j))`: node by node, the others held, by a scan of the
+//! disc and a pattern search with halved steps, until a whole round gains nothing; from each node's own worst point and
+//! from the worst positions known before.
+
+use nalgebra::Vector3;
+
+use super::draws::QUANTILE;
+use super::expectation::beams::Beams;
+use super::expectation::kernel::Raw;
+use super::expectation::logarithm::LogSum;
+use super::expectation::samples::Samples;
+use super::problem::{Eavesdropper, Uncertainty};
+use super::setup::Setup;
+
+/// A worst case this near to the set's own, in nats, is settled.
+pub const SETTLED: f64 = 2e-4;
+/// Points of a disc's scan: the centre and two rings.
+const RING: usize = 12;
+/// Rounds over all nodes in one search for the worst positions.
+const ROUNDS: usize = 6;
+
+/// The radius of the circle in which a node is taken to be, in metres.
+fn radius_m(node: &Eavesdropper) -> f64 {
+    match node.uncertainty {
+        Uncertainty::None => 0.0,
+        Uncertainty::Disc { radius_m } => radius_m,
+        Uncertainty::Gaussian { std_m } => std_m * (-2.0 * libm::log(QUANTILE)).sqrt(),
+    }
+}
+
+/// The worst positions found for a configuration and the mean signed rate there, in nats per hertz.
+pub fn worst_positions(
+    setup: &Setup,
+    raw: &Raw,
+    samples: &Samples,
+    known: &[Vec<Vector3<f64>>],
+) -> (Vec<Vector3<f64>>, f64) {
+    let nodes = &setup.problem.eavesdroppers;
+    let beams = Beams::new(&setup.scene, samples, raw);
+    let mut search = Worst { beams: &beams, nodes, sinr: vec![Vec::new(); nodes.len()], trial: Vec::new() };
+    let mut best: Option<(Vec<Vector3<f64>>, f64)> = None;
+    // From each node's own worst point, and from the newest positions known.
+    for from in [None, known.last()] {
+        let mut positions: Vec<_> = match from {
+            Some(positions) => positions.clone(),
+            None => nodes.iter().map(|e| e.position_enu_m).collect(),
+        };
+        let loss = search.run(&mut positions, from.is_none());
+        if best.as_ref().is_none_or(|(_, least)| loss > *least) {
+            best = Some((positions, loss));
+        }
+    }
+    let (positions, loss) = best.unwrap_or_default();
+    (positions, beams.user_mean() - loss)
+}
+
+/// A search for the worst positions: SINR of every node at every sample, at its current position.
+struct Worst<'a> {
+    beams: &'a Beams,
+    nodes: &'a [Eavesdropper],
+    sinr: Vec<Vec<f64>>,
+    trial: Vec<f64>,
+}
+
+impl Worst<'_> {
+    /// Moves `positions` to a local maximum of `E max_j ln(1 + Gamma_j)`, which is returned; `alone` begins with each
+    /// node's own worst point.
+    fn run(&mut self, positions: &mut [Vector3<f64>], alone: bool) -> f64 {
+        for node in 0..self.nodes.len() {
+            self.sinr[node].clear();
+            if !alone {
+                self.beams.sinr(&positions[node], &mut self.sinr[node]);
+            }
+        }
+        let mut others = Vec::new();
+        let mut loss = f64::NEG_INFINITY;
+        for round in 0..ROUNDS {
+            let before = loss;
+            for node in 0..self.nodes.len() {
+                self.strongest_other(node, alone && round == 0, &mut others);
+                loss = self.move_node(node, &mut positions[node], &others);
+            }
+            if loss - before < 0.1 * SETTLED && round > 0 {
+                break;
+            }
+        }
+        loss
+    }
+
+    /// Largest SINR of the other nodes per sample; zeros when `alone`.
+    fn strongest_other(&self, node: usize, alone: bool, out: &mut Vec<f64>) {
+        out.clear();
+        out.resize(self.beams.len(), 0.0);
+        if !alone {
+            for (_, sinr) in self.sinr.iter().enumerate().filter(|(other, _)| *other != node) {
+                for (o, s) in out.iter_mut().zip(sinr) {
+                    *o = o.max(*s);
+                }
+            }
+        }
+    }
+
+    /// Scans the node's disc and refines the best point; leaves its SINR in place.
+    fn move_node(&mut self, node: usize, position: &mut Vector3<f64>, others: &[f64]) -> f64 {
+        let (centre, radius) = (self.nodes[node].position_enu_m, radius_m(&self.nodes[node]));
+        let mut best = (*position, self.loss_at(position, others));
+        let consider = |search: &mut Self, at: Vector3<f64>, best: &mut (Vector3<f64>, f64)| {
+            let loss = search.loss_at(&at, others);
+            let better = loss > best.1;
+            if better {
+                *best = (at, loss);
+            }
+            better
+        };
+        if radius > 0.0 {
+            consider(self, centre, &mut best);
+            for k in 0..2 * RING {
+                let angle = std::f64::consts::TAU * (k % RING) as f64 / RING as f64;
+                let r = if k < RING { radius } else { 0.5 * radius };
+                let (sin, cos) = libm::sincos(angle);
+                consider(self, centre + r * Vector3::new(cos, sin, 0.0), &mut best);
+            }
+            let mut step = 0.25 * radius;
+            while step > 1e-3 * radius {
+                let mut moved = false;
+                for (dx, dy) in [(step, 0.0), (-step, 0.0), (0.0, step), (0.0, -step)] {
+                    let offset = best.0 + Vector3::new(dx, dy, 0.0) - centre;
+                    let length = offset.norm();
+                    // Back onto the disc along its radius: a step off the rim slides along it.
+                    let offset = if length > radius { offset * (radius / length) } else { offset };
+                    moved |= consider(self, centre + offset, &mut best);
+                }
+                if !moved {
+                    step *= 0.5;
+                }
+            }
+        }
+        *position = best.0;
+        self.sinr[node].clear();
+        let mut sinr = std::mem::take(&mut self.sinr[node]);
+        self.beams.sinr(position, &mut sinr);
+        self.sinr[node] = sinr;
+        best.1
+    }
+
+    fn loss_at(&mut self, position: &Vector3<f64>, others: &[f64]) -> f64 {
+        self.trial.clear();
+        self.beams.sinr(position, &mut self.trial);
+        // Eight factors at a time, as in the kernel.
+        let products = self.trial.chunks(8).zip(others.chunks(8));
+        let mut total = LogSum::default();
+        products.for_each(|(t, o)| total.push(t.iter().zip(o).map(|(a, b)| 1.0 + a.max(*b)).product()));
+        total.value() / self.beams.len() as f64
+    }
+}
