@@ -87,7 +87,7 @@ impl Companion {
         let _changed = if order == PAUSE { self.service.pause(now) } else { self.service.go_on() };
     }
 
-    fn abort(&mut self, cause: String, now: Instant) {
+    pub fn abort(&mut self, cause: String, now: Instant) {
         if self.aborted.is_none() && !self.service.is_abandoning() {
             self.finished.push(self.service.slot_number());
             self.aborted = self.service.abandon(now).then_some(cause);

@@ -7,7 +7,7 @@ use super::world::{AIRTIME, Case, FaultKind, Seen};
 const LOSSES: [f64; 4] = [0.0, 0.1, 0.3, 0.6];
 const DELAYS_MS: [u64; 5] = [0, 20, 100, 400, 2000];
 const DUPLICATIONS: [f64; 2] = [0.0, 0.2];
-const FAULTS: [FaultKind; 8] = [
+const FAULTS: [FaultKind; 9] = [
     FaultKind::None,
     FaultKind::Partition,
     FaultKind::Restart,
@@ -15,6 +15,7 @@ const FAULTS: [FaultKind; 8] = [
     FaultKind::Clock,
     FaultKind::Stale,
     FaultKind::Pause,
+    FaultKind::GiveUp,
     FaultKind::RadioHop,
 ];
 /// Beyond this delay a lease is over before its grant arrives: nothing can be served, and nothing is.
@@ -35,7 +36,7 @@ pub struct Args {
     delay_ms: u64,
     #[arg(long, default_value_t = 0.0)]
     duplication: f64,
-    /// None, Partition, Restart, Pose, Clock, Stale, Pause or RadioHop.
+    /// None, Partition, Restart, Pose, Clock, Stale, Pause, GiveUp or RadioHop.
     #[arg(long, default_value = "None", value_parser = parse_fault)]
     fault: FaultKind,
 }

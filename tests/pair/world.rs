@@ -33,6 +33,8 @@ pub enum FaultKind {
     Stale,
     /// The operator pauses the pair at either vehicle, for 0.2 to 6 s.
     Pause,
+    /// A vehicle gives its mission up, as at an operator's return.
+    GiveUp,
     /// All the time: each way to a radio and back takes up to 20 ms, in any order, and one message in ten is lost.
     RadioHop,
 }
@@ -326,6 +328,12 @@ impl World {
                 self.order(role, true);
                 let back = self.t + Duration::from_secs_f64(self.rng.random_range(0.2..6.0));
                 self.push(back, Event::Heal(role, Heal::Pause));
+            }
+            FaultKind::GiveUp => {
+                let Some(companion) = self.companions[role].as_mut() else { return };
+                companion.abort("given up".into(), companion.clocks.local(self.t));
+                companion.handle_timeout(self.t);
+                self.flush(role);
             }
             FaultKind::Stale => {
                 let Some(companion) = self.companions[role].as_mut() else { return };
