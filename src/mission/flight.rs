@@ -28,6 +28,9 @@ const HEARD_OF_LATE: Duration = Duration::from_millis(500);
 impl Executive {
     /// Lets the present phase act.
     pub(super) fn step(&mut self, now: Instant) {
+        if self.phase.is_waiting() && self.autopilot.state().is_armed() {
+            self.ground.start.forget();
+        }
         match &self.phase {
             Phase::Connecting => {
                 if self.autopilot.fresh(now) && self.estimator_ok() {
@@ -124,6 +127,8 @@ impl Executive {
         let (peer, role) = (self.service.peer(), self.settings.role.peer());
         if !peer.heard_within(self.settings.pair.peer_timeout, now) {
             Some(format!("vehicle {role} is not heard"))
+        } else if peer.says(VeilwingFlags::VEILWING_FLAGS_ENDED) {
+            Some(format!("vehicle {role} has ended its mission: start its companion again"))
         } else if !self.service.agrees() {
             Some("missions and plans of both vehicles are not yet known to be the same".into())
         } else if !peer.says(VeilwingFlags::VEILWING_FLAGS_PREFLIGHT_OK)

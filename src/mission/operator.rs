@@ -62,7 +62,10 @@ impl Executive {
 
     fn can_obey(&self, order: VeilwingOrder) -> bool {
         match order {
-            VeilwingOrder::VEILWING_ORDER_START => self.phase.is_waiting(),
+            // An order that is older than the vehicle's last time on the ground is none (F4).
+            VeilwingOrder::VEILWING_ORDER_START => {
+                self.phase.is_waiting() && !self.autopilot.state().is_armed()
+            }
             VeilwingOrder::VEILWING_ORDER_RETURN => self.phase.is_outward(),
             VeilwingOrder::VEILWING_ORDER_RADIO_KILL => true,
             VeilwingOrder::VEILWING_ORDER_PAUSE => self.phase.is_in_service(),

@@ -14,12 +14,14 @@ pub(super) struct Start {
     at: Option<Utc>,
     /// Whether the time was past when the companion first knew the time.
     missed: Option<bool>,
+    /// The vehicle has been armed since whatever was asked for before.
+    flown: bool,
 }
 
 impl Start {
     /// Waits for an order unless `asked` is true, or for the time.
     pub fn new(asked: bool, at: Option<Utc>) -> Self {
-        Self { asked, at, missed: None }
+        Self { asked, at, missed: None, flown: false }
     }
 
     /// The operator wants the mission to begin. A time that is yet to come still holds.
@@ -27,10 +29,17 @@ impl Start {
         self.asked = true;
     }
 
+    /// The vehicle is armed, and not by this mission: the pilot flies it, or a companion that is no more did. What was
+    /// asked for before, by an order, at the start of the process or by the clock, counts no more (F4).
+    pub fn forget(&mut self) {
+        *self = Self { flown: true, ..Self::new(false, None) };
+    }
+
     /// What is waited for on the ground, in words that do not change by the second; `None`: take off. `utc` is the
     /// present time, and `climb` how long it takes to be where the first transit begins.
     pub fn waits_for(&mut self, utc: Option<Utc>, climb: Duration) -> Option<String> {
-        let order = (!self.asked).then(|| "MISSION_START".to_owned());
+        let again = if self.flown { ": the vehicle has been armed since the last one" } else { "" };
+        let order = (!self.asked).then(|| format!("MISSION_START{again}"));
         let Some(at) = self.at else { return order };
         let Some(utc) = utc else { return Some(format!("UTC, for the start at {at}")) };
         if *self.missed.get_or_insert(utc > at) {
@@ -68,6 +77,19 @@ mod tests {
         assert_eq!(start.waits_for(None, CLIMB), None);
         assert_eq!(start.table_zero(AT, Instant::ZERO), None);
         assert_eq!(Start::new(true, None).waits_for(None, CLIMB), None);
+    }
+
+    #[test]
+    fn spec_a_vehicle_that_was_armed_by_another_hand_waits_for_a_new_order() {
+        for at in [None, Some(AT)] {
+            let mut start = Start::new(true, at);
+            start.forget();
+            let text = start.waits_for(before(3600), CLIMB).unwrap();
+            assert!(text.contains("MISSION_START") && text.contains("armed"), "{text}");
+            assert_eq!(start.table_zero(AT, Instant::ZERO), None);
+            start.ask();
+            assert_eq!(start.waits_for(before(3600), CLIMB), None);
+        }
     }
 
     #[test]
