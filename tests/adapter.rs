@@ -309,7 +309,7 @@ fn val_the_radio_does_what_is_leased_and_no_more() {
     world.run(3.0);
     assert_eq!(world.transmitter.supports_expiry(), Some(true));
     assert!((world.transmitter.limit_w().unwrap() - 1.0).abs() < 1e-6);
-    assert!(world.transmitter.preflight().iter().all(|check| check.result == Verdict::Pass));
+    assert!(world.transmitter.preflight(world.now()).iter().all(|check| check.result == Verdict::Pass));
     let now = world.now();
     world.transmitter.radiate(0.25, 7, now + Duration::from_millis(300), now);
     world.run(0.05);

@@ -12,6 +12,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::*;
+use crate::preflight::Verdict;
 
 const OWN: (u8, u8) = (1, 191);
 const RADIO: (u8, u8) = (1, 68);

@@ -24,7 +24,12 @@ fn val_a_companion_that_starts_tells_the_radio_off_and_learns_that_it_expires() 
     };
     world.give(&MavMessage::PARAM_VALUE(limit));
     assert!((world.transmitter.limit_w().unwrap() - 0.501_187).abs() < 1e-6);
-    assert!(world.transmitter.preflight().iter().all(|check| check.result == Verdict::Pass));
+    let checks = world.transmitter.preflight(world.now);
+    let (warned, rest): (Vec<_>, Vec<_>) =
+        checks.into_iter().partition(|check| check.result == Verdict::Warn);
+    assert!(rest.len() == 3 && rest.iter().all(|check| check.result == Verdict::Pass), "{rest:?}");
+    let [delay] = &warned[..] else { panic!("{warned:?}") };
+    assert!(delay.name == "transmitter delay" && delay.detail.contains("after 15 ms"), "{delay:?}");
 }
 
 #[test]
@@ -263,8 +268,12 @@ fn val_a_radio_that_does_not_know_the_command_is_named_in_the_preflight() {
     assert_eq!(world.transmitter.supports_expiry(), Some(false));
     assert_eq!(world.transmitter.refusal(), Some(MavResult::MAV_RESULT_UNSUPPORTED));
     assert!(!world.transmitter.is_off(world.now), "never believed off on no evidence");
-    let expiry =
-        world.transmitter.preflight().into_iter().find(|check| check.name == "transmitter expiry").unwrap();
+    let expiry = world
+        .transmitter
+        .preflight(world.now)
+        .into_iter()
+        .find(|check| check.name == "transmitter expiry")
+        .unwrap();
     assert!(expiry.result == Verdict::Fail && expiry.detail.contains("parameter"), "{expiry:?}");
 }
 

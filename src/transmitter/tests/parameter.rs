@@ -8,8 +8,11 @@ fn val_a_level_table_gives_the_strongest_level_within_the_power_and_is_turned_of
     let mut transmitter = by_parameter(Unit::Levels(levels.to_vec()), Protocol::Classic);
     assert_eq!(transmitter.supports_expiry(), Some(false));
     assert_eq!(transmitter.limit_w(), Some(0.1));
-    let expiry =
-        transmitter.preflight().into_iter().find(|check| check.name == "transmitter expiry").unwrap();
+    let expiry = transmitter
+        .preflight(Instant::ZERO)
+        .into_iter()
+        .find(|check| check.name == "transmitter expiry")
+        .unwrap();
     assert!(expiry.result == Verdict::Warn && expiry.detail.contains("S5"), "{expiry:?}");
     // The type first.
     assert!(matches!(drain(&mut transmitter).as_slice(), [MavMessage::PARAM_REQUEST_READ(_)]));
