@@ -4,7 +4,7 @@ use mavlink::dialects::ardupilotmega::{MavMessage, TUNNEL_DATA};
 use mavlink::error::ParserError;
 use mavlink::{MavlinkVersion, Message, MessageData};
 
-use super::envelope::Envelope;
+use super::envelope::Enclosed;
 use crate::transmitter::wire as radio;
 
 /// A message on the autopilot's link.
@@ -14,7 +14,7 @@ pub enum Aboard {
     /// Of the common dialect.
     Common(MavMessage),
     /// The radio's: as it is, where the radio is on a wire of its own, or in TUNNEL, across an autopilot.
-    Radio(Envelope<radio::MavMessage>),
+    Radio(Enclosed<radio::MavMessage>),
 }
 
 impl Message for Aboard {
@@ -70,7 +70,7 @@ impl Message for Aboard {
     /// A TUNNEL of another type than the radio's stays what it is.
     fn parse(version: MavlinkVersion, id: u32, payload: &[u8]) -> Result<Self, ParserError> {
         let radio = matches!(id, TUNNEL_DATA::ID | radio::VEILWING_RADIO_DATA::ID);
-        match radio.then(|| Envelope::parse(version, id, payload)) {
+        match radio.then(|| Enclosed::parse(version, id, payload)) {
             None | Some(Err(ParserError::UnknownMessage { .. })) => {
                 MavMessage::parse(version, id, payload).map(Self::Common)
             }
@@ -85,7 +85,7 @@ impl Message for Aboard {
 
     fn default_message_from_id(id: u32) -> Option<Self> {
         let radio = radio::MavMessage::default_message_from_id(id);
-        let radio = radio.map(|message| Self::Radio(Envelope::Plain(message)));
+        let radio = radio.map(|message| Self::Radio(Enclosed::Plain(message)));
         radio.or_else(|| MavMessage::default_message_from_id(id).map(Self::Common))
     }
 
@@ -127,7 +127,7 @@ mod tests {
         };
         let report = radio::MavMessage::VEILWING_RADIO(report);
         for form in [Form::Plain, Form::Tunnel { to_system: 1 }] {
-            let envelope = Envelope::new(form, (1, 68), 3, report.clone());
+            let envelope = Enclosed::new(form, (1, 68), 3, report.clone());
             let message = Aboard::Radio(envelope);
             let raw = Encoder::default().encode((1, 68), &message);
             assert_eq!(read(raw.raw_bytes()), Some(message), "{form:?}");

@@ -37,10 +37,10 @@ impl Form {
     ///
     /// # Errors
     /// [`Rejection::OtherForm`].
-    pub fn open<M>(self, envelope: Envelope<M>) -> Result<M, Rejection> {
+    pub fn open<M>(self, envelope: Enclosed<M>) -> Result<M, Rejection> {
         match (self, envelope) {
-            (Self::Plain, Envelope::Plain(message))
-            | (Self::Tunnel { .. }, Envelope::Tunnel { message, .. }) => Ok(message),
+            (Self::Plain, Enclosed::Plain(message))
+            | (Self::Tunnel { .. }, Enclosed::Tunnel { message, .. }) => Ok(message),
             _ => Err(Rejection::OtherForm),
         }
     }
@@ -64,9 +64,12 @@ impl Tunnelled for radio::MavMessage {
     const SAMPLE_ID: u32 = radio::VEILWING_RADIO_DATA::ID;
 }
 
-/// A message of dialect `M`, the pair's if nothing is said, and the form in which it came or goes.
+/// A message of the pair's and its form.
+pub type Envelope = Enclosed<wire::MavMessage>;
+
+/// A message of dialect `M` and the form in which it came or goes.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Envelope<M = wire::MavMessage> {
+pub enum Enclosed<M> {
     /// In a frame of its own.
     Plain(M),
     /// In TUNNEL.
@@ -80,7 +83,7 @@ pub enum Envelope<M = wire::MavMessage> {
     },
 }
 
-impl<M> Envelope<M> {
+impl<M> Enclosed<M> {
     /// `message` in `form`, to be sent from `(system, component)` with this sequence number inside, where there is an
     /// inside.
     #[must_use]
@@ -110,7 +113,7 @@ impl<M> Envelope<M> {
 }
 
 /// The frame inside a TUNNEL's payload. One of our type that does not hold exactly one sound frame is unparsable.
-fn unpack<M: Tunnelled>(payload: &[u8]) -> Result<Envelope<M>, ParserError> {
+fn unpack<M: Tunnelled>(payload: &[u8]) -> Result<Enclosed<M>, ParserError> {
     let id = TUNNEL_DATA::ID;
     let unsound = |actual| ParserError::InvalidPayloadSize { id, maximum: ROOM, actual };
     let mut whole = [0; HEADER + ROOM];
@@ -133,7 +136,7 @@ fn unpack<M: Tunnelled>(payload: &[u8]) -> Result<Envelope<M>, ParserError> {
     let header =
         MavHeader { system_id: raw.system_id(), component_id: raw.component_id(), sequence: raw.sequence() };
     let message = M::parse(MavlinkVersion::V2, raw.message_id(), raw.payload())?;
-    Ok(Envelope::Tunnel { to: (to_system, to_component), header, message })
+    Ok(Enclosed::Tunnel { to: (to_system, to_component), header, message })
 }
 
 /// Writes TUNNEL's payload around the frame of `message`; how many bytes that makes.
@@ -149,7 +152,7 @@ fn pack<M: Tunnelled>(to: (u8, u8), header: MavHeader, message: &M, bytes: &mut 
     HEADER + inside.len()
 }
 
-impl<M: Tunnelled> Message for Envelope<M> {
+impl<M: Tunnelled> Message for Enclosed<M> {
     fn message_id(&self) -> u32 {
         match self {
             Self::Plain(message) => message.message_id(),
@@ -261,7 +264,7 @@ mod tests {
         let envelope = Envelope::new(Form::Tunnel { to_system: 2 }, (1, 191), 7, message);
         let mut good = [0; 255];
         let length = envelope.ser(MavlinkVersion::V2, &mut good);
-        let parse = |bytes: &[u8]| Envelope::<wire::MavMessage>::parse(MavlinkVersion::V2, 385, bytes);
+        let parse = |bytes: &[u8]| Envelope::parse(MavlinkVersion::V2, 385, bytes);
         let changed = |at: usize, to: u8| {
             let mut bytes = good;
             bytes[at] = to;

@@ -170,6 +170,16 @@ impl Interlock {
         }
     }
 
+    /// Hands the radio's own message to the transmitter's driver.
+    pub fn handle_radio(
+        &mut self,
+        header: mavlink::MavHeader,
+        message: &crate::transmitter::wire::MavMessage,
+        now: Instant,
+    ) {
+        self.transmitter.handle_radio(header, message, now);
+    }
+
     /// The time to allow for a command to the transmitter and back: twice the shortest measured.
     #[must_use]
     pub fn round_trip(&self) -> Duration {

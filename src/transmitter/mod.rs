@@ -33,7 +33,6 @@ use leased::Leased;
 use limit::Limit;
 use numbered::Numbered;
 pub use parameter::{Level, PowerParameter, Protocol, Unit};
-use wire::VEILWING_RADIO_DATA;
 
 /// A command that has not arrived by now never will.
 const LONGEST_TRANSIT: Duration = Duration::from_millis(500);
@@ -313,7 +312,8 @@ impl Transmitter {
     }
 
     /// Takes the radio's own message; another's is ignored.
-    pub fn handle_report(&mut self, header: MavHeader, report: &VEILWING_RADIO_DATA, now: Instant) {
+    pub fn handle_radio(&mut self, header: MavHeader, message: &wire::MavMessage, now: Instant) {
+        let wire::MavMessage::VEILWING_RADIO(report) = message;
         if self.hears(header, now)
             && let Driver::Numbered(numbered) = &mut self.driver
         {

@@ -2,12 +2,10 @@
 
 use std::time::Duration;
 
-use mavlink::dialects::ardupilotmega::MavMessage;
-
 use crate::companion::settings::{pair_form, settings, transmitter_settings};
 use crate::config::{Mission, Vehicle};
 use crate::link::codec::{Decoder, Encoder};
-use crate::link::{Envelope, Form};
+use crate::link::{Aboard, Envelope, Form};
 use crate::mission::Executive;
 use crate::planner::slots::Plan;
 use crate::role::Role;
@@ -32,7 +30,7 @@ pub struct Given {
 pub(super) struct Process {
     pub executive: Executive,
     pub encoder: Encoder,
-    pub from_vehicle: Decoder<MavMessage>,
+    pub from_vehicle: Decoder<Aboard>,
     pub from_peer: Decoder<Envelope>,
     /// In which form it speaks to its peer.
     pub form: Form,

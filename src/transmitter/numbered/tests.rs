@@ -11,6 +11,7 @@ use mavlink::MavHeader;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+use super::super::wire::MavMessage as RadioMessage;
 use super::super::{Driver, Kind, NotReady, Settings, Transmitter};
 use super::*;
 
@@ -263,7 +264,7 @@ impl World {
 
     fn hear(&mut self, report: &VEILWING_RADIO_DATA) {
         let header = MavHeader { system_id: RADIO.0.into(), component_id: RADIO.1, sequence: 0 };
-        self.transmitter.handle_report(header, report, self.now);
+        self.transmitter.handle_radio(header, &RadioMessage::VEILWING_RADIO(report.clone()), self.now);
         self.send();
     }
 

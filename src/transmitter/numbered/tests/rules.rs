@@ -198,7 +198,8 @@ fn val_strangers_and_words_to_others_change_nothing() {
     let mut report = world.radio.report(world.now);
     (report.boot, report.newest) = (78, 1);
     let stranger = MavHeader { system_id: 2, component_id: 68, sequence: 0 };
-    world.transmitter.handle_report(stranger, &report, world.now);
+    let message = RadioMessage::VEILWING_RADIO(report.clone());
+    world.transmitter.handle_radio(stranger, &message, world.now);
     assert_eq!(world.transmitter.supports_expiry(), None);
     // What answers a number that was never given answers nothing.
     (report.newest, report.answers_boot, report.answers) = (9, 78, 9);
