@@ -65,7 +65,9 @@ impl Companion {
         loop {
             while let Some(outgoing) = executive.poll_transmit() {
                 match outgoing {
-                    Outgoing::Autopilot(message) => autopilot.send(executive.own(), &Aboard::Common(*message)),
+                    Outgoing::Autopilot(message) => {
+                        autopilot.send(executive.own(), &Aboard::Common(*message))
+                    }
                     Outgoing::Pair(message) => pair.send(executive.own(), &message),
                 }
             }

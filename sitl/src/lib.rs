@@ -20,7 +20,8 @@ pub use geodesy::Origin;
 pub use vehicle::airframe_file::AirframeError;
 pub use vehicle::autopilot::SetpointCounters;
 pub use vehicle::config::{
-    Airframe, BatteryConfig, Body, Firmware, PowerForm, Role, SensorConfig, Slip, Traps, VehicleConfig, WindConfig,
+    Airframe, BatteryConfig, Body, Firmware, PowerForm, Role, SensorConfig, Slip, Traps, VehicleConfig,
+    WindConfig,
 };
 pub use vehicle::geometry::{AirframeModel, Geometry, MAX_ROTORS, Rotor};
 pub use vehicle::jitter::{JitterAxes, JitterConfig, JitterModel};

@@ -6,12 +6,12 @@ use std::time::Duration;
 use mavlink::dialects::ardupilotmega::*;
 use mavlink::{Message, MessageData};
 
+use super::Vehicle;
 use super::config::PowerForm;
 use super::parameters::SetOutcome;
 use super::radio_hop::{Lane, Manners, Toward};
 use super::router::{Sender, To};
 use super::transmitter::{COMPONENT, POWER_COMMAND, REPORT_CRC_EXTRA, REPORT_ID, Report};
-use super::Vehicle;
 use crate::random::{Noise, Purpose};
 use crate::wire;
 
@@ -125,7 +125,9 @@ impl Vehicle {
     fn radio(&mut self, from: Sender, message: MavMessage, now: Duration) {
         let link = To::Link(from.link);
         match message {
-            MavMessage::COMMAND_INT(c) if c.target_component == COMPONENT => self.power_command(from, &c, now),
+            MavMessage::COMMAND_INT(c) if c.target_component == COMPONENT => {
+                self.power_command(from, &c, now)
+            }
             MavMessage::COMMAND_LONG(c) if c.target_component == COMPONENT => {
                 // The slot and the expiry are integers; a float cannot carry them safely.
                 let result = if c.command == POWER_COMMAND {

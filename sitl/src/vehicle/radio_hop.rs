@@ -52,17 +52,14 @@ impl<T: Clone> Lane<T> {
     }
 
     fn copies(&mut self) -> usize {
-        if self.draw(self.manners.loss) {
-            0
-        } else {
-            1 + usize::from(self.draw(self.manners.duplication))
-        }
+        if self.draw(self.manners.loss) { 0 } else { 1 + usize::from(self.draw(self.manners.duplication)) }
     }
 
     /// Sends something: what is due at once is found by [`Self::arrived`].
     pub fn send(&mut self, what: T, now: Duration) {
         for _ in 0..self.copies() {
-            let spread = if self.manners.spread_s > 0.0 { self.noise.uniform() * self.manners.spread_s } else { 0.0 };
+            let spread =
+                if self.manners.spread_s > 0.0 { self.noise.uniform() * self.manners.spread_s } else { 0.0 };
             let delay = Duration::try_from_secs_f64(self.manners.delay_s + spread).unwrap_or_default();
             self.under_way.push((now + delay, what.clone()));
         }

@@ -7,8 +7,8 @@ use veilwing_sitl::vehicle::TICK;
 use veilwing_sitl::{Circumstances, Fault, World};
 
 use crate::companion::{MOST_WAITING, WOKEN_LATE};
-use crate::link::{Aboard, Envelope};
 use crate::link::counters::Counters;
+use crate::link::{Aboard, Envelope};
 use crate::mission::{Outcome, Outgoing};
 use crate::role::{PerVehicle, Role};
 

@@ -308,7 +308,9 @@ mod tests {
         let on = command(&tx, 1, 20.0, 500);
         give(&mut tx, &on);
         let before = tx.emission();
-        for (number, dbm, ahead_ms) in [(2, 31.0, 500), (3, f32::NAN, 500), (4, 20.0, 5001), (5, f32::INFINITY, 500)] {
+        for (number, dbm, ahead_ms) in
+            [(2, 31.0, 500), (3, f32::NAN, 500), (4, 20.0, 5001), (5, f32::INFINITY, 500)]
+        {
             let bad = command(&tx, number, dbm, ahead_ms);
             let answer = give(&mut tx, &bad);
             assert_eq!((answer.outcome, answer.newest), (Outcome::Denied, number), "{bad:?}");
