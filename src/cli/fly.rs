@@ -115,7 +115,8 @@ fn companion(args: &Args, mission: Mission, vehicle: &Vehicle, clock: &Clock) ->
         None => None,
     };
     let options = mission_options(&mission);
-    let mut settings = settings(&mission, vehicle, boot_id(clock), args.start);
+    let boot_id = boot_id(clock);
+    let mut settings = settings(&mission, vehicle, boot_id, args.start);
     allow_for_clock_rate(&mut settings, args.clock_rate);
     Ok(Companion {
         autopilot: (vehicle.autopilot.link.clone(), link(AUTOPILOT, vehicle.autopilot.system_id, None)?),
@@ -124,7 +125,7 @@ fn companion(args: &Args, mission: Mission, vehicle: &Vehicle, clock: &Clock) ->
             link(PAIR, vehicle.pair_peer_system, pair_signing)?,
             pair_form(vehicle),
         ),
-        transmitter: Transmitter::new(transmitter_settings(vehicle), clock.now()),
+        transmitter: Transmitter::new(transmitter_settings(vehicle, boot_id), clock.now()),
         settings,
         planner: Box::new(move || {
             plan_mission(&mission, &options).map(|timed| timed.plan).map_err(|error| error.to_string())

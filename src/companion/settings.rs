@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use crate::autopilot;
-use crate::config::{self, Mission, TransmitterKind, Vehicle};
+use crate::config::{self, CommandForm, Mission, TransmitterKind, Vehicle};
 use crate::link::Form;
 use crate::mission::{Scene, Settings};
 use crate::pair;
@@ -15,6 +15,10 @@ use crate::transmitter::{self, Kind, PowerParameter, Unit};
 
 /// The longest jam lease and transmitter lease: the time in which everything falls silent by itself.
 pub const LEASE: Duration = Duration::from_millis(500);
+/// A radio that answers later than this serves no slot. J's lease of [`LEASE`] runs while its command is answered, the
+/// answer vouches for a round trip less than that, and it is renewed every 100 ms: at 150 ms a fifth of it is left for
+/// the pair link and I's radio.
+const LONGEST_ROUND_TRIP: Duration = Duration::from_millis(150);
 /// How late a busy machine may run a process that is due.
 const SCHEDULING_DELAY: Duration = Duration::from_millis(25);
 /// Without a word for this long the other vehicle is lost and the mission is given up.
@@ -91,13 +95,18 @@ pub fn scheduling_allowance(rate: f64) -> Duration {
     SCHEDULING_DELAY.mul_f64((rate - 1.0).clamp(0.0, 1e3))
 }
 
-/// What the driver of the vehicle's transmitter is told.
+/// What the driver of the vehicle's transmitter is told; `boot_id` as for [`settings`].
 #[must_use]
-pub fn transmitter_settings(vehicle: &Vehicle) -> transmitter::Settings {
+pub fn transmitter_settings(vehicle: &Vehicle, boot_id: u32) -> transmitter::Settings {
     let own = own(vehicle);
     let t = &vehicle.transmitter;
     let kind = match (t.kind, &t.parameter) {
-        (TransmitterKind::Leased, _) => Kind::Leased { command: t.command },
+        (TransmitterKind::Leased, _) => match t.form {
+            CommandForm::Numbered => {
+                Kind::Numbered { command: t.command, boot: boot_id, longest_round_trip: LONGEST_ROUND_TRIP }
+            }
+            CommandForm::FromReceipt => Kind::Leased { command: t.command },
+        },
         (TransmitterKind::Parameter, Some(parameter)) => Kind::Parameter(power_parameter(parameter)),
         (TransmitterKind::Parameter, None) | (TransmitterKind::None, _) => Kind::None,
     };

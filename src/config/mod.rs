@@ -24,7 +24,9 @@ pub use mission::{
 };
 pub use mission_file::METHODS;
 pub use schema::schema;
-pub use vehicle::{Autopilot, Limits, PowerParameter, PowerUnit, Transmitter, TransmitterKind, Vehicle};
+pub use vehicle::{
+    Autopilot, CommandForm, Limits, PowerParameter, PowerUnit, Transmitter, TransmitterKind, Vehicle,
+};
 
 #[cfg(test)]
 mod tests;

@@ -71,6 +71,10 @@ pub struct Transmitter {
     pub component_id: u8,
     /// The MAV_CMD that sets the power of a leased transmitter.
     pub command: u16,
+    /// The form of that command.
+    pub form: CommandForm,
+    /// What a command of the first form that comes late does is accepted, so that something real may be radiated by it.
+    pub accept_late_commands: bool,
     /// The parameter that sets the power; always there for [`TransmitterKind::Parameter`].
     pub parameter: Option<PowerParameter>,
 }
@@ -84,6 +88,15 @@ pub enum TransmitterKind {
     Parameter,
     /// There is no radio.
     None,
+}
+
+/// The form of a leased transmitter's power command.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum CommandForm {
+    /// Its expiry counts from its receipt: one that comes late lasts too long.
+    FromReceipt,
+    /// Numbered, its expiry an instant of the radio's clock.
+    Numbered,
 }
 
 /// A parameter that sets a radio's power.
@@ -320,6 +333,7 @@ fn check(draft: &Draft, file: &mut Document) {
     }
     check_pair(draft, file);
     let transmitter = &draft.transmitter;
+    check_form(transmitter, file);
     if transmitter.kind != TransmitterKind::Parameter || !file.sound(&["transmitter"]) {
         return;
     }
@@ -345,6 +359,19 @@ fn check(draft: &Draft, file: &mut Document) {
             file.at("transmitter.unit"),
             "`unit` is \"levels\", but there is no [[transmitter.level]]".to_owned(),
             "add [[transmitter.level]] with value = ... and power_w = ..., one for each level".to_owned(),
+        );
+    }
+}
+
+/// A command that counts from its receipt prolongs what is real.
+fn check_form(transmitter: &Transmitter, file: &mut Document) {
+    let late = transmitter.kind == TransmitterKind::Leased && transmitter.form == CommandForm::FromReceipt;
+    if late && !transmitter.simulated && !transmitter.accept_late_commands && file.sound(&["transmitter"]) {
+        file.error(
+            file.at("transmitter.form"),
+            "the transmitter is real, and its commands expire so long after their receipt (`form` 1): one that comes late lasts too long"
+                .to_owned(),
+            "use a radio of form 2, or say accept_late_commands = true if the way to the radio delays nothing".to_owned(),
         );
     }
 }

@@ -4,7 +4,7 @@ use super::kind::{Choice, Flag, Integer, Number, Numbers, Parsed, Text};
 use super::mission_file::{climb, power, speed, tilt, tilt_rate};
 use super::reader::Section;
 use super::vehicle::{
-    Autopilot, Draft, Limits, PairLink, PowerParameter, PowerUnit, Transmitter, TransmitterKind,
+    Autopilot, CommandForm, Draft, Limits, PairLink, PowerParameter, PowerUnit, Transmitter, TransmitterKind,
 };
 use crate::autopilot::{Actuation, FirmwareChoice};
 use crate::link::LinkAddress;
@@ -133,12 +133,27 @@ fn transmitter(s: &mut Section<'_, '_>) -> Transmitter {
         commands,
         31_010,
     );
+    let form = s.read(
+        "form",
+        "Of that command. 2: numbered, its expiry on the radio's clock (docs/radio.md); 1: its expiry counts from its \
+         receipt, so that one that comes late lasts too long.",
+        Integer { min: 1, max: 2 },
+        2,
+    );
+    let accept_late_commands = s.read(
+        "accept_late_commands",
+        "With form = 1: what delay does is accepted. Without it nothing real is radiated by that form.",
+        Flag,
+        false,
+    );
     let parameter = parameter(s);
     Transmitter {
         kind,
         simulated,
         component_id,
         command: u16::try_from(command).unwrap_or(u16::MAX),
+        form: if form == 1 { CommandForm::FromReceipt } else { CommandForm::Numbered },
+        accept_late_commands,
         parameter,
     }
 }

@@ -185,7 +185,7 @@ impl Executive {
 
     /// The radio's own message, from the autopilot link.
     pub fn handle_radio(&mut self, header: MavHeader, message: &RadioMessage, now: Instant) {
-        self.interlock.handle_radio(header, message, now);
+        self.service.handle_report(header, message, now);
         self.react(now);
     }
 

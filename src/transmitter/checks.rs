@@ -68,7 +68,7 @@ impl Transmitter {
     /// What delay on the way to the radio does.
     fn delay_check(&self, now: Instant) -> Option<Check> {
         let name = "transmitter delay";
-        let round_trip_ms = self.recent_round_trip(now).map(|round_trip| round_trip.as_millis());
+        let round_trip_ms = self.round_trip(now).map(|round_trip| round_trip.as_millis());
         match &self.driver {
             Driver::Numbered(_) => Some(match self.ready(now) {
                 Ok(()) => {

@@ -224,10 +224,6 @@ impl Leased {
         }
     }
 
-    pub(super) fn last_round_trip(&self) -> Option<Duration> {
-        self.round_trips.last()
-    }
-
     /// The median of the last three seconds; while it is confirmed off, of what was measured last.
     pub(super) fn round_trip(&self, now: Instant) -> Option<Duration> {
         self.round_trips.median(now).or_else(|| self.round_trips.last())

@@ -46,7 +46,7 @@ const REPEAT_OFF: Duration = Duration::from_millis(50);
 /// ... and this often when it has not been confirmed for [`PERSISTENCE`]: by then every lease has run out.
 const REPEAT_OFF_SLOWLY: Duration = Duration::from_millis(500);
 const PERSISTENCE: Duration = Duration::from_secs(2);
-/// A command whose expiry counts from its receipt is given as if it arrived this much later, or two round trips if that
+/// A command whose expiry counts from its receipt, or that has none, is given as if it arrived this much later, or two round trips if that
 /// is longer.
 const COMMAND_LATENCY: Duration = Duration::from_millis(20);
 /// What such a radio acknowledged is relied on until this much before its expiry, and two round trips.
@@ -225,19 +225,15 @@ impl Transmitter {
         now: Instant,
     ) -> Result<(), NotReady> {
         let late = match &self.driver {
-            Driver::Leased(leased) => COMMAND_LATENCY.max(2 * leased.round_trip(now).unwrap_or_default()),
-            _ => Duration::ZERO,
+            Driver::Leased(_) | Driver::Parameter(_) => {
+                COMMAND_LATENCY.max(2 * self.round_trip(now).unwrap_or_default())
+            }
+            Driver::Numbered(_) | Driver::None => Duration::ZERO,
         };
         self.set(power_w, slot, off_by - late, now)
     }
 
-    /// Commands this power in watts, or renews it. From `expires_at` on the radio must be off; what expires within a
-    /// millisecond is off, as is a power that is not above zero.
-    pub fn radiate(&mut self, power_w: f64, slot: u16, expires_at: Instant, now: Instant) {
-        // Where it cannot be commanded the radio was told to be silent.
-        let _ = self.set(power_w, slot, expires_at, now);
-    }
-
+    /// The same, and where an expiry counts from receipt, as if it were received at once.
     fn set(&mut self, power_w: f64, slot: u16, expires_at: Instant, now: Instant) -> Result<(), NotReady> {
         let out = &mut self.outbox;
         if !(power_w.is_finite() && power_w > 0.0) || expires_at <= now {
@@ -261,9 +257,15 @@ impl Transmitter {
             let Driver::Numbered(numbered) = &self.driver else { return None };
             return numbered.on_until_at_least(now);
         };
-        let late = MARGIN + 2 * self.recent_round_trip(now).unwrap_or_default();
+        let late = MARGIN + 2 * self.round_trip(now).unwrap_or_default();
         let vouched = Vouched { slot: lease.slot, power_w: lease.power_w, until: lease.expires_at - late };
         (vouched.until > now).then_some(vouched)
+    }
+
+    /// Whether its answers name the commands that they answer.
+    #[must_use]
+    pub fn tells_commands_apart(&self) -> bool {
+        matches!(self.driver, Driver::Numbered(_))
     }
 
     /// Whether a slot can be served, as far as is known beforehand.
@@ -368,10 +370,8 @@ impl Transmitter {
     }
 
     /// The power that the radio has acknowledged; `None` from the moment it is told to be silent. Compare its expiry
-    /// with the present before relying on it. Never of a radio that takes numbered commands: see
-    /// [`Self::on_until_at_least`].
-    #[must_use]
-    pub fn acknowledged(&self) -> Option<Lease> {
+    /// with the present before relying on it. Never of a radio that takes numbered commands.
+    fn acknowledged(&self) -> Option<Lease> {
         match &self.driver {
             Driver::Leased(leased) => leased.lease(),
             Driver::Parameter(parameter) => parameter.lease(),
@@ -392,19 +392,9 @@ impl Transmitter {
         }
     }
 
-    /// Time from the last answered command to its answer.
-    #[must_use]
-    pub fn round_trip(&self) -> Option<Duration> {
-        match &self.driver {
-            Driver::Leased(leased) => leased.last_round_trip(),
-            Driver::Parameter(parameter) => parameter.round_trip(),
-            Driver::Numbered(_) | Driver::None => None,
-        }
-    }
-
     /// Time from a command to its answer, as of late.
     #[must_use]
-    pub fn recent_round_trip(&self, now: Instant) -> Option<Duration> {
+    pub fn round_trip(&self, now: Instant) -> Option<Duration> {
         match &self.driver {
             Driver::Numbered(numbered) => numbered.round_trip(now),
             Driver::Leased(leased) => leased.round_trip(now),

@@ -55,7 +55,7 @@ enum Wanted {
     Off {
         since: Instant,
         /// The number of the first off: when it or a later one is taken, nothing before it is.
-        first: u32,
+        first_off: u32,
         confirmed: bool,
         repeat_at: Instant,
     },
@@ -104,7 +104,7 @@ pub(super) struct Numbered {
     boot: u32,
     longest_round_trip: Duration,
     /// The last number given.
-    number: u32,
+    last_number: u32,
     sent: VecDeque<Sent>,
     wanted: Wanted,
     /// The series in which the radio holds our boot.
@@ -113,6 +113,8 @@ pub(super) struct Numbered {
     series: u32,
     /// The number of the newest command whose answer has said so.
     series_by: u32,
+    /// The highest number that the radio is known to have taken: nothing before it is taken any more.
+    newest_taken: u32,
     clock: RadioClock,
     round_trips: RoundTrips,
     in_force: Option<InForce>,
@@ -136,12 +138,13 @@ impl Numbered {
             target,
             boot: boot % (WHOLE - 1) + 1,
             longest_round_trip,
-            number: 0,
+            last_number: 0,
             sent: VecDeque::new(),
-            wanted: Wanted::Off { since: off_at, first: 1, confirmed: false, repeat_at: off_at },
+            wanted: Wanted::Off { since: off_at, first_off: 1, confirmed: false, repeat_at: off_at },
             taken: None,
             series: 0,
             series_by: 0,
+            newest_taken: 0,
             clock: RadioClock::default(),
             round_trips: RoundTrips::default(),
             in_force: None,
@@ -154,9 +157,14 @@ impl Numbered {
     /// Turns to another radio, silent; the numbers go on, in case it is the same.
     pub(super) fn turn_to(&mut self, target: (u8, u8), off_at: Instant) {
         let fresh = Self::new(self.command, target, 0, self.longest_round_trip, off_at);
-        let wanted =
-            Wanted::Off { since: off_at, first: self.number + 1, confirmed: false, repeat_at: off_at };
-        *self = Self { boot: self.boot, number: self.number, wanted, on_until: self.on_until, ..fresh };
+        let wanted = Wanted::Off {
+            since: off_at,
+            first_off: self.last_number + 1,
+            confirmed: false,
+            repeat_at: off_at,
+        };
+        *self =
+            Self { boot: self.boot, last_number: self.last_number, wanted, on_until: self.on_until, ..fresh };
     }
 
     /// Commands this power, or renews it; off by `off_by`.
@@ -168,8 +176,11 @@ impl Numbered {
         now: Instant,
         out: &mut VecDeque<MavMessage>,
     ) -> Result<(), NotReady> {
-        let able =
-            if self.number + NUMBERS_KEPT >= WHOLE { Err(NotReady::NotTaken) } else { self.read_lately(now) };
+        let able = if self.last_number + NUMBERS_KEPT >= WHOLE {
+            Err(NotReady::NotTaken)
+        } else {
+            self.read_lately(now)
+        };
         if let Err(reason) = able {
             if matches!(self.wanted, Wanted::On { .. }) {
                 self.silence(now, out);
@@ -183,12 +194,12 @@ impl Numbered {
 
     pub(super) fn silence(&mut self, now: Instant, out: &mut VecDeque<MavMessage>) {
         self.in_force = None;
-        let first = match self.wanted {
-            Wanted::Off { first, .. } => first,
-            Wanted::On { .. } => self.number + 1,
+        let first_off = match self.wanted {
+            Wanted::Off { first_off, .. } => first_off,
+            Wanted::On { .. } => self.last_number + 1,
         };
         let repeat_at = now + until_next_off(Duration::ZERO);
-        self.wanted = Wanted::Off { since: now, first, confirmed: false, repeat_at };
+        self.wanted = Wanted::Off { since: now, first_off, confirmed: false, repeat_at };
         self.send(Asked::Off, now, out);
     }
 
@@ -215,8 +226,8 @@ impl Numbered {
         out: &mut VecDeque<MavMessage>,
     ) {
         let names_ours = report.answers != 0 && report.answers_boot == self.boot;
-        let beyond_ours = names_ours && report.answers > self.number
-            || report.boot == self.boot && report.newest > self.number;
+        let beyond_ours = names_ours && report.answers > self.last_number
+            || report.boot == self.boot && report.newest > self.last_number;
         if beyond_ours {
             return; // What was never sent was never answered.
         }
@@ -234,10 +245,12 @@ impl Numbered {
             return;
         }
         self.clock.read(report.time_ms, named.map(|(sent, _)| sent.at), now);
+        self.newest_taken = self.newest_taken.max(report.newest);
         self.follow_power(report);
         if let Some((sent, _)) = named {
             self.take_answer(report, &sent);
         }
+        self.forget_settled();
         self.confirm_off(report, now, out);
     }
 
@@ -257,7 +270,7 @@ impl Numbered {
             let taken = ours.then_some(report.series);
             if self.taken != taken {
                 self.clock = RadioClock::default();
-                self.in_force = None;
+                (self.in_force, self.newest_taken) = (None, 0);
             }
             self.taken = taken;
         }
@@ -289,10 +302,10 @@ impl Numbered {
         use VeilwingRadioResult as Is;
         match report.result {
             Is::VEILWING_RADIO_RESULT_ACCEPTED => {
-                let newer = self.in_force.is_none_or(|known| known.number < sent.number);
+                // A copy of an answer may be older than what is known to have come after it.
+                let newest = report.newest == sent.number && sent.number == self.newest_taken;
                 if let Asked::On { power_w, slot, expires } = sent.asked
-                    && newer
-                    && report.newest == sent.number
+                    && newest
                     && report.power_mdbm != OFF
                     && matches!(self.wanted, Wanted::On { .. })
                 {
@@ -316,10 +329,18 @@ impl Numbered {
         }
     }
 
+    /// Forgets commands that can neither come into force any more nor be in force unknown.
+    fn forget_settled(&mut self) {
+        let (newest, known) = (self.newest_taken, self.in_force);
+        self.sent.retain(|sent| {
+            sent.number >= newest || !sent.refused && known.is_some_and(|known| sent.number > known.number)
+        });
+    }
+
     fn confirm_off(&mut self, report: &VEILWING_RADIO_DATA, now: Instant, out: &mut VecDeque<MavMessage>) {
         let off = report.power_mdbm == OFF;
         match &mut self.wanted {
-            Wanted::Off { first, confirmed, .. } if report.newest >= *first => {
+            Wanted::Off { first_off, confirmed, .. } if report.newest >= *first_off => {
                 let came_on = *confirmed && !off;
                 *confirmed = off;
                 if came_on {
@@ -431,16 +452,22 @@ impl Numbered {
     }
 
     fn send(&mut self, asked: Asked, now: Instant, out: &mut VecDeque<MavMessage>) {
-        if asked == Asked::Off && self.number + NUMBERS_KEPT >= WHOLE {
+        if asked == Asked::Off && self.last_number + NUMBERS_KEPT >= WHOLE {
             self.begin_anew(now);
         }
-        self.number += 1;
+        self.last_number += 1;
         if self.sent.len() == MOST_SENT {
             let oldest = self.sent.pop_front();
             // What is no longer known may be in force as well.
             self.in_force = self.in_force.filter(|known| oldest.is_some_and(|o| o.number <= known.number));
         }
-        self.sent.push_back(Sent { number: self.number, at: now, asked, answered: false, refused: false });
+        self.sent.push_back(Sent {
+            number: self.last_number,
+            at: now,
+            asked,
+            answered: false,
+            refused: false,
+        });
         let (dbm, slot, expires_ms) = match asked {
             Asked::Off => (f32::NEG_INFINITY, 0, 0),
             Asked::On { power_w, slot, expires } => (power_dbm(power_w), slot, expires.wire_ms()),
@@ -448,7 +475,7 @@ impl Numbered {
         out.push_back(MavMessage::COMMAND_INT(COMMAND_INT_DATA {
             param1: dbm,
             // Below 2^24 single precision holds them as they are.
-            param2: self.number as f32,
+            param2: self.last_number as f32,
             param3: self.boot as f32,
             param4: self.series as f32,
             x: slot.into(),

@@ -20,7 +20,8 @@ pub(super) struct RoundTrips {
 impl RoundTrips {
     /// A command sent at `sent_at` was answered at `now`.
     pub fn add(&mut self, sent_at: Instant, now: Instant) {
-        if self.measured.len() == MOST {
+        let old = |(at, _): &(Instant, Duration)| now.saturating_since(*at) > REMEMBERED;
+        while self.measured.len() >= MOST || self.measured.front().is_some_and(old) {
             self.measured.pop_front();
         }
         self.measured.push_back((now, now.saturating_since(sent_at)));

@@ -3,11 +3,11 @@
 use std::time::Duration;
 
 use mavlink::MavHeader;
-use mavlink::dialects::ardupilotmega::MavMessage as RadioMessage;
 use veilwing::pair::wire::{MavMessage, VeilwingFlags, VeilwingOrder};
 use veilwing::role::Role;
 use veilwing::service::{Event, SlotService, Vehicle};
 use veilwing::time::Instant;
+use veilwing::transmitter::wire::MavMessage as RadioMessage;
 
 use super::clocks::Clocks;
 use super::setup::{LEAD, TICK, service, system, vehicle};
@@ -54,7 +54,7 @@ impl Companion {
 
     pub fn handle_radio(&mut self, message: &RadioMessage, t: Duration) {
         let header = MavHeader { system_id: system(self.role).into(), component_id: 68, sequence: 0 };
-        self.service.handle_radio(header, message, self.clocks.local(t));
+        self.service.handle_report(header, message, self.clocks.local(t));
         self.react(t);
     }
 

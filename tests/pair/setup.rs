@@ -86,7 +86,7 @@ pub fn service(role: Role, boot_id: u32, lease: Duration, slot: Duration) -> Slo
     let radio = transmitter::Settings {
         own: (system(role), 191),
         target: (system(role), 68),
-        kind: Kind::Leased { command: 31010 },
+        kind: Kind::Numbered { command: 31010, boot: boot_id, longest_round_trip: LEASE * 3 / 10 },
         first_off_after: if role == Role::J { LEASE } else { Duration::ZERO },
     };
     let settings = Settings {

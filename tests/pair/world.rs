@@ -10,12 +10,16 @@ use rand_chacha::ChaCha8Rng;
 use veilwing::pair::wire::MavMessage;
 use veilwing::role::{PerVehicle, Role};
 use veilwing::service::Outgoing;
+use veilwing::transmitter::wire::MavMessage as RadioAnswer;
 
 use super::clocks::Clocks;
 use super::companion::Companion;
 use super::observer::{Observer, RADIO_WAY_MS};
 use super::radio::Radio;
 use super::setup::{GUARD, LEASE, SLOT};
+
+/// A radio says by itself what it does, five times a second.
+const REPORT_EVERY: Duration = Duration::from_millis(200);
 
 /// What goes wrong beside the network's usual ways.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -68,7 +72,9 @@ pub struct Seen {
 enum Event {
     Pair(Role, Box<MavMessage>),
     Command(Role, Box<COMMAND_INT_DATA>),
-    Answer(Role, Box<RadioMessage>),
+    Answer(Role, Box<RadioAnswer>),
+    /// A radio says by itself what it does.
+    Report(Role),
     Expiry,
     Fault,
     Heal(Role, Heal),
@@ -158,6 +164,9 @@ pub fn run_with_lease(case: Case, i_lease: Duration, meddle: &mut impl FnMut(u64
         revive_at: None,
         observer: Observer::default(),
     };
+    // The worst that crystals do: I's radio is on for longer than it is told, J's for less.
+    (world.radios.i.fast_ppm, world.radios.j.fast_ppm) = (-45.0, 45.0);
+    Role::BOTH.into_iter().for_each(|role| world.push(Duration::ZERO, Event::Report(role)));
     if case.fault != FaultKind::None {
         world.push(Duration::from_secs(8), Event::Fault);
     }
@@ -217,6 +226,13 @@ impl World {
                 }
                 if let Some(way) = self.radio_way() {
                     self.push(self.t + way, Event::Answer(role, Box::new(answer)));
+                }
+            }
+            Event::Report(role) => {
+                self.push(self.t + REPORT_EVERY, Event::Report(role));
+                let report = self.radios[role].report(self.t);
+                if let Some(way) = self.radio_way() {
+                    self.push(self.t + way, Event::Answer(role, Box::new(report)));
                 }
             }
             Event::Answer(role, answer) => {

@@ -70,6 +70,8 @@ fn val_vehicle_defaults_are_those_of_the_interface() {
         simulated: true,
         component_id: 68,
         command: 31010,
+        form: CommandForm::Numbered,
+        accept_late_commands: false,
         parameter: None,
     };
     assert_eq!(least.transmitter, leased);

@@ -48,7 +48,7 @@ impl Process {
     pub fn start(given: &Given, role: Role, boot_id: u32, start_unasked: bool, now: Duration) -> Self {
         let settings = settings(&given.mission, &given.vehicle, boot_id, start_unasked);
         let started = Instant::from_start(reads_at_start(role));
-        let transmitter = Transmitter::new(transmitter_settings(&given.vehicle), started);
+        let transmitter = Transmitter::new(transmitter_settings(&given.vehicle, boot_id), started);
         let mut executive = Executive::new(settings, transmitter, started);
         executive.handle_plan(given.plan.clone());
         Self {

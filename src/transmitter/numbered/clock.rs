@@ -56,6 +56,7 @@ impl RadioClock {
     pub fn read(&mut self, time_ms: u32, asked_at: Option<Instant>, now: Instant) {
         let shown = self.unwrap(time_ms);
         self.last = self.last.max(Some(shown));
+        self.readings.retain(|reading| now.saturating_since(reading.heard_at) <= OLDEST);
         if self.readings.len() == MOST {
             self.readings.pop_front();
         }
