@@ -10,7 +10,7 @@ use std::time::Duration;
 
 use crate::role::Role;
 use crate::time::Instant;
-use crate::transmitter::{NotReady, Transmitter};
+use crate::transmitter::Transmitter;
 use crate::units::Watts;
 
 use decision::decide;

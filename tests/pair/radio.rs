@@ -1,12 +1,21 @@
-//! A payload radio that takes numbered commands and falls silent by its own clock. It states the command's meaning anew.
+//! A payload radio that takes power commands in both forms and falls silent by itself. It states their meaning anew.
 
 use std::time::Duration;
 
-use mavlink::dialects::ardupilotmega::COMMAND_INT_DATA;
+use mavlink::dialects::ardupilotmega::{COMMAND_ACK_DATA, COMMAND_INT_DATA, MavMessage as Common, MavResult};
 use veilwing::transmitter::wire::{MavMessage, VEILWING_RADIO_DATA, VeilwingRadioResult as Result};
 
 /// What the radio's clock shows at the start.
 const BEGAN_MS: u32 = 4_000_000_000;
+
+/// What a radio says.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Said {
+    /// To a command whose expiry counts from its receipt.
+    Acknowledgement(Common),
+    /// To a numbered one, and unasked.
+    Report(MavMessage),
+}
 
 /// What a radio emits.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -47,13 +56,35 @@ impl Radio {
         t.as_secs_f64() * 1e3 * (1.0 + self.fast_ppm * 1e-6)
     }
 
-    pub fn command(&mut self, command: &COMMAND_INT_DATA, t: Duration) -> MavMessage {
+    pub fn command(&mut self, command: &COMMAND_INT_DATA, t: Duration) -> Said {
+        if command.param2 == 0.0 { self.first_form(command, t) } else { self.second_form(command, t) }
+    }
+
+    fn first_form(&mut self, command: &COMMAND_INT_DATA, t: Duration) -> Said {
+        let on = command.param1.is_finite() && command.y > 0;
+        let mdbm = (f64::from(command.param1) * 1e3).round();
+        self.emission = on.then(|| Emission {
+            power_w: 10f64.powf(mdbm / 1e4) * 1e-3,
+            slot: command.x,
+            until: t + Duration::from_millis(command.y.unsigned_abs().into()),
+            expires_ms: 0,
+            mdbm: mdbm as i32,
+        });
+        Said::Acknowledgement(Common::COMMAND_ACK(COMMAND_ACK_DATA {
+            command: command.command,
+            result: MavResult::MAV_RESULT_ACCEPTED,
+            result_param2: if on { mdbm as i32 } else { i32::MIN },
+            ..COMMAND_ACK_DATA::DEFAULT
+        }))
+    }
+
+    fn second_form(&mut self, command: &COMMAND_INT_DATA, t: Duration) -> Said {
         let [number, boot, series] =
             [command.param2, command.param3, command.param4].map(|whole| whole as u32);
         let result = self.carry_out(command, [number, boot, series], t);
-        let MavMessage::VEILWING_RADIO(mut report) = self.report(t);
+        let mut report = self.state(t);
         (report.answers_boot, report.answers, report.result) = (boot, number, result);
-        MavMessage::VEILWING_RADIO(report)
+        Said::Report(MavMessage::VEILWING_RADIO(report))
     }
 
     fn carry_out(
@@ -93,9 +124,13 @@ impl Radio {
     }
 
     /// What it says unasked.
-    pub fn report(&self, t: Duration) -> MavMessage {
+    pub fn report(&self, t: Duration) -> Said {
+        Said::Report(MavMessage::VEILWING_RADIO(self.state(t)))
+    }
+
+    fn state(&self, t: Duration) -> VEILWING_RADIO_DATA {
         let on = self.emission(t);
-        MavMessage::VEILWING_RADIO(VEILWING_RADIO_DATA {
+        VEILWING_RADIO_DATA {
             time_ms: BEGAN_MS.wrapping_add(self.clock_ms(t) as u32),
             boot: self.boot,
             newest: self.newest_taken,
@@ -103,6 +138,6 @@ impl Radio {
             expires_ms: on.map_or(0, |on| on.expires_ms),
             power_mdbm: on.map_or(i32::MIN, |on| on.mdbm),
             ..VEILWING_RADIO_DATA::DEFAULT
-        })
+        }
     }
 }

@@ -10,13 +10,12 @@ use rand_chacha::ChaCha8Rng;
 use veilwing::pair::wire::MavMessage;
 use veilwing::role::{PerVehicle, Role};
 use veilwing::service::Outgoing;
-use veilwing::transmitter::wire::MavMessage as RadioAnswer;
 
 use super::clocks::Clocks;
 use super::companion::Companion;
 use super::observer::{Observer, RADIO_WAY_MS};
-use super::radio::Radio;
-use super::setup::{GUARD, LEASE, SLOT};
+use super::radio::{Radio, Said};
+use super::setup::{GUARD, LEASE, SLOT, numbered};
 
 /// A radio says by itself what it does, five times a second.
 const REPORT_EVERY: Duration = Duration::from_millis(200);
@@ -72,7 +71,7 @@ pub struct Seen {
 enum Event {
     Pair(Role, Box<MavMessage>),
     Command(Role, Box<COMMAND_INT_DATA>),
-    Answer(Role, Box<RadioAnswer>),
+    Answer(Role, Box<Said>),
     /// A radio says by itself what it does.
     Report(Role),
     Expiry,
@@ -148,7 +147,7 @@ pub fn run_with_lease(case: Case, i_lease: Duration, meddle: &mut impl FnMut(u64
     let companions = PerVehicle::from_fn(|role| {
         let boot = if role == Role::I { 1 } else { 2 };
         let lease = if role == Role::I { i_lease } else { LEASE };
-        Some(Companion::new(role, boot, clocks[role], lease, SLOT))
+        Some(Companion::new(role, boot, numbered(boot), clocks[role], lease, SLOT))
     });
     let mut world = World {
         case,
@@ -397,7 +396,8 @@ impl World {
                 if role == Role::J {
                     self.observer.j_fault_at = Some(self.t);
                 }
-                let mut born = Companion::new(role, self.boots, self.clocks[role], LEASE, SLOT);
+                let mut born =
+                    Companion::new(role, self.boots, numbered(self.boots), self.clocks[role], LEASE, SLOT);
                 // In flight it takes nothing over.
                 (born.aborted, born.joining) = (Some("back in the air".into()), false);
                 self.companions[role] = Some(born);
