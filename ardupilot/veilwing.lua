@@ -2,11 +2,14 @@
 --
 --   31013  COMMAND_LONG  param1 roll, param2 pitch, degrees, aerospace signs: the attitude to hold while flying level
 --   31014  COMMAND_LONG  param1 1: follow the offsets; 0: level
---   31010  COMMAND_INT   param1 power dBm, x slot, y milliseconds until off by itself (0 or less: off now)
+--   31010  COMMAND_INT   param1 power dBm (minus infinity: off), param2 number, param3 the companion's boot, param4 series,
+--                        x slot, y when it is off by itself, on the clock that the answers state (ms); docs/radio.md.
+--                        Without a number: y milliseconds from now (0 or less: off now)
 --   31011  either        radio kill, until the autopilot restarts
 --
 -- Each is answered with COMMAND_ACK; the answer to 31010 carries the power achieved in thousandths of a dBm
--- (the least int32: off). Offsets hold in GUIDED alone, and only while they are renewed; the radio is on in GUIDED and
+-- (the least int32: off). A numbered 31010 is answered with VEILWING_RADIO in TUNNEL, and from then on that is said five
+-- times a second. Offsets hold in GUIDED alone, and only while they are renewed; the radio is on in GUIDED and
 -- armed alone, and never past its expiry. README.md says how to install it and what each parameter means.
 
 local mavlink_msgs = require("MAVLink/mavlink_msgs")
@@ -21,6 +24,9 @@ local SEVERITY = { CRITICAL = 2, ERROR = 3, NOTICE = 5, INFO = 6 }
 local OFF_MDBM = -2147483648
 local LONGEST_LEASE_MS = 5000
 local RESTATE_OFF_MS = 1000
+-- The next step may come this much later: what ends before it ends now.
+local LATEST_STEP_MS = 15
+local REPORT_MS = 200
 
 -- Parameters ---------------------------------------------------------------------------------------------------------
 
@@ -155,7 +161,7 @@ end
 
 -- The radio ----------------------------------------------------------------------------------------------------------
 
-local radio = { killed = false, until_off = nil, expires_in = 0, stated_at = nil }
+local radio = { killed = false, until_off = nil, expires_in = 0, ends_early = 0, stated_at = nil, power_mdbm = OFF_MDBM }
 
 local function power_line()
    local servo_function = setting(1)
@@ -169,6 +175,7 @@ end
 
 function radio.silence()
    radio.until_off = nil
+   radio.power_mdbm = OFF_MDBM
    radio.stated_at = millis()
    local key, line = key_relay(), power_line()
    if key then
@@ -198,27 +205,18 @@ local function achievable(dbm, line)
    return low + reached * (high - low), pwm
 end
 
-function radio.lease(dbm, expiry_ms)
-   local key, line = key_relay(), power_line()
-   if not (key or line) then
-      return UNSUPPORTED, OFF_MDBM
-   end
-   if expiry_ms <= 0 then
-      radio.silence()
-      return ACCEPTED, OFF_MDBM
-   end
+-- On for so long, or why not; then nothing changes.
+function radio.radiate(dbm, expiry_ms, ends_early)
    if radio.killed or not finite(dbm) or expiry_ms > LONGEST_LEASE_MS then
-      radio.silence()
-      return DENIED, OFF_MDBM
+      return DENIED
    end
+   local key, line = key_relay(), power_line()
    local reached, pwm = achievable(dbm, line)
    if not reached then
-      radio.silence()
-      return DENIED, OFF_MDBM
+      return DENIED
    end
    if not in_guided() then
-      radio.silence()
-      return NOT_NOW, OFF_MDBM
+      return NOT_NOW
    end
    if line then
       -- The firmware ends this by itself, should the script be gone by then.
@@ -229,7 +227,23 @@ function radio.lease(dbm, expiry_ms)
    end
    radio.until_off = millis()
    radio.expires_in = expiry_ms
-   return ACCEPTED, math.floor(reached * 1000 + 0.5)
+   radio.ends_early = ends_early
+   radio.power_mdbm = math.floor(reached * 1000 + 0.5)
+   return ACCEPTED
+end
+
+function radio.lease(dbm, expiry_ms)
+   if not (key_relay() or power_line()) then
+      return UNSUPPORTED, OFF_MDBM
+   end
+   local result = ACCEPTED
+   if expiry_ms > 0 then
+      result = radio.radiate(dbm, expiry_ms, 0)
+   end
+   if expiry_ms <= 0 or result ~= ACCEPTED then
+      radio.silence()
+   end
+   return result, radio.power_mdbm
 end
 
 function radio.kill()
@@ -241,7 +255,7 @@ end
 
 function radio.update()
    if radio.until_off then
-      local over = since_ms(radio.until_off) >= radio.expires_in
+      local over = since_ms(radio.until_off) >= radio.expires_in - radio.ends_early
       if over or not in_guided() then
          radio.silence()
       end
@@ -250,17 +264,133 @@ function radio.update()
    end
 end
 
+-- Numbered commands --------------------------------------------------------------------------------------------------
+
+local RESULT = { ACCEPTED = 0, NOT_NEWER = 1, OTHER_SERIES = 2, EXPIRED = 3, DENIED = 4, NOT_NOW = 5, FAILED = 6 }
+local RESULTS = { [ACCEPTED] = RESULT.ACCEPTED, [NOT_NOW] = RESULT.NOT_NOW, [DENIED] = RESULT.DENIED }
+local WHOLE = 1 << 24
+
+math.randomseed(micros():toint())
+local numbered = { boot = 0, newest = 0, series = math.random(1, WHOLE - 1), expires_ms = 0 }
+
+local function clock_ms()
+   return millis():toint() & 0xFFFFFFFF
+end
+
+-- How far ahead of the clock a time is, negative if it is behind: both wrap at 32 bits.
+local function ahead_ms(time_ms)
+   local ahead = (time_ms - clock_ms()) & 0xFFFFFFFF
+   -- Where integers have 32 bits, as in the firmware, the sign is there already.
+   return ahead > 0x7FFFFFFF and ahead - 0xFFFFFFFF - 1 or ahead
+end
+
+-- A whole number that came as a float; 0 for what is none.
+local function whole(number)
+   return finite(number) and number >= 0 and number < WHOLE and math.tointeger(number) or 0
+end
+
+function numbered.obey(message, boot, number)
+   if boot == 0 or boot ~= numbered.boot then
+      if boot == 0 or whole(message.param4) ~= numbered.series then
+         return RESULT.OTHER_SERIES
+      end
+      -- The companion started anew: what was before it is over, and what of it is still under way is refused.
+      numbered.boot, numbered.newest, numbered.series = boot, 0, math.random(1, WHOLE - 1)
+      radio.silence()
+   end
+   if number <= numbered.newest then
+      return RESULT.NOT_NEWER
+   end
+   numbered.newest = number
+   if message.param1 == -math.huge then
+      radio.silence()
+      return RESULT.ACCEPTED
+   end
+   if not (key_relay() or power_line()) then
+      return RESULT.FAILED
+   end
+   local left_ms = ahead_ms(message.y)
+   if left_ms <= LATEST_STEP_MS then
+      radio.silence()
+      return RESULT.EXPIRED
+   end
+   local result = radio.radiate(message.param1, left_ms, LATEST_STEP_MS)
+   if result == ACCEPTED then
+      numbered.expires_ms = message.y & 0xFFFFFFFF
+   end
+   return RESULTS[result]
+end
+
 -- MAVLink ------------------------------------------------------------------------------------------------------------
 
 local COMMAND_INT, COMMAND_LONG = mavlink_msgs.get_msgid("COMMAND_INT"), mavlink_msgs.get_msgid("COMMAND_LONG")
 local NAMES = { [COMMAND_INT] = "COMMAND_INT", [COMMAND_LONG] = "COMMAND_LONG" }
 local QUEUE = 20
+-- The firmware removes for good a script that takes too many instructions in one step: a burst is for several.
+local PER_STEP = 2
 
 mavlink:init(QUEUE, 2)
 mavlink:register_rx_msgid(COMMAND_INT)
 mavlink:register_rx_msgid(COMMAND_LONG)
 for _, command in pairs(CMD) do
    assert(mavlink:block_command(command), "veilwing: cannot take over command " .. command)
+end
+
+local own_system = param:get("MAV_SYSID") or param:get("SYSID_THISMAV") or 1
+
+-- VEILWING_RADIO (message_definitions/veilwing_radio.xml) as a whole frame in TUNNEL: the firmware sends no message that
+-- it does not know.
+local TUNNEL, TUNNEL_TYPE, TUNNEL_LENGTH = 385, 42120, 133
+local RADIO_ID, RADIO_CRC_EXTRA, RADIO_LENGTH = 42120, 49, 33
+local tunnel_sequence = 0
+
+local function crc(bytes)
+   local sum = 0xFFFF
+   for at = 1, #bytes do
+      local t = bytes:byte(at) ~ (sum & 0xFF)
+      t = (t ~ (t << 4)) & 0xFF
+      sum = ((sum >> 8) ~ (t << 8) ~ (t << 3) ~ (t >> 4)) & 0xFFFF
+   end
+   return sum
+end
+
+local function report(channel, answers_boot, answers, result)
+   tunnel_sequence = (tunnel_sequence + 1) & 0xFF
+   local body = string.pack(
+      "<BBBBBBI3I4I4I4I4I4I4I4i4B",
+      RADIO_LENGTH,
+      0,
+      0,
+      tunnel_sequence,
+      own_system,
+      AUTOPILOT_COMPONENT,
+      RADIO_ID,
+      clock_ms(),
+      numbered.boot,
+      numbered.newest,
+      answers_boot,
+      answers,
+      numbered.series,
+      numbered.expires_ms,
+      radio.power_mdbm,
+      result
+   )
+   local frame = "\xFD" .. body .. string.pack("<I2", crc(body .. string.char(RADIO_CRC_EXTRA)))
+   local payload = string.pack("<I2BBB", TUNNEL_TYPE, 0, 0, #frame) .. frame
+   mavlink:send_chan(channel, TUNNEL, payload .. string.rep("\0", TUNNEL_LENGTH - #payload))
+   numbered.reported_at = millis()
+end
+
+-- Takes a numbered command from the companion, the first that gave one since the start: nobody else is obeyed.
+local function obey_numbered(message, channel)
+   if message.sysid ~= own_system or message.compid ~= (numbered.commander or message.compid) then
+      return
+   end
+   numbered.commander = message.compid
+   numbered.channel = channel
+   local boot, number = whole(message.param3), whole(message.param2)
+   local result = numbered.obey(message, boot, number)
+   report(channel, boot, number, result)
 end
 
 -- Result and result_param2 of a command; nil if it is not ours.
@@ -270,6 +400,9 @@ local function obey(message)
       return offsets.command(message.param1, message.param2), 0
    elseif message.command == CMD.SWITCH and not is_int then
       return offsets.switch(message.param1), 0
+   elseif message.command == CMD.LEASE and is_int and numbered.boot ~= 0 then
+      -- Numbered commands are in use: one without a number is from nobody that counts.
+      return DENIED, radio.power_mdbm
    elseif message.command == CMD.LEASE and is_int then
       return radio.lease(message.param1, message.y)
    elseif message.command == CMD.KILL then
@@ -283,10 +416,12 @@ local function obey(message)
    return nil, 0
 end
 
-local own_system = param:get("MAV_SYSID") or param:get("SYSID_THISMAV") or 1
+local function is_numbered(message)
+   return message.command == CMD.LEASE and message.msgid == COMMAND_INT and message.param2 ~= 0
+end
 
 local function receive()
-   for _ = 1, QUEUE do
+   for _ = 1, PER_STEP do
       local bytes, channel = mavlink:receive_chan()
       if not bytes then
          return
@@ -297,7 +432,12 @@ local function receive()
          and message.target_system == own_system
          and (message.target_component == AUTOPILOT_COMPONENT or message.target_component == 0)
       then
-         local result, detail = obey(message)
+         local result, detail
+         if is_numbered(message) then
+            obey_numbered(message, channel)
+         else
+            result, detail = obey(message)
+         end
          if result then
             local answer = {
                command = message.command,
@@ -317,6 +457,9 @@ local function step()
    radio.update()
    receive()
    offsets.update()
+   if numbered.channel and since_ms(numbered.reported_at) >= REPORT_MS then
+      report(numbered.channel, 0, 0, RESULT.ACCEPTED)
+   end
 end
 
 function update()

@@ -74,6 +74,8 @@ impl Companion {
             own: (1, 191),
             target: (1, 68),
             kind: Kind::Leased { command: 31010 },
+            boot: 1 + role as u32,
+            longest_round_trip: LEASE,
             first_off_after: Duration::ZERO,
         };
         let settings = Settings {

@@ -12,14 +12,11 @@ use mavlink::dialects::ardupilotmega::MavSeverity;
 use tokio::sync::oneshot;
 use tracing::{debug, error, info, warn};
 
-use crate::link::LinkAddress;
-use crate::link::{Clock, Form, Link, LinkConfig, LinkError, PairLink};
+use crate::link::{Aboard, Clock, Form, Frame, Link, LinkAddress, LinkConfig, LinkError, PairLink};
 use crate::mission::{Executive, Notice, Outcome, Outgoing, Settings};
 use crate::planner::slots::Plan;
 use crate::role::Role;
 use crate::transmitter::Transmitter;
-
-type AutopilotMessage = mavlink::dialects::ardupilotmega::MavMessage;
 
 /// A deadline met later than this was missed: the process was not run.
 pub(crate) const WOKEN_LATE: Duration = Duration::from_millis(5);
@@ -58,7 +55,7 @@ impl Companion {
     /// A link that cannot be opened, or no plan.
     pub async fn run(self, clock: Clock, stop: impl Future<Output = ()>) -> Result<Outcome, CompanionError> {
         let role = self.settings.role;
-        let mut autopilot: Link<AutopilotMessage> =
+        let mut autopilot: Link<Aboard> =
             Link::open(self.autopilot.0, self.autopilot.1, clock.clone()).await?;
         let mut pair = PairLink::open(self.pair.0, self.pair.1, self.pair.2, clock.clone()).await?;
         let mut executive = Executive::new(self.settings, self.transmitter, clock.now());
@@ -68,7 +65,9 @@ impl Companion {
         loop {
             while let Some(outgoing) = executive.poll_transmit() {
                 match outgoing {
-                    Outgoing::Autopilot(message) => autopilot.send(executive.own(), &message),
+                    Outgoing::Autopilot(message) => {
+                        autopilot.send(executive.own(), &Aboard::Common(*message))
+                    }
                     Outgoing::Pair(message) => pair.send(executive.own(), &message),
                 }
             }
@@ -95,7 +94,7 @@ impl Companion {
                     }
                     executive.handle_timeout(clock.now());
                 }
-                frame = autopilot.recv() => executive.handle_autopilot(frame.header, &frame.message, clock.now()),
+                frame = autopilot.recv() => hear(&mut executive, &frame, &clock),
                 frame = pair.recv() => executive.handle_pair(&frame.message, clock.now()),
                 plan = planned(&mut planning) => executive.handle_plan(plan.map_err(CompanionError::Plan)?),
             }
@@ -103,18 +102,26 @@ impl Companion {
     }
 }
 
+/// Takes what somebody aboard has said.
+fn hear(executive: &mut Executive, frame: &Frame<Aboard>, clock: &Clock) {
+    match &frame.message {
+        Aboard::Common(message) => executive.handle_autopilot(frame.header, message, clock.now()),
+        Aboard::Radio(message) => executive.handle_radio(frame.header, message.message(), clock.now()),
+    }
+}
+
 /// Takes what has arrived meanwhile. A process that slept too long must not call state lost that waits at its door; a
 /// bounded number, so that a flood cannot hold up a setpoint here either.
 async fn take_waiting(
     executive: &mut Executive,
-    autopilot: &mut Link<AutopilotMessage>,
+    autopilot: &mut Link<Aboard>,
     pair: &mut PairLink,
     clock: &Clock,
 ) {
     for _ in 0..MOST_WAITING {
         tokio::select! {
             biased;
-            frame = autopilot.recv() => executive.handle_autopilot(frame.header, &frame.message, clock.now()),
+            frame = autopilot.recv() => hear(executive, &frame, clock),
             frame = pair.recv() => executive.handle_pair(&frame.message, clock.now()),
             () = std::future::ready(()) => break,
         }

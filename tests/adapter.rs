@@ -12,6 +12,7 @@ use mavlink::{MavHeader, MavlinkVersion, Message};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use veilwing::autopilot::{Actuation, Autopilot, Event, Mode, Setpoint, Settings, Verdict};
 use veilwing::geo::{Attitude, Enu, EnuVelocity, Geodetic};
+use veilwing::link::Aboard;
 use veilwing::time::Instant;
 use veilwing::transmitter::{self, Transmitter};
 use veilwing_sitl::{Airframe, Firmware, JitterConfig, Origin, Role, SensorConfig, Vehicle, VehicleConfig};
@@ -69,7 +70,9 @@ impl World {
                 transmitter::Settings {
                     own: OWN,
                     target: (1, 68),
-                    kind: transmitter::Kind::Leased { command: 31010 },
+                    kind: transmitter::Kind::Numbered { command: 31010 },
+                    boot: 4,
+                    longest_round_trip: Duration::from_millis(300),
                     first_off_after: Duration::ZERO,
                 },
                 Instant::ZERO,
@@ -95,10 +98,14 @@ impl World {
         while let Some((_, frame)) = self.vehicle.poll_transmit() {
             let id = u32::from_le_bytes([frame[7], frame[8], frame[9], 0]);
             let payload = &frame[10..10 + usize::from(frame[1])];
-            let message = MavMessage::parse(MavlinkVersion::V2, id, payload).unwrap();
             let header = MavHeader { system_id: frame[5].into(), component_id: frame[6], sequence: frame[4] };
-            self.autopilot.handle_message(header, &message, now);
-            self.transmitter.handle_message(header, &message, now);
+            match Aboard::parse(MavlinkVersion::V2, id, payload).unwrap() {
+                Aboard::Common(message) => {
+                    self.autopilot.handle_message(header, &message, now);
+                    self.transmitter.handle_message(header, &message, now);
+                }
+                Aboard::Radio(message) => self.transmitter.handle_radio(header, message.message(), now),
+            }
         }
         if self.now.as_millis().is_multiple_of(1000) {
             self.send(&veilwing::autopilot::heartbeat(
@@ -304,22 +311,36 @@ fn val_without_the_guard_the_land_detector_ends_the_same_flight() {
 }
 
 #[test]
-fn val_the_radio_does_what_is_leased_and_no_more() {
-    let mut world = World::new(Firmware::Px4, Actuation::Pose);
-    world.run(3.0);
-    assert_eq!(world.transmitter.supports_expiry(), Some(true));
-    assert!((world.transmitter.limit_w().unwrap() - 1.0).abs() < 1e-6);
-    assert!(world.transmitter.preflight().iter().all(|check| check.result == Verdict::Pass));
-    let now = world.now();
-    world.transmitter.radiate(0.25, 7, now + Duration::from_millis(300), now);
-    world.run(0.05);
-    let snapshot = world.vehicle.snapshot();
-    let power_w = snapshot.tx_power_w.unwrap();
-    assert!(power_w <= 0.25 && power_w > 0.2498, "{power_w}");
-    assert_eq!(snapshot.slot, Some(7));
-    let lease = world.transmitter.acknowledged().unwrap();
-    assert!((lease.power_w - power_w).abs() < 1e-9 && lease.expires_at <= now + Duration::from_millis(300));
-    world.run(0.3);
-    assert_eq!(world.vehicle.snapshot().tx_power_w, None);
-    assert!(world.transmitter.is_off(world.now()));
+fn val_the_radio_does_what_is_commanded_and_no_more() {
+    for behind_autopilot in [true, false] {
+        let vehicle = VehicleConfig { radio_behind_autopilot: behind_autopilot, ..vehicle(Firmware::Px4) };
+        let mut world = World::with(vehicle, JitterConfig::default(), settings(Actuation::Pose));
+        world.run(3.0);
+        assert_eq!(world.transmitter.supports_expiry(), Some(true));
+        assert!((world.transmitter.limit_w().unwrap() - 1.0).abs() < 1e-6);
+        let checks = world.transmitter.preflight(world.now());
+        assert!(checks.iter().all(|check| check.result == Verdict::Pass), "{checks:?}");
+        let now = world.now();
+        let off_by = now + Duration::from_millis(300);
+        assert_eq!(world.transmitter.command(0.25, 7, off_by, now), Ok(()));
+        world.run(0.05);
+        let snapshot = world.vehicle.snapshot();
+        let power_w = snapshot.tx_power_w.unwrap();
+        assert!(power_w <= 0.25 && power_w > 0.2498, "{power_w}");
+        assert_eq!(snapshot.slot, Some(7));
+        let vouched = world.transmitter.on_until_at_least(world.now()).unwrap();
+        assert!((vouched.power_w - power_w).abs() < 1e-9 && vouched.slot == 7);
+        assert!(vouched.until <= off_by && vouched.until > now + Duration::from_millis(250), "{vouched:?}");
+        // As long as that it is on; by then it is off.
+        while world.now() < vouched.until {
+            assert!(world.vehicle.snapshot().tx_power_w.is_some());
+            world.step();
+        }
+        while world.now() < off_by {
+            world.step();
+        }
+        assert_eq!(world.vehicle.snapshot().tx_power_w, None);
+        world.run(0.05);
+        assert!(world.transmitter.is_off(world.now()));
+    }
 }

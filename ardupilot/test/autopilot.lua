@@ -11,6 +11,30 @@ function uint32:toint()
    return self.value
 end
 
+-- VEILWING_RADIO in TUNNEL, by the message's definition; its checksum is that of the MAVLink documents, bit by bit.
+function autopilot.report(payload)
+   assert(#payload == 133, "the firmware reads TUNNEL's whole length")
+   local kind, to_system, to_component, length = string.unpack("<I2BBB", payload)
+   assert(kind == 42120 and to_system == 0 and to_component == 0)
+   local frame = payload:sub(6, 5 + length)
+   assert(#frame == 45 and payload:sub(6 + length):find("[^\0]") == nil)
+   local sum = 0xFFFF
+   for _, byte in ipairs({ (frame:sub(2, -3) .. "\49"):byte(1, -1) }) do
+      sum = sum ~ byte
+      for _ = 1, 8 do
+         sum = (sum & 1 == 1) and (sum >> 1) ~ 0x8408 or sum >> 1
+      end
+   end
+   assert(string.unpack("<I2", frame:sub(-2)) == sum, "checksum")
+   local report, start, size, id = {}, string.unpack("<BB", frame)
+   assert(start == 0xFD and size == 33)
+   report.sequence, report.sysid, report.compid, id = string.unpack("<BBBI3", frame, 5)
+   assert(report.sysid == 2 and report.compid == 1 and id == 42120)
+   report.time_ms, report.boot, report.newest, report.answers_boot, report.answers, report.series, report.expires_ms, report.power_mdbm, report.result =
+      string.unpack("<I4I4I4I4I4I4I4i4B", frame, 11)
+   return report
+end
+
 -- Starts the script on a fresh autopilot. `change` may alter it before.
 function autopilot.boot(change)
    local a = {
@@ -24,6 +48,7 @@ function autopilot.boot(change)
       parameters = { FRAME_CLASS = 16, MAV_SYSID = 2, VW_TX_FN = 94, VW_TX_RELAY = 1 },
       queue = {},
       sent = {},
+      reports = {},
       texts = {},
       blocked = {},
       broken = false,
@@ -34,6 +59,9 @@ function autopilot.boot(change)
 
    function millis()
       return setmetatable({ value = a.now_ms & 0xFFFFFFFF }, uint32)
+   end
+   function micros()
+      return setmetatable({ value = (a.now_ms * 1000 + 7) & 0xFFFFFFFF }, uint32)
    end
    param = {}
    function param:get(name)
@@ -109,6 +137,10 @@ function autopilot.boot(change)
    end
    function mavlink:send_chan(channel, msgid, payload)
       assert(channel == 3)
+      if msgid == 385 then
+         table.insert(a.reports, autopilot.report(payload))
+         return true
+      end
       table.insert(a.sent, { msgid = msgid, payload = payload })
       return true
    end
@@ -154,6 +186,27 @@ function autopilot.boot(change)
       assert(a.sent[1].msgid == 77 and #a.sent[1].payload == 10 and result.command == command)
       assert(result.system == 1 and result.component == 191)
       return result.result, result.result_param2
+   end
+   -- Sends a numbered command by what the radio said last, or as `fields` have it; returns its answer.
+   function a.numbered(dbm, number, ahead_ms, fields)
+      local last = a.reports[#a.reports] or { series = 0 }
+      local message = { command = 31010, target_system = 2, target_component = 1, x = 7 }
+      message.param1, message.param2, message.param3, message.param4 = dbm, number, 5, last.series
+      local y = (a.now_ms + ahead_ms) & 0xFFFFFFFF
+      message.y = y > 0x7FFFFFFF and y - 0x100000000 or y
+      local sysid, compid = 2, 191
+      for key, value in pairs(fields or {}) do
+         message[key] = value
+      end
+      local before = #a.reports
+      table.insert(a.queue, msgs.pack("COMMAND_INT", fields and fields.sysid or sysid, fields and fields.compid or compid, message))
+      a.pass(11)
+      for at = before + 1, #a.reports do
+         if a.reports[at].answers ~= 0 then
+            return a.reports[at]
+         end
+      end
+      return nil
    end
    function a.offset(roll, pitch)
       return a.command("COMMAND_LONG", 31013, { param1 = roll, param2 = pitch })

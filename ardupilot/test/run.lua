@@ -233,6 +233,133 @@ test("a radio kill lasts until the autopilot restarts", function()
    end
 end)
 
+local NOT_NEWER, OTHER_SERIES, EXPIRED, RADIO_DENIED, RADIO_NOT_NOW = 1, 2, 3, 4, 5
+local SILENT = -math.huge
+
+-- A radio that has taken this companion's boot.
+local function taken(change)
+   local a = autopilot.boot(change)
+   equal(a.numbered(SILENT, 1, 0).result, OTHER_SERIES, "the series is not known yet")
+   local answer = a.numbered(SILENT, 2, 0)
+   equal(answer.result, ACCEPTED, "taken")
+   equal(answer.boot, 5, "boot")
+   return a
+end
+
+test("a numbered power ends by the stated clock, never late", function()
+   local a = taken()
+   local sent_at = a.now_ms
+   local answer = a.numbered(10, 3, 500)
+   equal(answer.result, ACCEPTED, "on")
+   equal(answer.answers_boot, 5, "boot")
+   equal(answer.answers, 3, "number")
+   equal(answer.newest, 3, "newest")
+   equal(answer.power_mdbm, 10000, "achieved")
+   equal(answer.expires_ms, (sent_at + 500) & 0xFFFFFFFF, "expiry")
+   equal(a.relay, true, "relay")
+   a.pass(sent_at + 500 - 26 - a.now_ms)
+   equal(a.relay, true, "still on")
+   equal(a.pwm, 1500, "PWM")
+   a.pass(sent_at + 500 - a.now_ms)
+   equal(a.relay, false, "relay")
+   equal(a.pwm, 1000, "PWM")
+end)
+
+test("a command that comes late is on for less, or not at all", function()
+   local a = taken()
+   equal(a.numbered(20, 3, 500, { y = nil }).result, ACCEPTED, "on")
+   -- Sent 400 ms ago.
+   local answer = a.numbered(20, 4, 100)
+   equal(answer.result, ACCEPTED, "on")
+   a.pass(90)
+   equal(a.relay, false, "off in time")
+   answer = a.numbered(20, 5, -100)
+   equal(answer.result, EXPIRED, "too late")
+   equal(answer.newest, 5, "its number is taken")
+   equal(a.relay, false, "relay")
+end)
+
+test("what is not newer, of a dead boot or of somebody else changes nothing", function()
+   local a = taken()
+   equal(a.numbered(20, 10, 4000).result, ACCEPTED, "on")
+   for _, number in ipairs({ 10, 9, 0.5, -1, 0 / 0 }) do
+      local answer = a.numbered(SILENT, number, 0)
+      equal(answer == nil or answer.result == NOT_NEWER, true, "number " .. number)
+   end
+   equal(a.numbered(SILENT, 11, 0, { compid = 190 }), nil, "another component")
+   equal(a.numbered(SILENT, 11, 0, { sysid = 255 }), nil, "another system")
+   equal((a.lease(20, 0)), DENIED, "without a number")
+   equal(a.relay, true, "still on")
+   -- The companion starts anew: it is off, and what the dead one had under way is refused.
+   local old = a.reports[#a.reports].series
+   local answer = a.numbered(SILENT, 1, 0, { param3 = 6 })
+   equal(answer.result, ACCEPTED, "taken")
+   equal(answer.boot, 6, "boot")
+   equal(a.relay, false, "off")
+   assert(answer.series ~= old, "another series")
+   equal(a.numbered(20, 12, 500, { param4 = old }).result, OTHER_SERIES, "the dead one's")
+   equal(a.relay, false, "still off")
+end)
+
+test("what cannot be radiated takes its number and changes nothing else", function()
+   local a = taken()
+   equal(a.numbered(20, 3, 4000).result, ACCEPTED, "on")
+   equal(a.numbered(-1, 4, 500).result, RADIO_DENIED, "below the least power")
+   equal(a.numbered(0 / 0, 5, 500).result, RADIO_DENIED, "not a number")
+   equal(a.numbered(20, 6, 5020).result, RADIO_DENIED, "too far ahead")
+   equal(a.reports[#a.reports].newest, 6, "newest")
+   equal(a.relay, true, "still on")
+   a.mode = 5
+   equal(a.numbered(20, 7, 500).result, RADIO_NOT_NOW, "LOITER")
+   equal(a.relay, false, "the pilot's mode")
+   equal(a.reports[#a.reports].power_mdbm, OFF, "says so")
+end)
+
+test("it states itself five times a second, and its clock wraps", function()
+   local a = taken()
+   local before = #a.reports
+   a.pass(1000)
+   assert(#a.reports - before >= 4 and #a.reports - before <= 6, #a.reports - before)
+   equal(a.reports[#a.reports].answers, 0, "unasked")
+   local last = a.reports[#a.reports].time_ms
+   assert((a.now_ms & 0xFFFFFFFF) - last < 220, "its clock")
+   for number = 3, 300 do -- 30 s over the wrap at 20 s
+      equal(a.numbered(20, number, 150).result, ACCEPTED, "renewal")
+      equal(a.relay, true, "on")
+      a.pass(89)
+   end
+   assert(a.reports[#a.reports].time_ms < 20000, "wrapped")
+   a.pass(150)
+   equal(a.relay, false, "off")
+end)
+
+test("a burst of commands does not cost the script its life", function()
+   local a = taken()
+   local msgs = require("MAVLink/mavlink_msgs")
+   for number = 3, 22 do
+      local message = { command = 31010, target_system = 2, target_component = 1, param1 = 10, param2 = number, param3 = 5 }
+      message.y = ((a.now_ms + 400) & 0xFFFFFFFF) - 0x100000000
+      table.insert(a.queue, msgs.pack("COMMAND_INT", 2, 191, message))
+   end
+   local most, count = 0, 0
+   -- Of the script and its modules, not of the stand-in.
+   debug.sethook(function()
+      local source = debug.getinfo(2, "S").short_src
+      if not source:find("test/autopilot.lua", 1, true) then
+         count = count + 10
+      end
+   end, "", 10)
+   for _ = 1, 12 do
+      count = 0
+      a.pass(10)
+      most = math.max(most, count)
+   end
+   debug.sethook()
+   equal(a.reports[#a.reports].newest, 22, "all of them")
+   -- SCR_VM_I_COUNT is 10000.
+   assert(most > 1000 and most < 8000, most)
+end)
+
 test("without a radio the commands are not supported", function()
    local a = autopilot.boot(function(a)
       a.parameters.VW_TX_FN, a.parameters.VW_TX_RELAY = 0, -1

@@ -20,10 +20,12 @@ pub use geodesy::Origin;
 pub use vehicle::airframe_file::AirframeError;
 pub use vehicle::autopilot::SetpointCounters;
 pub use vehicle::config::{
-    Airframe, BatteryConfig, Body, Firmware, Role, SensorConfig, Slip, Traps, VehicleConfig, WindConfig,
+    Airframe, BatteryConfig, Body, Firmware, PowerForm, Role, SensorConfig, Slip, Traps, VehicleConfig,
+    WindConfig,
 };
 pub use vehicle::geometry::{AirframeModel, Geometry, MAX_ROTORS, Rotor};
 pub use vehicle::jitter::{JitterAxes, JitterConfig, JitterModel};
+pub use vehicle::radio_hop::{Manners, Toward};
 pub use vehicle::{Vehicle, VehicleCounters, VehicleSnapshot};
 pub use wire::WireCounters;
 pub use world::circumstances::{Circumstances, Passage};

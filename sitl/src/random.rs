@@ -11,6 +11,8 @@ pub(crate) enum Purpose {
     Jitter = 3,
     Sensors = 4,
     Link = 5,
+    Radio = 6,
+    RadioHop = 7,
 }
 
 /// Gaussian and uniform draws from one stream.

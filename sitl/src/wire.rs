@@ -166,8 +166,11 @@ pub(crate) fn encode_unsupported(sequence: u8, from: [u8; 2], command: u16, to: 
     encode_payload(sequence, from, COMMAND_ACK, &payload, MavMessage::extra_crc(COMMAND_ACK))
 }
 
-fn encode_payload(sequence: u8, from: [u8; 2], id: u32, payload: &[u8], crc_extra: u8) -> Vec<u8> {
+/// A MAVLink 2 frame of a payload, whose trailing zeros are cut off as MAVLink 2 wants it.
+pub(crate) fn encode_payload(sequence: u8, from: [u8; 2], id: u32, payload: &[u8], crc_extra: u8) -> Vec<u8> {
     let [id0, id1, id2, _] = id.to_le_bytes();
+    let len = payload.iter().rposition(|&byte| byte != 0).map_or(1, |last| last + 1);
+    let payload = &payload[..len.min(payload.len())];
     let mut frame = Vec::with_capacity(12 + payload.len());
     frame.extend_from_slice(&[STX_V2, payload.len() as u8, 0, 0, sequence, from[0], from[1], id0, id1, id2]);
     frame.extend_from_slice(payload);

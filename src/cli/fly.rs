@@ -114,7 +114,8 @@ fn companion(args: &Args, mission: Mission, vehicle: &Vehicle, clock: &Clock) ->
         }),
         None => None,
     };
-    let mut settings = settings(&mission, vehicle, boot_id(clock), args.start);
+    let boot_id = boot_id(clock);
+    let mut settings = settings(&mission, vehicle, boot_id, args.start);
     allow_for_clock_rate(&mut settings, args.clock_rate);
     Ok(Companion {
         autopilot: (vehicle.autopilot.link.clone(), link(AUTOPILOT, vehicle.autopilot.system_id, None)?),
@@ -123,7 +124,7 @@ fn companion(args: &Args, mission: Mission, vehicle: &Vehicle, clock: &Clock) ->
             link(PAIR, vehicle.pair_peer_system, pair_signing)?,
             pair_form(vehicle),
         ),
-        transmitter: Transmitter::new(transmitter_settings(vehicle), clock.now()),
+        transmitter: Transmitter::new(transmitter_settings(vehicle, boot_id), clock.now()),
         settings,
         planner: Box::new(move || planning::plan(&mission).map_err(|error| error.to_string())),
     })

@@ -13,6 +13,10 @@ use crate::transmitter;
 
 /// The longest jam lease and transmitter lease: the time in which everything falls silent by itself.
 pub const LEASE: Duration = Duration::from_millis(500);
+/// A radio that answers later than this serves no slot. J's lease of [`LEASE`] runs while its command is answered, the
+/// answer vouches for a round trip less than that, and it is renewed every 100 ms: at 150 ms a fifth of it is left for
+/// the pair link and I's radio.
+const LONGEST_ROUND_TRIP: Duration = Duration::from_millis(150);
 /// How late a busy machine may run a process that is due.
 const SCHEDULING_DELAY: Duration = Duration::from_millis(25);
 /// Without a word for this long the other vehicle is lost and the mission is given up.
@@ -89,9 +93,9 @@ pub fn scheduling_allowance(rate: f64) -> Duration {
     SCHEDULING_DELAY.mul_f64((rate - 1.0).clamp(0.0, 1e3))
 }
 
-/// What the driver of the vehicle's transmitter is told.
+/// What the driver of the vehicle's transmitter is told; `boot_id` as for [`settings`].
 #[must_use]
-pub fn transmitter_settings(vehicle: &Vehicle) -> transmitter::Settings {
+pub fn transmitter_settings(vehicle: &Vehicle, boot_id: u32) -> transmitter::Settings {
     let own = own(vehicle);
     let Transmitter { kind, component_id, .. } = &vehicle.transmitter;
     // J may have promised to jam before its companion died; its radio's own lease ends that promise.
@@ -99,7 +103,14 @@ pub fn transmitter_settings(vehicle: &Vehicle) -> transmitter::Settings {
         Role::I => Duration::ZERO,
         Role::J => LEASE,
     };
-    transmitter::Settings { own, target: (own.0, *component_id), kind: kind.clone(), first_off_after }
+    transmitter::Settings {
+        own,
+        target: (own.0, *component_id),
+        kind: kind.clone(),
+        boot: boot_id,
+        longest_round_trip: LONGEST_ROUND_TRIP,
+        first_off_after,
+    }
 }
 
 /// The companion's own MAVLink system and component.

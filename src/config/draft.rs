@@ -379,6 +379,9 @@ pub struct Transmitter {
     pub simulated: bool,
     /// Its MAVLink component.
     pub component_id: u8,
+    /// What a command of the first form ([`Kind::Leased`]) that comes late does is accepted, so that something real may be
+    /// radiated by it.
+    pub accept_late_commands: bool,
 }
 
 impl Transmitter {
@@ -388,7 +391,12 @@ impl Transmitter {
 
 impl Default for Transmitter {
     fn default() -> Self {
-        Self { kind: Kind::Leased { command: Self::COMMAND }, simulated: true, component_id: 68 }
+        Self {
+            kind: Kind::Numbered { command: Self::COMMAND },
+            simulated: true,
+            component_id: 68,
+            accept_late_commands: false,
+        }
     }
 }
 

@@ -7,7 +7,7 @@ use serde_json::Value as Json;
 
 use super::diagnostic::{Diagnostics, Severity};
 use super::document::Document;
-use super::draft::VehicleDraft;
+use super::draft::{Transmitter, VehicleDraft};
 use super::file::{MAX_BYTES, read_text};
 use super::mission::Mission;
 use super::mission_checks::ORIGIN_HELP;
@@ -203,6 +203,20 @@ fn check(draft: &VehicleDraft, file: &mut Document) {
         refuse(file, "autopilot.thrust_n", &message, "leave it out, or give actuation = \"thrust_vector\"");
     }
     check_pair(draft, file);
+    check_form(&draft.transmitter, file);
+}
+
+/// A command that counts from its receipt prolongs what is real.
+fn check_form(transmitter: &Transmitter, file: &mut Document) {
+    let late = matches!(transmitter.kind, Kind::Leased { .. });
+    if late && !transmitter.simulated && !transmitter.accept_late_commands && file.sound(&["transmitter"]) {
+        file.error(
+            file.at("transmitter.form"),
+            "the transmitter is real, and its commands expire so long after their receipt (`form` 1): one that comes late lasts too long"
+                .to_owned(),
+            "use a radio of form 2, or say accept_late_commands = true if the way to the radio delays nothing".to_owned(),
+        );
+    }
 }
 
 /// The pair link's addressing.

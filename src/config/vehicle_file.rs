@@ -128,10 +128,12 @@ fn autopilot(s: &mut Section<'_, '_>, autopilot: &mut Autopilot) {
 }
 
 fn transmitter(s: &mut Section<'_, '_>, transmitter: &mut Transmitter) {
-    let (mut kind, mut command, mut by_parameter) = match transmitter.kind.clone() {
-        Kind::Leased { command } => ("leased", command.into(), None),
-        Kind::Parameter(parameter) => ("parameter", Transmitter::COMMAND.into(), Some(parameter)),
-        Kind::None => ("none", Transmitter::COMMAND.into(), None),
+    let unused = u64::from(Transmitter::COMMAND);
+    let (mut kind, mut command, mut form, mut by_parameter) = match transmitter.kind.clone() {
+        Kind::Numbered { command } => ("leased", command.into(), 2, None),
+        Kind::Leased { command } => ("leased", command.into(), 1, None),
+        Kind::Parameter(parameter) => ("parameter", unused, 2, Some(parameter)),
+        Kind::None => ("none", unused, 2, None),
     };
     s.set(
         "kind",
@@ -152,9 +154,25 @@ fn transmitter(s: &mut Section<'_, '_>, transmitter: &mut Transmitter) {
         Integer { min: 1, max: u64::from(u16::MAX) },
         &mut command,
     );
+    s.set(
+        "form",
+        "Of that command. 2: numbered, its expiry on the radio's clock (docs/radio.md); 1: its expiry counts from its \
+         receipt, so that one that comes late lasts too long.",
+        Integer { min: 1, max: 2 },
+        &mut form,
+    );
+    s.set(
+        "accept_late_commands",
+        "With form = 1: what delay does is accepted. Without it nothing real is radiated by that form.",
+        Flag,
+        &mut transmitter.accept_late_commands,
+    );
     parameter(s, &mut by_parameter, kind == "parameter");
     transmitter.kind = match (kind, by_parameter) {
-        ("leased", _) => Kind::Leased { command: u16::try_from(command).unwrap_or(u16::MAX) },
+        ("leased", _) => {
+            let command = u16::try_from(command).unwrap_or(u16::MAX);
+            if form == 1 { Kind::Leased { command } } else { Kind::Numbered { command } }
+        }
         ("parameter", Some(parameter)) => Kind::Parameter(parameter),
         _ => Kind::None,
     };

@@ -1,9 +1,9 @@
-//! A pair message in either of its two forms: as it is, or inside a TUNNEL message.
+//! A message of a private dialect in either of its two forms: as it is, or inside a TUNNEL message.
 //!
-//! An autopilot forwards only messages that it can parse (PX4) or knows the checksum of (ArduPilot), so the pair's
-//! private dialect does not cross one. TUNNEL (385) does. Its payload is then the whole frame, unsigned, that would
-//! have been sent otherwise: the largest, VEILWING_HELLO, has 127 bytes of TUNNEL's 128, so nothing is ever split.
-//! The signature, if any, is the TUNNEL frame's.
+//! An autopilot forwards only messages that it can parse (PX4) or knows the checksum of (ArduPilot), so a private
+//! dialect, the pair's or the radio's, does not cross one. TUNNEL (385) does. Its payload is then the whole frame,
+//! unsigned, that would have been sent otherwise: the largest, VEILWING_HELLO, has 127 bytes of TUNNEL's 128, so
+//! nothing is ever split. The signature, if any, is the TUNNEL frame's.
 
 use mavlink::dialects::ardupilotmega::TUNNEL_DATA;
 use mavlink::error::ParserError;
@@ -11,6 +11,7 @@ use mavlink::{MAV_STX_V2, MAVLinkV2MessageRaw, MavHeader, MavlinkVersion, Messag
 
 use super::counters::Rejection;
 use crate::pair::wire;
+use crate::transmitter::wire as radio;
 
 /// TUNNEL's payload type for a pair message; from the range above 32767 that is nobody's registered type.
 pub const PAYLOAD_TYPE: u16 = 42_100;
@@ -19,7 +20,7 @@ const HEADER: usize = 5;
 /// Bytes of TUNNEL's payload.
 const ROOM: usize = 128;
 
-/// Which form a pair message has on the wire.
+/// Which form a message has on the wire.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Form {
     /// In frames of its own.
@@ -36,20 +37,41 @@ impl Form {
     ///
     /// # Errors
     /// [`Rejection::OtherForm`].
-    pub fn open(self, envelope: Envelope) -> Result<wire::MavMessage, Rejection> {
+    pub fn open<M>(self, envelope: Enclosed<M>) -> Result<M, Rejection> {
         match (self, envelope) {
-            (Self::Plain, Envelope::Plain(message))
-            | (Self::Tunnel { .. }, Envelope::Tunnel { message, .. }) => Ok(message),
+            (Self::Plain, Enclosed::Plain(message))
+            | (Self::Tunnel { .. }, Enclosed::Tunnel { message, .. }) => Ok(message),
             _ => Err(Rejection::OtherForm),
         }
     }
 }
 
-/// A pair message and the form in which it came or goes.
+/// A dialect whose messages may ride in TUNNEL.
+pub trait Tunnelled: Message {
+    /// TUNNEL's payload type for it.
+    const PAYLOAD_TYPE: u16;
+    /// A message of it, to stand for any.
+    const SAMPLE_ID: u32;
+}
+
+impl Tunnelled for wire::MavMessage {
+    const PAYLOAD_TYPE: u16 = PAYLOAD_TYPE;
+    const SAMPLE_ID: u32 = wire::VEILWING_HELLO_DATA::ID;
+}
+
+impl Tunnelled for radio::MavMessage {
+    const PAYLOAD_TYPE: u16 = radio::TUNNEL_TYPE;
+    const SAMPLE_ID: u32 = radio::VEILWING_RADIO_DATA::ID;
+}
+
+/// A message of the pair's and its form.
+pub type Envelope = Enclosed<wire::MavMessage>;
+
+/// A message of dialect `M` and the form in which it came or goes.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Envelope {
+pub enum Enclosed<M> {
     /// In a frame of its own.
-    Plain(wire::MavMessage),
+    Plain(M),
     /// In TUNNEL.
     Tunnel {
         /// The addressed system and component; 0 for all.
@@ -57,15 +79,15 @@ pub enum Envelope {
         /// Of the frame inside.
         header: MavHeader,
         /// What the frame inside says.
-        message: wire::MavMessage,
+        message: M,
     },
 }
 
-impl Envelope {
+impl<M> Enclosed<M> {
     /// `message` in `form`, to be sent from `(system, component)` with this sequence number inside, where there is an
     /// inside.
     #[must_use]
-    pub fn new(form: Form, from: (u8, u8), sequence: u8, message: wire::MavMessage) -> Self {
+    pub fn new(form: Form, from: (u8, u8), sequence: u8, message: M) -> Self {
         match form {
             Form::Plain => Self::Plain(message),
             Form::Tunnel { to_system } => {
@@ -75,9 +97,9 @@ impl Envelope {
         }
     }
 
-    /// The pair message, whatever its form.
+    /// The message, whatever its form.
     #[must_use]
-    pub fn message(&self) -> &wire::MavMessage {
+    pub fn message(&self) -> &M {
         match self {
             Self::Plain(message) | Self::Tunnel { message, .. } => message,
         }
@@ -91,14 +113,14 @@ impl Envelope {
 }
 
 /// The frame inside a TUNNEL's payload. One of our type that does not hold exactly one sound frame is unparsable.
-fn unpack(payload: &[u8]) -> Result<Envelope, ParserError> {
+fn unpack<M: Tunnelled>(payload: &[u8]) -> Result<Enclosed<M>, ParserError> {
     let id = TUNNEL_DATA::ID;
     let unsound = |actual| ParserError::InvalidPayloadSize { id, maximum: ROOM, actual };
     let mut whole = [0; HEADER + ROOM];
     let length = payload.len().min(whole.len());
     whole[..length].copy_from_slice(&payload[..length]);
     let [type_low, type_high, to_system, to_component, length, inside @ ..] = whole;
-    if u16::from_le_bytes([type_low, type_high]) != PAYLOAD_TYPE {
+    if u16::from_le_bytes([type_low, type_high]) != M::PAYLOAD_TYPE {
         return Err(ParserError::UnknownMessage { id });
     }
     let length = usize::from(length);
@@ -106,32 +128,31 @@ fn unpack(payload: &[u8]) -> Result<Envelope, ParserError> {
     let mut frame = [0; consts::v2::FRAME_SIZE];
     frame[..length.min(ROOM)].copy_from_slice(bytes.ok_or(unsound(length))?);
     let raw = MAVLinkV2MessageRaw::from_bytes_unparsed(frame);
-    let sound = raw.incompatibility_flags() == 0
-        && raw.raw_bytes().len() == length
-        && raw.has_valid_crc::<wire::MavMessage>();
+    let sound =
+        raw.incompatibility_flags() == 0 && raw.raw_bytes().len() == length && raw.has_valid_crc::<M>();
     if !sound {
         return Err(unsound(length));
     }
     let header =
         MavHeader { system_id: raw.system_id(), component_id: raw.component_id(), sequence: raw.sequence() };
-    let message = wire::MavMessage::parse(MavlinkVersion::V2, raw.message_id(), raw.payload())?;
-    Ok(Envelope::Tunnel { to: (to_system, to_component), header, message })
+    let message = M::parse(MavlinkVersion::V2, raw.message_id(), raw.payload())?;
+    Ok(Enclosed::Tunnel { to: (to_system, to_component), header, message })
 }
 
 /// Writes TUNNEL's payload around the frame of `message`; how many bytes that makes.
-fn pack(to: (u8, u8), header: MavHeader, message: &wire::MavMessage, bytes: &mut [u8]) -> usize {
+fn pack<M: Tunnelled>(to: (u8, u8), header: MavHeader, message: &M, bytes: &mut [u8]) -> usize {
     let mut raw = MAVLinkV2MessageRaw::new();
     raw.serialize_message(header, message);
     let inside = raw.raw_bytes();
-    let [type_low, type_high] = PAYLOAD_TYPE.to_le_bytes();
-    // No pair message is longer than 127 bytes with its frame (a test holds the dialect to it).
+    let [type_low, type_high] = M::PAYLOAD_TYPE.to_le_bytes();
+    // No message is longer than 127 bytes with its frame (a test holds the dialects to it).
     let length = u8::try_from(inside.len()).unwrap_or(u8::MAX);
     bytes[..HEADER].copy_from_slice(&[type_low, type_high, to.0, to.1, length]);
     bytes[HEADER..HEADER + inside.len()].copy_from_slice(inside);
     HEADER + inside.len()
 }
 
-impl Message for Envelope {
+impl<M: Tunnelled> Message for Enclosed<M> {
     fn message_id(&self) -> u32 {
         match self {
             Self::Plain(message) => message.message_id(),
@@ -186,28 +207,24 @@ impl Message for Envelope {
     }
 
     fn parse(version: MavlinkVersion, id: u32, payload: &[u8]) -> Result<Self, ParserError> {
-        if id == TUNNEL_DATA::ID {
-            unpack(payload)
-        } else {
-            wire::MavMessage::parse(version, id, payload).map(Self::Plain)
-        }
+        if id == TUNNEL_DATA::ID { unpack(payload) } else { M::parse(version, id, payload).map(Self::Plain) }
     }
 
     fn message_id_from_name(name: &str) -> Option<u32> {
         let tunnel = (name == TUNNEL_DATA::NAME).then_some(TUNNEL_DATA::ID);
-        tunnel.or_else(|| wire::MavMessage::message_id_from_name(name))
+        tunnel.or_else(|| M::message_id_from_name(name))
     }
 
     fn default_message_from_id(id: u32) -> Option<Self> {
         if id == TUNNEL_DATA::ID {
-            let message = wire::MavMessage::VEILWING_HELLO(wire::VEILWING_HELLO_DATA::DEFAULT);
+            let message = M::default_message_from_id(M::SAMPLE_ID)?;
             return Some(Self::new(Form::Tunnel { to_system: 0 }, (0, 0), 0, message));
         }
-        wire::MavMessage::default_message_from_id(id).map(Self::Plain)
+        M::default_message_from_id(id).map(Self::Plain)
     }
 
     fn extra_crc(id: u32) -> u8 {
-        if id == TUNNEL_DATA::ID { TUNNEL_DATA::EXTRA_CRC } else { wire::MavMessage::extra_crc(id) }
+        if id == TUNNEL_DATA::ID { TUNNEL_DATA::EXTRA_CRC } else { M::extra_crc(id) }
     }
 }
 

@@ -4,6 +4,7 @@
 //! connections are not used: they answer whoever sent the last datagram, accept replays after a restart, lose
 //! a HEARTBEAT with an enum value of tomorrow, share one sequence among components, and never reconnect.
 
+mod aboard;
 mod address;
 pub mod clock;
 pub mod codec;
@@ -19,6 +20,7 @@ mod transport;
 
 use std::io;
 
+pub use aboard::Aboard;
 pub use address::{AddressError, HostPort, LinkAddress};
 pub use clock::Clock;
 pub use counters::{Counters, Rejection};

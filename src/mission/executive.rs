@@ -18,6 +18,7 @@ use crate::schedule::trajectory::Limits;
 use crate::service::{self, Ceilings, Freshness, SlotService, Tolerance};
 use crate::time::{Instant, Utc};
 use crate::transmitter::Transmitter;
+use crate::transmitter::wire::MavMessage as RadioMessage;
 
 use super::cause::Cause;
 use super::ground::Ground;
@@ -179,6 +180,12 @@ impl Executive {
         self.handle_operator(header, message, now);
         self.handle_parameters(header, message);
         self.handle_files(header, message);
+        self.react(now);
+    }
+
+    /// The radio's own message, from the autopilot link.
+    pub fn handle_radio(&mut self, header: MavHeader, message: &RadioMessage, now: Instant) {
+        self.service.handle_report(header, message, now);
         self.react(now);
     }
 

@@ -113,7 +113,7 @@ impl Executive {
     /// Our own checks.
     fn checks(&self, now: Instant) -> Vec<Check> {
         let mut checks = self.autopilot.preflight(now);
-        checks.extend(self.service.interlock().transmitter().preflight());
+        checks.extend(self.service.interlock().transmitter().preflight(now));
         checks.push(self.ground.plan_check());
         if self.autopilot.state().is_armed() {
             let detail = "the vehicle is armed already: land and disarm it first";

@@ -9,6 +9,7 @@ use crate::pair::wire::{VeilwingAnswer, VeilwingSilence};
 use crate::role::Role;
 use crate::schedule::transit::TransitError;
 use crate::service::{GiveUp, Silence};
+use crate::transmitter::NotReady;
 use crate::units::Watts;
 
 use super::cause::{Cause, Refusal};
@@ -141,6 +142,14 @@ pub enum Notice {
         /// Why.
         answer: VeilwingAnswer,
     },
+    /// Our own transmitter cannot serve a slot.
+    #[error("transmitter cannot serve slot {slot}: {reason}")]
+    Unready {
+        /// The slot's number over superframes.
+        slot: u16,
+        /// Why.
+        reason: NotReady,
+    },
     /// The peer fell silent out of turn.
     #[error("vehicle {peer} fell silent: {}", words::reason(*reason))]
     PeerSilent {
@@ -204,6 +213,7 @@ impl Notice {
             | Self::SlotNotServed { .. }
             | Self::Ending
             | Self::Refused { .. }
+            | Self::Unready { .. }
             | Self::PeerSilent { .. }
             | Self::PeerGone(..)
             | Self::ParameterRefused(_)

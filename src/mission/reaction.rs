@@ -80,6 +80,7 @@ impl Executive {
             ServiceEvent::SameRole => self.notice(Notice::SameRole(self.settings.role)),
             ServiceEvent::PeerSilent(reason) => self.notice(Notice::PeerSilent { peer, reason }),
             ServiceEvent::Refused(slot, answer) => self.notice(Notice::Refused { peer, slot, answer }),
+            ServiceEvent::Unready(slot, reason) => self.notice(Notice::Unready { slot, reason }),
             ServiceEvent::Ordered(order) => self.obey(order, now),
             ServiceEvent::Agreed(commitment) => self.begin_transit(commitment, now),
             ServiceEvent::On(permit) => self.notice(Notice::On(permit.slot, Watts(permit.power_w))),

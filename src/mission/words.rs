@@ -14,6 +14,7 @@ pub(super) fn give_up(peer: &Role, why: &GiveUp) -> String {
         GiveUp::PeerLeft => format!("vehicle {peer} is not on its way to the agreed slot"),
         GiveUp::PeerSilent(why) => format!("vehicle {peer} fell silent for good, {}", reason(*why)),
         GiveUp::PeerEnded => format!("vehicle {peer} has ended its mission"),
+        GiveUp::Unready(slot, why) => format!("own transmitter cannot serve slot {slot}: {why}"),
         GiveUp::Refused(slot, why) => format!("vehicle {peer} keeps refusing slot {slot}: {}", answer(*why)),
     }
 }

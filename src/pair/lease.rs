@@ -10,8 +10,8 @@ use std::time::Duration;
 
 use crate::time::Instant;
 
-/// Covers the way of a command from a companion to its radio, and the two clocks' rates.
-const MARGIN: Duration = Duration::from_millis(50);
+/// Covers the two companions' clocks, which do not run at quite the same rate.
+const MARGIN: Duration = Duration::from_millis(10);
 
 /// I's side: what J has granted.
 #[derive(Debug, Clone, Default)]
@@ -54,18 +54,17 @@ pub struct Book {
 
 impl Book {
     /// The length of a lease that may be granted at `now` to the request of `request_us`, and records it: to the
-    /// end of J's own transmitter lease less a margin, no longer than `longest`, no later than `closes_at`. `None`
+    /// instant up to which J's own transmitter certainly is on, less a margin, no longer than `longest`, no later than `closes_at`. `None`
     /// if nothing is left to grant.
     pub fn grant(
         &mut self,
         request_us: u64,
-        transmitter_expires_at: Instant,
-        round_trip: Duration,
+        on_until: Instant,
         longest: Duration,
         closes_at: Instant,
         now: Instant,
     ) -> Option<Duration> {
-        let until = (transmitter_expires_at - MARGIN - round_trip).min(now + longest).min(closes_at);
+        let until = (on_until - MARGIN).min(now + longest).min(closes_at);
         let duration = until.saturating_since(now);
         // The wire counts milliseconds; what is promised is what is sent.
         let duration = Duration::from_millis(u64::try_from(duration.as_millis()).ok()?);
@@ -142,8 +141,7 @@ mod tests {
     #[test]
     fn val_a_word_from_before_the_grant_returns_nothing() {
         let mut book = Book::default();
-        let none = Duration::ZERO;
-        book.grant(700, at(1500), none, Duration::from_secs(1), at(9000), at(1000)).unwrap();
+        book.grant(700, at(1500), Duration::from_secs(1), at(9000), at(1000)).unwrap();
         book.returned(699);
         assert!(book.outstanding(at(1100)));
         book.returned(700);
@@ -153,7 +151,7 @@ mod tests {
     #[test]
     fn val_after_a_restart_of_i_its_clock_counts_anew() {
         let mut book = Book::default();
-        book.grant(9_000_000, at(1500), Duration::ZERO, Duration::from_secs(1), at(9000), at(1000)).unwrap();
+        book.grant(9_000_000, at(1500), Duration::from_secs(1), at(9000), at(1000)).unwrap();
         book.new_boot();
         assert!(book.outstanding(at(1100)), "the dead boot's radio may still be on");
         // The new boot has found its radio off.
@@ -164,13 +162,12 @@ mod tests {
     #[test]
     fn val_grant_ends_before_own_transmitter_and_slot() {
         let mut book = Book::default();
-        let rtt = Duration::from_millis(10);
         let long = Duration::from_secs(1);
-        let granted = book.grant(1, at(1500), rtt, long, at(9000), at(1000)).unwrap();
-        assert_eq!(granted, Duration::from_millis(440));
-        assert!(book.outstanding(at(1439)));
-        assert!(!book.outstanding(at(1440)));
-        assert_eq!(book.grant(1, at(2000), rtt, long, at(1600), at(1500)), Some(Duration::from_millis(100)));
-        assert_eq!(book.grant(1, at(1055), rtt, long, at(9000), at(1000)), None);
+        let granted = book.grant(1, at(1500), long, at(9000), at(1000)).unwrap();
+        assert_eq!(granted, Duration::from_millis(490));
+        assert!(book.outstanding(at(1489)));
+        assert!(!book.outstanding(at(1490)));
+        assert_eq!(book.grant(1, at(2000), long, at(1600), at(1500)), Some(Duration::from_millis(100)));
+        assert_eq!(book.grant(1, at(1010), long, at(9000), at(1000)), None);
     }
 }

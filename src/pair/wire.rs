@@ -2,7 +2,7 @@
 
 #[allow(missing_docs, unexpected_cfgs, clippy::all, clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 mod generated {
-    include!(concat!(env!("OUT_DIR"), "/mod.rs"));
+    include!(concat!(env!("OUT_DIR"), "/pair/mod.rs"));
 }
 
 pub use generated::veilwing::*;

@@ -18,6 +18,7 @@ pub use decision::{Facts, Latches, Permit, Silence, Window};
 
 /// A standing permission is renewed this often.
 const RENEW_EVERY: Duration = Duration::from_millis(100);
+
 /// Ceilings beside the plan's power (S6).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Ceilings {
@@ -36,13 +37,10 @@ pub struct Interlock {
     lease: Duration,
     authorised: bool,
     killed: bool,
-    /// The shortest round trip to the transmitter measured so far. Not the last: an answer that may belong to an
-    /// older, lost command is counted for it, and looks late by as much.
-    round_trip: Option<Duration>,
     standing: Option<(Permit, Instant)>,
-    /// J: no permit before this. On a link that delays and reorders, an off may reach the transmitter after the on that
-    /// followed it, and the answer to an older on be taken for the new one's; then J would vouch for a jammer that is
-    /// off. After a lease's length nothing of the old is under way.
+    /// J, where answers do not name their commands: no permit before this. On a link that delays and reorders, an off
+    /// may reach the transmitter after the on that followed it, and the answer to an older on be taken for the new
+    /// one's; then J would vouch for a jammer that is off. After a lease's length nothing of the old is under way.
     rests_until: Option<Instant>,
 }
 
@@ -63,7 +61,6 @@ impl Interlock {
             lease,
             authorised,
             killed: false,
-            round_trip: None,
             standing: None,
             rests_until: None,
         }
@@ -83,7 +80,8 @@ impl Interlock {
 
     /// Off, now.
     pub fn silence(&mut self, now: Instant) {
-        if self.standing.take().is_some() && self.role == Role::J {
+        let was_on = self.standing.take().is_some();
+        if was_on && self.role == Role::J && !self.transmitter.tells_commands_apart() {
             self.rests_until = Some(now + self.lease);
         }
         self.transmitter.silence(now);
@@ -103,9 +101,15 @@ impl Interlock {
                         || permit.expires_at < standing.expires_at
                         || now.saturating_since(at) >= RENEW_EVERY
                 });
+                let Permit { power_w, slot, expires_at } = permit;
+                if renew && let Err(reason) = self.transmitter.command(power_w, slot, expires_at, now) {
+                    if self.standing.is_some() {
+                        self.silence(now);
+                    }
+                    return Err(Silence::Transmitter(reason));
+                }
                 if renew {
                     self.standing = Some((permit, now));
-                    self.transmitter.radiate(permit.power_w, permit.slot, permit.expires_at, now);
                 }
             }
             Err(_) if self.standing.is_some() => self.silence(now),
@@ -122,7 +126,6 @@ impl Interlock {
             resting: self.rests_until.is_some_and(|until| now < until),
             power_limit_w: self.ceiling().0,
             lease: self.lease,
-            round_trip: self.round_trip(),
         }
     }
 
@@ -165,15 +168,16 @@ impl Interlock {
         now: Instant,
     ) {
         self.transmitter.handle_message(header, message, now);
-        if let Some(measured) = self.transmitter.round_trip() {
-            self.round_trip = Some(self.round_trip.map_or(measured, |shortest| shortest.min(measured)));
-        }
     }
 
-    /// The time to allow for a command to the transmitter and back: twice the shortest measured.
-    #[must_use]
-    pub fn round_trip(&self) -> Duration {
-        2 * self.round_trip.unwrap_or_default()
+    /// Hands the radio's own message to the transmitter's driver.
+    pub fn handle_radio(
+        &mut self,
+        header: mavlink::MavHeader,
+        message: &crate::transmitter::wire::MavMessage,
+        now: Instant,
+    ) {
+        self.transmitter.handle_radio(header, message, now);
     }
 
     /// The next message for the autopilot link.

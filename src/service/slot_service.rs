@@ -10,7 +10,8 @@ use crate::pair::wire::{self, VeilwingAnswer, VeilwingFlags, VeilwingOrder, Veil
 use crate::pair::{self, Commitment, Coordinator, Local, Peer, PlanTerms, Vouch};
 use crate::role::Role;
 use crate::time::{Instant, Utc};
-use crate::transmitter::Transmitter;
+use crate::transmitter::wire::MavMessage as RadioMessage;
+use crate::transmitter::{NotReady, Transmitter};
 
 use super::agreement_time::AgreementTime;
 use super::evidence::Vehicle;
@@ -55,6 +56,8 @@ pub enum GiveUp {
     PeerEnded,
     /// The peer goes on refusing this slot.
     Refused(u16, VeilwingAnswer),
+    /// Our own transmitter goes on being unable to serve this slot.
+    Unready(u16, NotReady),
 }
 
 /// What the owner must know.
@@ -74,6 +77,8 @@ pub enum Event {
     Ordered(VeilwingOrder),
     /// A proposal of this slot was refused, for the first time.
     Refused(u16, VeilwingAnswer),
+    /// Our own transmitter cannot serve this slot: it is not agreed on before it can.
+    Unready(u16, NotReady),
     /// A slot is agreed: the transit to it begins at its time.
     Agreed(Commitment),
     /// The transmitter may radiate from now on.
@@ -187,6 +192,11 @@ impl SlotService {
     /// A message of the link on which the transmitter is; what is not the transmitter's is ignored.
     pub fn handle_radio(&mut self, header: MavHeader, message: &MavMessage, now: Instant) {
         self.interlock.handle_message(header, message, now);
+    }
+
+    /// The transmitter's own message; another's is ignored.
+    pub fn handle_report(&mut self, header: MavHeader, message: &RadioMessage, now: Instant) {
+        self.interlock.handle_radio(header, message, now);
     }
 
     /// Does what is due.
@@ -435,8 +445,8 @@ impl SlotService {
         }
     }
 
-    /// I: asks for leases while it could use one. J: vouches while its transmitter is acknowledged on and its own
-    /// interlock agrees.
+    /// I: asks for leases while it could use one. J: vouches while its transmitter certainly is on and its own interlock
+    /// agrees.
     fn ask_or_vouch(&mut self, facts: &Facts, now: Instant) {
         let Stage::Committed(slot) = &self.stage else {
             self.pair.want_lease(false, now);
@@ -452,14 +462,12 @@ impl SlotService {
             }
             Role::J => {
                 let on = self.interlock.is_on() && now < slot.radiate_until && !slot.closing;
-                let lease = self.interlock.transmitter().acknowledged().filter(|lease| {
-                    on && lease.slot == slot.commitment.slot && lease.power_w >= FULL_POWER * slot.power_w
+                let radiates = self.interlock.transmitter().on_until_at_least(now).filter(|vouched| {
+                    on && vouched.slot == slot.commitment.slot && vouched.power_w >= FULL_POWER * slot.power_w
                 });
-                self.pair.set_vouch(lease.map(|lease| Vouch {
-                    transmitter_expires_at: lease.expires_at,
-                    round_trip: self.interlock.round_trip(),
-                    closes_at: slot.closes_at,
-                }));
+                self.pair.set_vouch(
+                    radiates.map(|vouched| Vouch { until: vouched.until, closes_at: slot.closes_at }),
+                );
             }
         }
     }
@@ -505,6 +513,12 @@ impl SlotService {
             return;
         };
         let peer_ready = self.pair.peer().says(VeilwingFlags::VEILWING_FLAGS_AIRBORNE) && self.pair.agrees();
+        if let Err(reason) = self.interlock.transmitter().ready(now)
+            && !self.paused
+        {
+            self.pair.set_readiness(None);
+            return self.wait_for_radio(next, reason, now);
+        }
         match self.role {
             _ if self.paused => self.pair.set_readiness(None),
             Role::J => self.pair.set_readiness(Some(next)),
@@ -519,6 +533,19 @@ impl SlotService {
                     self.pair.propose(next, utc + opens_at.saturating_since(now), now);
                 }
             }
+        }
+    }
+
+    /// Our own transmitter cannot serve the slot: said once, and not waited for for ever.
+    fn wait_for_radio(&mut self, slot: u16, reason: NotReady, now: Instant) {
+        let Stage::Between { refusals, .. } = &mut self.stage else { return };
+        if !refusals.may_propose(now) {
+            return;
+        }
+        match refusals.count(now) {
+            Refusal::First => self.events.push_back(Event::Unready(slot, reason)),
+            Refusal::Another => {}
+            Refusal::Last => self.events.push_back(Event::GiveUp(GiveUp::Unready(slot, reason))),
         }
     }
 
@@ -643,7 +670,7 @@ fn silence_reason(silence: Silence) -> Option<VeilwingSilence> {
         Silence::NotInControl => Some(VeilwingSilence::VEILWING_SILENCE_CONTROL),
         Silence::Estimator => Some(VeilwingSilence::VEILWING_SILENCE_ESTIMATOR),
         Silence::Pose => Some(VeilwingSilence::VEILWING_SILENCE_POSE),
-        Silence::NoPower => Some(VeilwingSilence::VEILWING_SILENCE_TRANSMITTER),
+        Silence::NoPower | Silence::Transmitter(_) => Some(VeilwingSilence::VEILWING_SILENCE_TRANSMITTER),
         Silence::NoSlot | Silence::NoLease | Silence::NoPeer | Silence::Resting => None,
     }
 }

@@ -1,4 +1,4 @@
-//! Power by commands that expire.
+//! Power by commands that expire a time after their receipt: for radios that know no better form.
 //!
 //! COMMAND_ACK carries no sequence number, so an acknowledgement may belong to any command that is still unanswered.
 //! It is counted for the oldest of them: a lease then only ever looks shorter than it is.
@@ -10,6 +10,7 @@ use mavlink::dialects::ardupilotmega::{
     COMMAND_ACK_DATA, COMMAND_INT_DATA, MavCmd, MavFrame, MavMessage, MavResult,
 };
 
+use super::round_trip::RoundTrips;
 use super::{LONGEST_TRANSIT, Lease, PERSISTENCE, at_most, until_next_off};
 use crate::time::Instant;
 use crate::units::{Dbm, Watts};
@@ -56,7 +57,7 @@ pub(super) struct Leased {
     lease: Option<Lease>,
     /// The latest instant at which the radio can still be on by any command sent so far.
     on_until: Option<Instant>,
-    round_trip: Option<Duration>,
+    round_trips: RoundTrips,
     supported: Option<bool>,
     refusal: Option<MavResult>,
 }
@@ -74,7 +75,7 @@ impl Leased {
             off_unanswered: false,
             lease: None,
             on_until: None,
-            round_trip: None,
+            round_trips: RoundTrips::default(),
             supported: None,
             refusal: None,
         }
@@ -137,7 +138,7 @@ impl Leased {
                 self.refusal = None;
                 self.off_unanswered = false;
                 if let Some(sent_at) = self.off_sent_at.take() {
-                    self.round_trip = Some(now.saturating_since(sent_at));
+                    self.round_trips.add(sent_at, now);
                 }
                 // It may answer an earlier off than the last; while a command to radiate is unanswered, off goes on.
                 if let Wanted::Off { confirmed, .. } = &mut self.wanted {
@@ -160,7 +161,7 @@ impl Leased {
         let Some(oldest) = self.unanswered.pop_front() else { return };
         self.supported = Some(true);
         self.refusal = None;
-        self.round_trip = Some(now.saturating_since(oldest.sent_at));
+        self.round_trips.add(oldest.sent_at, now);
         match self.wanted {
             Wanted::On { .. } if oldest.revoked => {}
             Wanted::On { .. } => {
@@ -223,8 +224,9 @@ impl Leased {
         }
     }
 
-    pub(super) fn round_trip(&self) -> Option<Duration> {
-        self.round_trip
+    /// The median of the last three seconds; while it is confirmed off, of what was measured last.
+    pub(super) fn round_trip(&self, now: Instant) -> Option<Duration> {
+        self.round_trips.median(now).or_else(|| self.round_trips.last())
     }
 
     pub(super) fn supported(&self) -> Option<bool> {

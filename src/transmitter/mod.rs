@@ -1,16 +1,23 @@
 //! The payload radio's transmit power, by MAVLink, as a state machine without I/O.
 //!
-//! No MAVLink message sets a radio's power, so there are two ways, both acknowledged with the power achieved.
-//! *Leased* ([`Kind::Leased`]): each command carries an expiry, and a companion that dies is silent by the radio's
-//! own doing (S5). *By parameter* ([`Kind::Parameter`]): for radios that know no such command; what never expires
-//! is turned off by us alone, and the preflight says so.
+//! No MAVLink message sets a radio's power, so there are three ways, all acknowledged with the power achieved.
+//! *Numbered* ([`Kind::Numbered`]): each command has a number and expires at an instant of the radio's clock, so that a
+//! companion that dies is silent by the radio's own doing (S5) and no delay on the way prolongs a power. *Leased*
+//! ([`Kind::Leased`]): the expiry counts from the command's receipt; what is late lasts longer, and the preflight says
+//! by how much. *By parameter* ([`Kind::Parameter`]): for radios that know no such command; what never expires is
+//! turned off by us alone, and the preflight says so.
 //!
 //! Whether to radiate at all is not decided here but in the mission's interlock. What is decided here always errs
-//! towards silence: an expiry is rounded down, a lease counts from when its command was sent, an acknowledgement
-//! that may belong to an older command is taken for the older command's, and off is repeated until it is confirmed.
+//! towards silence: an expiry is rounded down, what is vouched for is what certainly is, and off is repeated until it
+//! is confirmed.
 
+mod checks;
 mod leased;
+mod limit;
+mod numbered;
 mod parameter;
+mod round_trip;
+pub mod wire;
 
 #[cfg(test)]
 mod tests;
@@ -21,13 +28,12 @@ use mavlink::MavHeader;
 use mavlink::dialects::ardupilotmega::{MavCmd, MavMessage, MavResult};
 use num_traits::FromPrimitive;
 
-use crate::preflight::{Check, Verdict, check};
 use crate::time::Instant;
 use leased::Leased;
+use limit::Limit;
+use numbered::Numbered;
 pub use parameter::{Level, PowerParameter, Protocol, Unit};
 
-/// The parameter in which a radio says its largest power in dBm.
-const LIMIT_PARAMETER: &str = "TX_MAX_DBM";
 /// A command that has not arrived by now never will.
 const LONGEST_TRANSIT: Duration = Duration::from_millis(500);
 /// How often off is repeated until it is confirmed: fast at first, so that three commands may be lost one after the
@@ -40,13 +46,23 @@ const REPEAT_OFF: Duration = Duration::from_millis(50);
 /// ... and this often when it has not been confirmed for [`PERSISTENCE`]: by then every lease has run out.
 const REPEAT_OFF_SLOWLY: Duration = Duration::from_millis(500);
 const PERSISTENCE: Duration = Duration::from_secs(2);
+/// A command whose expiry counts from its receipt, or that has none, is given as if it arrived this much later, or two round trips if that
+/// is longer.
+const COMMAND_LATENCY: Duration = Duration::from_millis(20);
+/// What such a radio acknowledged is relied on until this much before its expiry, and two round trips.
+const MARGIN: Duration = Duration::from_millis(50);
 /// A radio not heard for so long is told off again when it is back: it may be another one, or restarted.
 const SILENCE_OF_LINK: Duration = Duration::from_millis(2500);
 
 /// How the power is set.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Kind {
-    /// By COMMAND_INT with this command id: power in dBm in param1, slot in x, expiry in milliseconds in y.
+    /// By numbered COMMAND_INTs that expire at an instant of the radio's clock.
+    Numbered {
+        /// The MAV_CMD.
+        command: u16,
+    },
+    /// By COMMAND_INT with this command id: power in dBm in param1, slot in x, expiry in milliseconds from receipt in y.
     Leased {
         /// The MAV_CMD.
         command: u16,
@@ -66,6 +82,10 @@ pub struct Settings {
     pub target: (u8, u8),
     /// How its power is set.
     pub kind: Kind,
+    /// Differs at each start of the companion ([`Kind::Numbered`]).
+    pub boot: u32,
+    /// No slot is served by a radio that answers later than this ([`Kind::Numbered`]).
+    pub longest_round_trip: Duration,
     /// How long after the start the first off is sent, if nothing else is commanded before. Not at once where a
     /// companion that died and came back may have promised the peer to radiate until its lease runs out (S3).
     pub first_off_after: Duration,
@@ -82,9 +102,52 @@ pub struct Lease {
     pub expires_at: Instant,
 }
 
+/// What the radio certainly radiates.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Vouched {
+    /// The slot that came with the command.
+    pub slot: u16,
+    /// The power achieved, as the radio reports it, in watts.
+    pub power_w: f64,
+    /// Not before this does it fall silent by itself, whatever becomes of the companion.
+    pub until: Instant,
+}
+
+/// Why a power cannot be commanded, or a slot not be served.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum NotReady {
+    /// Never heard in the form that it should speak.
+    #[error("the radio has not been heard")]
+    NotHeard,
+    /// Its clock is not known well enough for an expiry.
+    #[error("the radio's clock was last heard {} ms ago", age.as_millis())]
+    Stale {
+        /// How long ago it was heard.
+        age: Duration,
+    },
+    /// It has not taken this boot of the companion for its commander.
+    #[error("the radio does not yet obey this companion")]
+    NotTaken,
+    /// No command was answered of late.
+    #[error("the radio has not answered a command for 3 s")]
+    NotAnswered,
+    /// Commands and answers take too long for a slot to be served.
+    #[error("the radio answers after {} ms, and more than {} ms cannot serve a slot", round_trip.as_millis(), longest.as_millis())]
+    TooSlow {
+        /// As measured of late.
+        round_trip: Duration,
+        /// The longest that serves.
+        longest: Duration,
+    },
+    /// It does not know the command.
+    #[error("the radio does not know the command")]
+    Unsupported,
+}
+
 /// What both ways of setting the power have in common, towards [`Transmitter`].
 #[derive(Debug, Clone)]
 enum Driver {
+    Numbered(Numbered),
     Leased(Leased),
     Parameter(parameter::ByParameter),
     None,
@@ -100,38 +163,29 @@ pub struct Transmitter {
     limit: Limit,
 }
 
-/// The largest power, asked for at the start.
-#[derive(Debug, Clone, Default)]
-struct Limit {
-    limit_w: Option<f64>,
-    asked: u8,
-    ask_at: Option<Instant>,
-}
-
 impl Transmitter {
     /// A transmitter that is told to be silent first of all (see [`Settings::first_off_after`]): the companion may have
     /// died and come back.
     #[must_use]
     pub fn new(settings: Settings, now: Instant) -> Self {
+        let (own, target, off_at) = (settings.own, settings.target, now + settings.first_off_after);
         let driver = match &settings.kind {
-            Kind::Leased { command } => MavCmd::from_u16(*command).map_or(Driver::None, |command| {
-                Driver::Leased(Leased::new(
-                    command,
-                    settings.own,
-                    settings.target,
-                    now + settings.first_off_after,
-                ))
+            Kind::Numbered { command } => MavCmd::from_u16(*command).map_or(Driver::None, |command| {
+                let Settings { boot, longest_round_trip, .. } = settings;
+                Driver::Numbered(Numbered::new(command, target, boot, longest_round_trip, off_at))
             }),
+            Kind::Leased { command } => MavCmd::from_u16(*command)
+                .map_or(Driver::None, |command| Driver::Leased(Leased::new(command, own, target, off_at))),
             Kind::Parameter(parameter) => {
                 Driver::Parameter(parameter::ByParameter::new(parameter.clone(), settings.target))
             }
             Kind::None => Driver::None,
         };
-        let limit = Limit { ask_at: matches!(driver, Driver::Leased(_)).then_some(now), ..Limit::default() };
+        // A power set by parameter never runs out by itself.
+        let runs_out = matches!(driver, Driver::Numbered(_) | Driver::Leased(_));
+        let limit = Limit::new(runs_out.then_some(now));
         let mut transmitter =
             Self { settings, driver, outbox: std::collections::VecDeque::new(), heard_at: None, limit };
-        // A power set by parameter never runs out by itself.
-        let runs_out = matches!(transmitter.driver, Driver::Leased(_));
         if !runs_out || transmitter.settings.first_off_after.is_zero() {
             transmitter.silence(now);
         }
@@ -143,56 +197,143 @@ impl Transmitter {
     pub fn adopt_system(&mut self, system: u8, now: Instant) {
         let settings = self.settings.clone();
         let (own, target) = ((system, settings.own.1), (system, settings.target.1));
-        *self = Self::new(Settings { own, target, ..settings }, now);
+        let off_at = now + settings.first_off_after;
+        let fresh = Self::new(Settings { own, target, ..settings }, now);
+        let before = std::mem::replace(self, fresh);
+        if let Driver::Numbered(mut numbered) = before.driver {
+            // It may be the same radio: what was commanded before is to be older than what is commanded now.
+            numbered.turn_to(target, off_at);
+            self.outbox.clear();
+            self.driver = Driver::Numbered(numbered);
+            if self.settings.first_off_after.is_zero() {
+                self.silence(now);
+            }
+        }
     }
 
-    /// Commands this power in watts, or renews it. From `expires_at` on the radio must be off; what expires within a
-    /// millisecond is off, as is a power that is not above zero.
-    pub fn radiate(&mut self, power_w: f64, slot: u16, expires_at: Instant, now: Instant) {
+    /// Commands this power in watts, or renews it, so that the radio is off by `off_by` unless it is renewed; what ends
+    /// within a millisecond is off, as is a power that is not above zero.
+    ///
+    /// # Errors
+    /// Why there is no command that certainly ends in time: it is told to be silent then.
+    pub fn command(
+        &mut self,
+        power_w: f64,
+        slot: u16,
+        off_by: Instant,
+        now: Instant,
+    ) -> Result<(), NotReady> {
+        let late = match &self.driver {
+            Driver::Leased(_) | Driver::Parameter(_) => {
+                COMMAND_LATENCY.max(2 * self.round_trip(now).unwrap_or_default())
+            }
+            Driver::Numbered(_) | Driver::None => Duration::ZERO,
+        };
+        self.set(power_w, slot, off_by - late, now)
+    }
+
+    /// The same, and where an expiry counts from receipt, as if it were received at once.
+    fn set(&mut self, power_w: f64, slot: u16, expires_at: Instant, now: Instant) -> Result<(), NotReady> {
+        let out = &mut self.outbox;
         if !(power_w.is_finite() && power_w > 0.0) || expires_at <= now {
-            return self.silence(now);
+            self.silence(now);
+            return Ok(());
         }
         match &mut self.driver {
-            Driver::Leased(leased) => leased.radiate(power_w, slot, expires_at, now, &mut self.outbox),
-            Driver::Parameter(parameter) => {
-                parameter.radiate(power_w, slot, expires_at, now, &mut self.outbox)
-            }
+            Driver::Numbered(numbered) => return numbered.radiate(power_w, slot, expires_at, now, out),
+            Driver::Leased(leased) => leased.radiate(power_w, slot, expires_at, now, out),
+            Driver::Parameter(parameter) => parameter.radiate(power_w, slot, expires_at, now, out),
             Driver::None => {}
+        }
+        Ok(())
+    }
+
+    /// What the radio certainly radiates, and until when, whatever becomes of us; `None` from the moment it is told to
+    /// be silent.
+    #[must_use]
+    pub fn on_until_at_least(&self, now: Instant) -> Option<Vouched> {
+        let Some(lease) = self.acknowledged() else {
+            let Driver::Numbered(numbered) = &self.driver else { return None };
+            return numbered.on_until_at_least(now);
+        };
+        let late = MARGIN + 2 * self.round_trip(now).unwrap_or_default();
+        let vouched = Vouched { slot: lease.slot, power_w: lease.power_w, until: lease.expires_at - late };
+        (vouched.until > now).then_some(vouched)
+    }
+
+    /// Whether its answers name the commands that they answer.
+    #[must_use]
+    pub fn tells_commands_apart(&self) -> bool {
+        matches!(self.driver, Driver::Numbered(_))
+    }
+
+    /// Whether a slot can be served, as far as is known beforehand.
+    ///
+    /// # Errors
+    /// Why not.
+    pub fn ready(&self, now: Instant) -> Result<(), NotReady> {
+        match &self.driver {
+            Driver::Numbered(numbered) => numbered.ready(now),
+            Driver::Leased(leased) => match leased.supported() {
+                Some(true) => Ok(()),
+                Some(false) => Err(NotReady::Unsupported),
+                None => Err(NotReady::NotHeard),
+            },
+            Driver::Parameter(_) | Driver::None => Ok(()),
         }
     }
 
     /// Off, at once, and again until the radio confirms it.
     pub fn silence(&mut self, now: Instant) {
         match &mut self.driver {
+            Driver::Numbered(numbered) => numbered.silence(now, &mut self.outbox),
             Driver::Leased(leased) => leased.silence(now, &mut self.outbox),
             Driver::Parameter(parameter) => parameter.silence(now, &mut self.outbox),
             Driver::None => {}
         }
     }
 
-    /// Takes a message from the link; what is not the radio's is ignored.
-    pub fn handle_message(&mut self, header: MavHeader, message: &MavMessage, now: Instant) {
+    /// Whether it is the radio that speaks; notes that it does.
+    fn hears(&mut self, header: MavHeader, now: Instant) -> bool {
         if (header.system_id, header.component_id)
             != (u32::from(self.settings.target.0), self.settings.target.1)
         {
-            return;
+            return false;
         }
         let silent_for = self.heard_at.replace(now).map_or(Duration::ZERO, |at| now.saturating_since(at));
         if silent_for > SILENCE_OF_LINK {
             match &mut self.driver {
+                Driver::Numbered(numbered) => numbered.link_is_back(now, &mut self.outbox),
                 Driver::Leased(leased) => leased.link_is_back(now, &mut self.outbox),
                 Driver::Parameter(parameter) => parameter.link_is_back(now, &mut self.outbox),
                 Driver::None => {}
             }
         }
+        true
+    }
+
+    /// Takes the radio's own message; another's is ignored.
+    pub fn handle_radio(&mut self, header: MavHeader, message: &wire::MavMessage, now: Instant) {
+        let wire::MavMessage::VEILWING_RADIO(report) = message;
+        if self.hears(header, now)
+            && let Driver::Numbered(numbered) = &mut self.driver
+        {
+            numbered.handle_report(report, now, &mut self.outbox);
+        }
+    }
+
+    /// Takes a message of the common dialect from the link; what is not the radio's is ignored.
+    pub fn handle_message(&mut self, header: MavHeader, message: &MavMessage, now: Instant) {
+        if !self.hears(header, now) {
+            return;
+        }
         match (&mut self.driver, message) {
             (Driver::Leased(leased), MavMessage::COMMAND_ACK(ack)) => {
                 leased.handle_ack(ack, now, &mut self.outbox)
             }
-            (Driver::Leased(_), MavMessage::PARAM_VALUE(value))
-                if value.param_id.to_str() == Ok(LIMIT_PARAMETER) =>
-            {
-                self.limit.take(value.param_value);
+            (Driver::Numbered(numbered), MavMessage::COMMAND_ACK(ack)) => numbered.handle_ack(ack),
+            (Driver::Numbered(_) | Driver::Leased(_), MavMessage::PARAM_VALUE(value)) => {
+                self.limit.take(value)
             }
             (Driver::Parameter(parameter), _) => parameter.handle_message(message, now, &mut self.outbox),
             _ => {}
@@ -203,6 +344,7 @@ impl Transmitter {
     pub fn handle_timeout(&mut self, now: Instant) {
         self.limit.advance(now, self.settings.target, &mut self.outbox);
         match &mut self.driver {
+            Driver::Numbered(numbered) => numbered.advance(now, &mut self.outbox),
             Driver::Leased(leased) => leased.advance(now, &mut self.outbox),
             Driver::Parameter(parameter) => parameter.advance(now, &mut self.outbox),
             Driver::None => {}
@@ -218,21 +360,21 @@ impl Transmitter {
     #[must_use]
     pub fn poll_timeout(&self) -> Option<(Instant, &'static str)> {
         let driver = match &self.driver {
+            Driver::Numbered(numbered) => numbered.timeout(),
             Driver::Leased(leased) => leased.timeout(),
             Driver::Parameter(parameter) => parameter.timeout(),
             Driver::None => None,
         };
-        [driver, self.limit.ask_at].into_iter().flatten().min().map(|at| (at, "transmitter"))
+        [driver, self.limit.timeout()].into_iter().flatten().min().map(|at| (at, "transmitter"))
     }
 
     /// The power that the radio has acknowledged; `None` from the moment it is told to be silent. Compare its expiry
-    /// with the present before relying on it.
-    #[must_use]
-    pub fn acknowledged(&self) -> Option<Lease> {
+    /// with the present before relying on it. Never of a radio that takes numbered commands.
+    fn acknowledged(&self) -> Option<Lease> {
         match &self.driver {
             Driver::Leased(leased) => leased.lease(),
             Driver::Parameter(parameter) => parameter.lease(),
-            Driver::None => None,
+            Driver::Numbered(_) | Driver::None => None,
         }
     }
 
@@ -242,26 +384,30 @@ impl Transmitter {
     #[must_use]
     pub fn is_off(&self, now: Instant) -> bool {
         match &self.driver {
+            Driver::Numbered(numbered) => numbered.is_off(now),
             Driver::Leased(leased) => leased.is_off(now),
             Driver::Parameter(parameter) => parameter.is_off(),
             Driver::None => true,
         }
     }
 
-    /// Time from the last answered command to its answer.
+    /// Time from a command to its answer, as of late.
     #[must_use]
-    pub fn round_trip(&self) -> Option<Duration> {
+    pub fn round_trip(&self, now: Instant) -> Option<Duration> {
         match &self.driver {
-            Driver::Leased(leased) => leased.round_trip(),
+            Driver::Numbered(numbered) => numbered.round_trip(now),
+            Driver::Leased(leased) => leased.round_trip(now),
             Driver::Parameter(parameter) => parameter.round_trip(),
             Driver::None => None,
         }
     }
 
-    /// Whether the radio falls silent by itself (S5): known once it has answered a leased command.
+    /// Whether the radio falls silent by itself (S5): known once it has answered a command that expires, or said its
+    /// clock.
     #[must_use]
     pub fn supports_expiry(&self) -> Option<bool> {
         match &self.driver {
+            Driver::Numbered(numbered) => numbered.is_heard().then_some(true),
             Driver::Leased(leased) => leased.supported(),
             Driver::Parameter(_) => Some(false),
             Driver::None => None,
@@ -272,7 +418,7 @@ impl Transmitter {
     #[must_use]
     pub fn limit_w(&self) -> Option<f64> {
         match &self.driver {
-            Driver::Leased(_) => self.limit.limit_w,
+            Driver::Numbered(_) | Driver::Leased(_) => self.limit.watts(),
             Driver::Parameter(parameter) => parameter.limit_w(),
             Driver::None => None,
         }
@@ -283,60 +429,8 @@ impl Transmitter {
     pub fn refusal(&self) -> Option<MavResult> {
         match &self.driver {
             Driver::Leased(leased) => leased.refusal(),
-            Driver::Parameter(_) | Driver::None => None,
+            Driver::Numbered(_) | Driver::Parameter(_) | Driver::None => None,
         }
-    }
-
-    /// What speaks for or against radiating.
-    #[must_use]
-    pub fn preflight(&self) -> Vec<Check> {
-        let (system, component) = self.settings.target;
-        match (&self.settings.kind, &self.driver) {
-            (Kind::None, _) => {
-                return vec![check("transmitter", Verdict::Warn, "none configured: nothing radiates")];
-            }
-            (Kind::Leased { command }, Driver::None) => {
-                let detail = format!("command {command} is no MAV_CMD; use 31010 (MAV_CMD_USER_1) to 31014");
-                return vec![check("transmitter", Verdict::Fail, detail)];
-            }
-            _ => {}
-        }
-        let expiry = match self.supports_expiry() {
-            Some(true) => check("transmitter expiry", Verdict::Pass, "the radio falls silent by itself"),
-            Some(false) if matches!(self.settings.kind, Kind::Parameter(_)) => check(
-                "transmitter expiry",
-                Verdict::Warn,
-                "not supported by a power parameter: a dead companion leaves the radio on (S5)",
-            ),
-            Some(false) => check(
-                "transmitter expiry",
-                Verdict::Fail,
-                "the radio does not know the leased power command: use kind = \"parameter\"",
-            ),
-            None => check("transmitter expiry", Verdict::Fail, "the radio has not answered yet"),
-        };
-        let heard = match self.heard_at {
-            Some(_) => {
-                check("transmitter", Verdict::Pass, format!("component {component} of system {system}"))
-            }
-            None => {
-                let detail = format!(
-                    "component {component} of system {system} was never heard on the autopilot's link"
-                );
-                check("transmitter", Verdict::Fail, detail)
-            }
-        };
-        let limit = match self.limit_w() {
-            Some(limit_w) => {
-                check("transmitter limit", Verdict::Pass, crate::units::Watts(limit_w).to_string())
-            }
-            None => check(
-                "transmitter limit",
-                Verdict::Warn,
-                "the radio does not say; the configured caps alone hold",
-            ),
-        };
-        vec![heard, expiry, limit]
     }
 }
 
@@ -355,25 +449,4 @@ fn until_next_off(wanted_for: Duration) -> Duration {
 fn at_most(value: f64) -> f32 {
     let rounded = value as f32;
     if f64::from(rounded) > value { rounded.next_down() } else { rounded }
-}
-
-impl Limit {
-    const ATTEMPTS: u8 = 5;
-    const INTERVAL: Duration = Duration::from_secs(1);
-
-    fn take(&mut self, dbm: f32) {
-        if dbm.is_finite() {
-            self.limit_w = Some(crate::units::Watts::from(crate::units::Dbm(dbm.into())).0);
-            self.ask_at = None;
-        }
-    }
-
-    fn advance(&mut self, now: Instant, target: (u8, u8), out: &mut std::collections::VecDeque<MavMessage>) {
-        if self.ask_at.is_none_or(|at| now < at) {
-            return;
-        }
-        out.push_back(parameter::read(LIMIT_PARAMETER, target));
-        self.asked += 1;
-        self.ask_at = (self.asked < Self::ATTEMPTS).then_some(now + Self::INTERVAL);
-    }
 }

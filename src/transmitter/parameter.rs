@@ -222,6 +222,7 @@ impl ByParameter {
         matches!(self.wanted, Wanted::Off { .. }) && self.off_echoes >= OFF_ECHOES
     }
 
+    /// Of the last value that was set and echoed.
     pub(super) fn round_trip(&self) -> Option<Duration> {
         self.round_trip
     }

@@ -12,6 +12,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::*;
+use crate::preflight::Verdict;
 
 const OWN: (u8, u8) = (1, 191);
 const RADIO: (u8, u8) = (1, 68);
@@ -73,6 +74,8 @@ impl World {
                 own: OWN,
                 target: (OWN.0, 68),
                 kind: Kind::Leased { command: 31010 },
+                boot: 1,
+                longest_round_trip: Duration::from_millis(150),
                 first_off_after: Duration::ZERO,
             },
             now,
@@ -138,7 +141,14 @@ fn steady(delay_ms: u64) -> impl FnMut() -> Vec<Duration> {
 fn by_parameter(unit: Unit, protocol: Protocol) -> Transmitter {
     let kind = Kind::Parameter(PowerParameter { name: "TX_POWER".into(), protocol, unit, off_value: 0.0 });
     Transmitter::new(
-        Settings { own: OWN, target: RADIO, kind, first_off_after: Duration::ZERO },
+        Settings {
+            own: OWN,
+            target: RADIO,
+            kind,
+            boot: 1,
+            longest_round_trip: Duration::from_millis(150),
+            first_off_after: Duration::ZERO,
+        },
         Instant::ZERO,
     )
 }

@@ -170,10 +170,10 @@ fn prop_a_lossy_slow_repeating_pair_link_costs_time_on_the_air_and_nothing_else(
 
 #[test]
 fn prop_a_pair_link_too_slow_for_leases_is_safe_and_says_that_slots_go_unserved() {
-    // There and back in 400 ms: a grant is counted from its request (S1), so nothing is left of 500 ms when it
+    // There and back in 480 ms: a grant is counted from its request (S1), so nothing is left of 500 ms when it
     // arrives, less the margins of the jammer's own lease.
     let pair =
-        Path { loss: 0.2, duplication: 0.3, delay: Duration::from_millis(200), spread: Duration::ZERO };
+        Path { loss: 0.2, duplication: 0.3, delay: Duration::from_millis(240), spread: Duration::ZERO };
     let mut flight = Flight::new(Setup { pair, ..Setup::default() });
     flight.fly_out();
     flight.assert_safe();

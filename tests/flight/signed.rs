@@ -52,7 +52,7 @@ fn companion(role: Role, ports: [u16; 2], directory: &Path, clock: &Clock) -> Co
             link("autopilot", vehicle.autopilot.system_id, Some(signing)),
         ),
         pair: (vehicle.pair_link.clone(), link("pair", vehicle.pair_peer_system, None), pair_form(&vehicle)),
-        transmitter: Transmitter::new(transmitter_settings(&vehicle), clock.now()),
+        transmitter: Transmitter::new(transmitter_settings(&vehicle, 1), clock.now()),
         settings: told,
         planner: Box::new(move || Ok(plan)),
     }

@@ -3,13 +3,14 @@
 use std::time::Duration;
 
 use mavlink::MavHeader;
-use mavlink::dialects::ardupilotmega::MavMessage as RadioMessage;
 use veilwing::pair::wire::{MavMessage, VeilwingFlags, VeilwingOrder};
 use veilwing::role::Role;
 use veilwing::service::{Event, SlotService, Vehicle};
 use veilwing::time::Instant;
+use veilwing::transmitter::Kind;
 
 use super::clocks::Clocks;
+use super::radio::Said;
 use super::setup::{LEAD, TICK, service, system, vehicle};
 
 const PAUSE: VeilwingOrder = VeilwingOrder::VEILWING_ORDER_PAUSE;
@@ -33,11 +34,18 @@ pub struct Companion {
 }
 
 impl Companion {
-    pub fn new(role: Role, boot_id: u32, clocks: Clocks, lease: Duration, slot: Duration) -> Self {
+    pub fn new(
+        role: Role,
+        boot_id: u32,
+        radio: Kind,
+        clocks: Clocks,
+        lease: Duration,
+        slot: Duration,
+    ) -> Self {
         Self {
             role,
             clocks,
-            service: service(role, boot_id, lease, slot),
+            service: service(role, boot_id, radio, lease, slot),
             aborted: None,
             pose_lost: false,
             stale_since: None,
@@ -52,9 +60,13 @@ impl Companion {
         self.react(t);
     }
 
-    pub fn handle_radio(&mut self, message: &RadioMessage, t: Duration) {
+    pub fn handle_radio(&mut self, said: &Said, t: Duration) {
         let header = MavHeader { system_id: system(self.role).into(), component_id: 68, sequence: 0 };
-        self.service.handle_radio(header, message, self.clocks.local(t));
+        let now = self.clocks.local(t);
+        match said {
+            Said::Acknowledgement(message) => self.service.handle_radio(header, message, now),
+            Said::Report(message) => self.service.handle_report(header, message, now),
+        }
         self.react(t);
     }
 

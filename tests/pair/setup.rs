@@ -73,8 +73,11 @@ pub fn system(role: Role) -> u8 {
     }
 }
 
+/// A radio that takes numbered commands, as it is flown.
+pub const NUMBERED: Kind = Kind::Numbered { command: 31010 };
+
 /// The service of a companion that has just started, with this lease and slots of this length.
-pub fn service(role: Role, boot_id: u32, lease: Duration, slot: Duration) -> SlotService {
+pub fn service(role: Role, boot_id: u32, kind: Kind, lease: Duration, slot: Duration) -> SlotService {
     let pair = pair::Settings {
         role,
         boot_id,
@@ -86,7 +89,9 @@ pub fn service(role: Role, boot_id: u32, lease: Duration, slot: Duration) -> Slo
     let radio = transmitter::Settings {
         own: (system(role), 191),
         target: (system(role), 68),
-        kind: Kind::Leased { command: 31010 },
+        kind,
+        boot: boot_id,
+        longest_round_trip: LEASE * 3 / 10,
         first_off_after: if role == Role::J { LEASE } else { Duration::ZERO },
     };
     let settings = Settings {

@@ -118,6 +118,16 @@ impl Default for BatteryConfig {
     }
 }
 
+/// The form of the power command that a transmitter knows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum PowerForm {
+    /// Its expiry counts from its receipt, COMMAND_ACK answers it.
+    First,
+    /// Numbered, its expiry on the radio's clock, an answer of the radio's own; the first as well, until it is given.
+    #[default]
+    Second,
+}
+
 /// One software vehicle: body, autopilot face and transmitter.
 #[derive(Debug, Clone, PartialEq)]
 pub struct VehicleConfig {
@@ -153,6 +163,11 @@ pub struct VehicleConfig {
     pub ready_after_s: f64,
     /// The transmitter's own limit.
     pub transmitter_max_dbm: f64,
+    /// The form of the power command that it knows.
+    pub power_form: PowerForm,
+    /// Its own message rides in TUNNEL, since the autopilot that it hangs on drops what it does not know; else it is on
+    /// the companion's wire itself.
+    pub radio_behind_autopilot: bool,
 }
 
 impl VehicleConfig {
@@ -176,6 +191,8 @@ impl VehicleConfig {
             slip: None,
             ready_after_s: 2.0,
             transmitter_max_dbm: 30.0,
+            power_form: PowerForm::default(),
+            radio_behind_autopilot: true,
         }
     }
 

@@ -6,6 +6,7 @@ use nalgebra::Vector3;
 
 use super::Vehicle;
 use super::autopilot::Autopilot;
+use super::radio_hop::{Manners, Toward};
 
 impl Vehicle {
     pub(crate) fn cut_companion_link(&mut self, down: bool) {
@@ -14,6 +15,10 @@ impl Vehicle {
 
     pub(crate) fn degrade_companion_link(&mut self, loss: f64, delay_s: f64) {
         self.link.degrade(loss, Duration::try_from_secs_f64(delay_s).unwrap_or_default());
+    }
+
+    pub(crate) fn trouble_radio_hop(&mut self, toward: Toward, manners: Manners) {
+        self.hop.behave(toward, manners);
     }
 
     pub(crate) fn pilot_takes_over(&mut self) {

@@ -12,6 +12,7 @@ pub mod geometry;
 pub mod jitter;
 mod parameters;
 mod radio;
+pub mod radio_hop;
 mod rotors;
 mod router;
 mod signing;
@@ -21,12 +22,12 @@ mod wind;
 
 use std::time::Duration;
 
-use mavlink::dialects::ardupilotmega::*;
 use nalgebra::{UnitQuaternion, Vector3};
 use serde::Serialize;
 
 use crate::frames::Euler;
 use crate::geodesy::Origin;
+use crate::random::{Noise, Purpose};
 use crate::wire::WireCounters;
 use autopilot::{Autopilot, Guidance, Mode, Sensed, SetpointCounters, Traces};
 use companion_link::CompanionLink;
@@ -36,8 +37,9 @@ use dynamics::Dynamics;
 use estimator::Estimator;
 use geometry::{Geometry, MAX_ROTORS};
 use jitter::{Jitter, JitterConfig};
+use radio::RadioHop;
 use rotors::{Allocator, Throttles, through_curves};
-use router::{Router, To};
+use router::Router;
 use transmitter::{Transmitter, TransmitterCounters};
 use wind::Wind;
 
@@ -115,7 +117,7 @@ pub struct Vehicle {
     utc_start_us: u64,
     /// Bytes and frames are of this time.
     now: Duration,
-    next_radio_heartbeat: Duration,
+    hop: RadioHop,
     ticks: u64,
 }
 
@@ -139,7 +141,10 @@ impl Vehicle {
             wind: Wind::new(config.wind, seed, index),
             jitter: Jitter::new(jitter, seed, index),
             autopilot: Autopilot::new(&config, mission, utc_start_us),
-            transmitter: Transmitter::new(config.transmitter_max_dbm),
+            transmitter: Transmitter::new(
+                config.transmitter_max_dbm,
+                Noise::new(seed, Purpose::Radio, index),
+            ),
             router: Router::new(config.system_id, &[autopilot::COMPONENT, transmitter::COMPONENT]),
             battery: config.battery.initial.clamp(0.0, 1.0),
             attitude: dynamics.attitude,
@@ -152,7 +157,7 @@ impl Vehicle {
             utc_start_us,
             now: Duration::ZERO,
             dynamics,
-            next_radio_heartbeat: Duration::ZERO,
+            hop: RadioHop::new(seed, index),
             ticks: 0,
             config,
         }
@@ -181,7 +186,7 @@ impl Vehicle {
             if component == autopilot::COMPONENT {
                 self.autopilot.handle(from, message, now, &mut self.router);
             } else {
-                self.radio(from, message, now);
+                self.to_radio(from, message, now);
             }
         }
     }
@@ -231,17 +236,7 @@ impl Vehicle {
         while let Some(bytes) = self.link.arrived(now) {
             self.take(COMPANION_LINK, &bytes, now);
         }
-        if now >= self.next_radio_heartbeat {
-            self.next_radio_heartbeat = now + Duration::from_secs(1);
-            let heartbeat = HEARTBEAT_DATA {
-                mavtype: MavType::MAV_TYPE_RADIO,
-                autopilot: MavAutopilot::MAV_AUTOPILOT_INVALID,
-                system_status: MavState::MAV_STATE_ACTIVE,
-                mavlink_version: 3,
-                ..HEARTBEAT_DATA::DEFAULT
-            };
-            self.router.send(To::All, transmitter::COMPONENT, &MavMessage::HEARTBEAT(heartbeat));
-        }
+        self.run_radio(now);
         let dt = TICK.as_secs_f64();
         self.estimate = self.estimator.step(truth(&self.dynamics), now, dt);
         self.autopilot.gps_ok = self.estimator.has_gps();

@@ -217,13 +217,27 @@ impl Router {
     }
 
     pub fn send(&mut self, to: To, component: u8, message: &MavMessage) {
+        self.send_encoded(to, component, |sequence, [system, component]| {
+            wire::encode(sequence, system, component, message)
+        });
+    }
+
+    /// A message that the message crate does not know, by its payload.
+    pub fn send_payload(&mut self, to: To, component: u8, id: u32, crc_extra: u8, payload: &[u8]) {
+        self.send_encoded(to, component, |sequence, from| {
+            wire::encode_payload(sequence, from, id, payload, crc_extra)
+        });
+    }
+
+    /// Sends what `encode` makes of each link's sequence number and the sender.
+    fn send_encoded(&mut self, to: To, component: u8, encode: impl Fn(u8, [u8; 2]) -> Vec<u8>) {
         let links: Vec<usize> = match to {
             To::All => self.active_links().collect(),
             To::Link(link) => vec![link],
         };
         for link in links.into_iter().filter(|&l| l < self.links.len()).collect::<Vec<_>>() {
             let sequence = self.next_sequence(link, component);
-            let frame = wire::encode(sequence, self.system_id, component, message);
+            let frame = encode(sequence, [self.system_id, component]);
             self.out.push_back((link, self.signing.seal(link, frame)));
         }
     }

@@ -1,10 +1,20 @@
-//! The payload radio: transmit power by leased command (MAV_CMD_USER_1), silent again by itself.
+//! The payload radio: transmit power by command (MAV_CMD_USER_1), silent again by itself.
+//!
+//! The command has two forms. In the first its expiry counts from its receipt (y, in ms) and COMMAND_ACK answers it; the
+//! second is `numbered`. A radio that knows both takes no more of the first once it was given the second, until it is
+//! switched off.
+
+mod numbered;
 
 use std::time::Duration;
 
 use mavlink::dialects::ardupilotmega::{COMMAND_INT_DATA, MavCmd, MavResult};
 
+use super::config::PowerForm;
 use super::parameters::{Encoding, Parameters, Value};
+use crate::random::Noise;
+use numbered::Numbered;
+pub(super) use numbered::{REPORT_CRC_EXTRA, REPORT_ID, Report};
 
 /// The component id of a payload radio (MAV_COMP_ID_TELEMETRY_RADIO).
 pub const COMPONENT: u8 = 68;
@@ -18,6 +28,15 @@ pub(crate) struct Emission {
     /// The slot number that came with the command.
     pub slot: i32,
     pub expires_at: Duration,
+    /// The same on the radio's clock, where a numbered command says it.
+    pub expires_ms: u32,
+}
+
+impl Emission {
+    fn new(asked_dbm: f64, slot: i32, expires_at: Duration, expires_ms: u32) -> Self {
+        // The synthesiser's step is a thousandth of a decibel.
+        Self { power_dbm: (asked_dbm * 1000.0).round() / 1000.0, slot, expires_at, expires_ms }
+    }
 }
 
 /// Counters of the power command.
@@ -38,6 +57,7 @@ pub(crate) struct Transmitter {
     pub counters: TransmitterCounters,
     hardware_max_dbm: f64,
     emission: Option<Emission>,
+    numbered: Numbered,
     /// A fault: nothing ends by itself.
     pub endless: bool,
     /// A fault: neither expiry nor command changes what is radiated.
@@ -45,13 +65,22 @@ pub(crate) struct Transmitter {
 }
 
 impl Transmitter {
-    pub fn new(max_dbm: f64) -> Self {
+    /// `noise` draws its clock and its series.
+    pub fn new(max_dbm: f64, noise: Noise) -> Self {
         let parameters = Parameters::new(
             Encoding::Cast,
             &[("TX_MAX_DBM", Value::Real(max_dbm as f32)), ("TX_EXPIRY_OK", Value::Int(1))],
         );
         let counters = TransmitterCounters::default();
-        Self { parameters, counters, hardware_max_dbm: max_dbm, emission: None, endless: false, stuck: false }
+        Self {
+            parameters,
+            counters,
+            hardware_max_dbm: max_dbm,
+            emission: None,
+            numbered: Numbered::new(noise),
+            endless: false,
+            stuck: false,
+        }
     }
 
     pub fn emission(&self) -> Option<Emission> {
@@ -67,23 +96,36 @@ impl Transmitter {
         f64::from(self.parameters.real("TX_MAX_DBM")).min(self.hardware_max_dbm)
     }
 
-    /// Carries out the power command; returns the result and the achieved power in milli-dBm (`i32::MIN` = off).
+    /// Whether a power may be radiated.
+    fn allows(&self, asked_dbm: f64) -> bool {
+        asked_dbm.is_finite() && asked_dbm <= self.limit_dbm() + DBM_ROUNDING
+    }
+
+    fn emit(&mut self, emission: Option<Emission>) {
+        if !self.stuck {
+            self.emission = emission;
+        }
+    }
+
+    /// Which form of the command a radio that knows `known` takes a command for.
+    pub fn form_of(&self, known: PowerForm, command: &COMMAND_INT_DATA) -> PowerForm {
+        let second = Self::is_numbered(command) || self.numbered.is_in_use();
+        if second { known } else { PowerForm::First }
+    }
+
+    /// Carries out the power command in its first form; returns the result and the achieved power in milli-dBm (`i32::MIN` = off).
     pub fn command(&mut self, command: &COMMAND_INT_DATA, now: Duration) -> (MavResult, i32) {
         let asked = f64::from(command.param1);
         let off = command.y <= 0 || asked == f64::NEG_INFINITY;
-        let refused = !off && (!asked.is_finite() || asked > self.limit_dbm() + DBM_ROUNDING);
+        let refused = !off && !self.allows(asked);
         if refused || self.stuck {
             self.counters.denied += 1;
             let result = if refused { MavResult::MAV_RESULT_DENIED } else { MavResult::MAV_RESULT_FAILED };
             return (result, self.achieved_mdbm());
         }
         self.counters.accepted += 1;
-        self.emission = (!off).then(|| Emission {
-            // The synthesiser's step is a thousandth of a decibel.
-            power_dbm: (asked * 1000.0).round() / 1000.0,
-            slot: command.x,
-            expires_at: now + Duration::from_millis(command.y.unsigned_abs().into()),
-        });
+        let expires_at = now + Duration::from_millis(command.y.unsigned_abs().into());
+        self.emit((!off).then(|| Emission::new(asked, command.x, expires_at, 0)));
         (MavResult::MAV_RESULT_ACCEPTED, self.achieved_mdbm())
     }
 
@@ -111,6 +153,11 @@ const DBM_ROUNDING: f64 = 1e-5;
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::random::Purpose;
+
+    fn transmitter(max_dbm: f64) -> Transmitter {
+        Transmitter::new(max_dbm, Noise::new(1, Purpose::Radio, 0))
+    }
 
     fn power(dbm: f32, slot: i32, expiry_ms: i32) -> COMMAND_INT_DATA {
         COMMAND_INT_DATA { param1: dbm, x: slot, y: expiry_ms, ..COMMAND_INT_DATA::DEFAULT }
@@ -118,7 +165,7 @@ mod tests {
 
     #[test]
     fn spec_lease_expires_to_the_millisecond() {
-        let mut tx = Transmitter::new(30.0);
+        let mut tx = transmitter(30.0);
         let t0 = Duration::from_micros(1_234_567);
         let reply = tx.command(&power(26.5, 4, 500), t0);
         assert_eq!(reply, (MavResult::MAV_RESULT_ACCEPTED, 26_500));
@@ -131,7 +178,7 @@ mod tests {
 
     #[test]
     fn spec_bad_powers_are_denied_and_change_nothing() {
-        let mut tx = Transmitter::new(27.0);
+        let mut tx = transmitter(27.0);
         tx.command(&power(20.0, 1, 500), Duration::ZERO);
         let before = tx.emission();
         for bad in [f32::NAN, f32::INFINITY, 27.1, 1e9] {
@@ -149,7 +196,7 @@ mod tests {
     #[test]
     fn spec_off_is_off_at_once() {
         for off in [power(f32::NEG_INFINITY, 1, 500), power(20.0, 1, 0), power(f32::NAN, 1, -3)] {
-            let mut tx = Transmitter::new(27.0);
+            let mut tx = transmitter(27.0);
             tx.command(&power(20.0, 1, 500), Duration::ZERO);
             assert_eq!(
                 tx.command(&off, Duration::from_millis(1)),
@@ -161,7 +208,7 @@ mod tests {
 
     #[test]
     fn spec_a_stuck_transmitter_ignores_expiry_and_orders() {
-        let mut tx = Transmitter::new(27.0);
+        let mut tx = transmitter(27.0);
         tx.command(&power(20.0, 1, 100), Duration::ZERO);
         tx.stuck = true;
         assert_eq!(tx.command(&power(20.0, 1, 0), Duration::ZERO).0, MavResult::MAV_RESULT_FAILED);
@@ -171,12 +218,32 @@ mod tests {
 
     #[test]
     fn spec_a_transmitter_without_expiry_still_obeys() {
-        let mut tx = Transmitter::new(27.0);
+        let mut tx = transmitter(27.0);
         tx.endless = true;
         tx.command(&power(20.0, 1, 100), Duration::ZERO);
         tx.expire(Duration::from_secs(9));
         assert_eq!((tx.expires_at(), tx.emission().map(|e| e.slot)), (None, Some(1)));
         tx.command(&power(20.0, 1, 0), Duration::from_secs(9));
         assert_eq!(tx.power_w(), None);
+    }
+
+    #[test]
+    fn val_once_commands_are_numbered_no_others_are_taken() {
+        let mut tx = transmitter(27.0);
+        let first = power(20.0, 1, 100);
+        assert_eq!(tx.form_of(PowerForm::Second, &first), PowerForm::First);
+        let numbered = COMMAND_INT_DATA { param2: 1.0, param3: 1.0, ..first.clone() };
+        assert_eq!(tx.form_of(PowerForm::Second, &numbered), PowerForm::Second);
+        // One that knows no better takes the time of a clock for a duration.
+        assert_eq!(tx.form_of(PowerForm::First, &numbered), PowerForm::First);
+        let off = COMMAND_INT_DATA {
+            param1: f32::NEG_INFINITY,
+            param4: tx.report(Duration::ZERO).series as f32,
+            ..numbered
+        };
+        tx.numbered_command((1, 191), &off, Duration::ZERO);
+        assert_eq!(tx.form_of(PowerForm::Second, &first), PowerForm::Second);
+        let answer = tx.numbered_command((1, 191), &first, Duration::ZERO).unwrap();
+        assert_eq!((answer.answers.1, tx.emission()), (0, None));
     }
 }

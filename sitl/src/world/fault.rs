@@ -1,5 +1,7 @@
 //! What goes wrong.
 
+use crate::vehicle::radio_hop::{Manners, Toward};
+
 /// A fault, in force from the moment it is injected.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Fault {
@@ -18,6 +20,15 @@ pub enum Fault {
         loss: f64,
         /// Seconds, each way.
         delay_s: f64,
+    },
+    /// The hop between the autopilot and its radio behaves so from now on, in one direction.
+    RadioHop {
+        /// 0 for I, 1 for J.
+        vehicle: usize,
+        /// Which direction.
+        toward: Toward,
+        /// How it behaves; the default mends it.
+        manners: Manners,
     },
     /// GPS is lost (`on`) or back: the position runs away at 0.06 m/s^2, is given up after 5 s, and jumps back with GPS.
     GpsLoss {
@@ -100,6 +111,7 @@ impl Fault {
         match *self {
             Self::LinkLoss { vehicle, .. }
             | Self::LinkDegraded { vehicle, .. }
+            | Self::RadioHop { vehicle, .. }
             | Self::GpsLoss { vehicle, .. }
             | Self::EstimatorReset { vehicle, .. }
             | Self::ClockJump { vehicle, .. }

@@ -180,6 +180,7 @@ impl World {
                 let whole = loss == 0.0 && delay_s == 0.0;
                 self.monitor.world_link(k, if whole { Passage::Good } else { Passage::Impaired }, self.now);
             }
+            Fault::RadioHop { toward, manners, .. } => vehicle.trouble_radio_hop(toward, manners),
             Fault::GpsLoss { on, .. } => vehicle.lose_gps(on, self.now),
             Fault::EstimatorReset { jump_enu_m, .. } => vehicle.reset_estimator(Vector3::from(jump_enu_m)),
             Fault::ClockJump { by_s, .. } => vehicle.jump_clock(by_s),

@@ -72,18 +72,61 @@ pub struct Client {
     pub header: MavHeader,
     /// Everything received, by sender's component.
     pub received: Vec<(u8, MavMessage)>,
+    /// The radio's own message, each time, and whether it came in TUNNEL.
+    pub reports: Vec<(RadioReport, bool)>,
+}
+
+/// What the radio says of itself, read by the message's definition.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct RadioReport {
+    pub time_ms: u32,
+    pub boot: u32,
+    pub newest: u32,
+    pub answers: (u32, u32),
+    pub series: u32,
+    pub power_mdbm: i32,
+    pub result: u8,
+}
+
+/// The radio's message in a frame, as it is or in TUNNEL, and which.
+fn radio_report(frame: &[u8]) -> Option<(RadioReport, bool)> {
+    let id = u32::from_le_bytes([frame[7], frame[8], frame[9], 0]);
+    let payload = &frame[10..10 + usize::from(frame[1])];
+    if id == 385 && payload[..2] == 42_120u16.to_le_bytes() {
+        let mut inside = payload[5..].to_vec();
+        inside.resize(usize::from(payload[4]), 0);
+        assert_eq!(inside[0], 0xFD, "a whole frame");
+        assert_eq!(inside.len(), 12 + usize::from(inside[1]));
+        return radio_report(&inside).map(|(report, _)| (report, true));
+    }
+    if id != 42_120 {
+        return None;
+    }
+    let mut whole = [0; 33];
+    whole[..payload.len()].copy_from_slice(payload);
+    let word = |k: usize| u32::from_le_bytes(whole[4 * k..4 * k + 4].try_into().unwrap());
+    let report = RadioReport {
+        time_ms: word(0),
+        boot: word(1),
+        newest: word(2),
+        answers: (word(3), word(4)),
+        series: word(5),
+        power_mdbm: word(7).cast_signed(),
+        result: whole[32],
+    };
+    Some((report, false))
 }
 
 impl Client {
     /// The companion of a vehicle: its system id, component 191, link 0.
     pub fn companion(vehicle: usize) -> Self {
         let header = MavHeader { system_id: vehicle as u32 + 1, component_id: 191, sequence: 0 };
-        Self { vehicle, link: 0, header, received: Vec::new() }
+        Self { vehicle, link: 0, header, received: Vec::new(), reports: Vec::new() }
     }
 
     pub fn ground_station(vehicle: usize, link: usize) -> Self {
         let header = MavHeader { system_id: 255, component_id: 190, sequence: 0 };
-        Self { vehicle, link, header, received: Vec::new() }
+        Self { vehicle, link, header, received: Vec::new(), reports: Vec::new() }
     }
 
     pub fn system(&self) -> u8 {
@@ -120,6 +163,24 @@ impl Client {
             param1: dbm as f32,
             x: slot,
             y: expiry_ms,
+            command: MavCmd::MAV_CMD_USER_1,
+            target_system: self.system(),
+            target_component: 68,
+            ..COMMAND_INT_DATA::DEFAULT
+        });
+        self.send(world, &message);
+    }
+
+    /// A numbered command, by what the radio said last of its clock and its series.
+    pub fn numbered(&mut self, world: &mut World, dbm: f32, number: u32, ahead_ms: i32) {
+        let (last, _) = *self.reports.last().expect("the radio speaks by itself");
+        let message = MavMessage::COMMAND_INT(COMMAND_INT_DATA {
+            param1: dbm,
+            param2: number as f32,
+            param3: 5.0,
+            param4: last.series as f32,
+            x: 2,
+            y: last.time_ms.wrapping_add_signed(ahead_ms).cast_signed(),
             command: MavCmd::MAV_CMD_USER_1,
             target_system: self.system(),
             target_component: 68,
@@ -167,6 +228,12 @@ pub fn deliver(world: &mut World, clients: &mut [&mut Client]) {
     while let Some((vehicle, link, frame)) = world.poll_transmit() {
         let id = u32::from_le_bytes([frame[7], frame[8], frame[9], 0]);
         let payload = &frame[10..10 + usize::from(frame[1])];
+        let report = radio_report(&frame);
+        if let Some(report) = report {
+            let to = clients.iter_mut().filter(|c| c.vehicle == vehicle && c.link == link);
+            to.for_each(|client| client.reports.push(report));
+            continue;
+        }
         let message = MavMessage::parse(MavlinkVersion::V2, id, payload).expect("our own frames parse");
         for client in clients.iter_mut().filter(|c| c.vehicle == vehicle && c.link == link) {
             client.received.push((frame[6], message.clone()));

@@ -65,7 +65,12 @@ fn spec_vehicle_defaults_are_those_of_the_interface() {
     );
     assert_eq!((least.autopilot.system_id, least.autopilot.component_id), (None, 191));
     assert_eq!(least.autopilot.rate_hz, 50.0);
-    let leased = Transmitter { kind: Kind::Leased { command: 31010 }, simulated: true, component_id: 68 };
+    let leased = Transmitter {
+        kind: Kind::Numbered { command: 31010 },
+        simulated: true,
+        component_id: 68,
+        accept_late_commands: false,
+    };
     assert_eq!(least.transmitter, leased);
     assert_eq!(least.limits, Limits::default());
     assert_eq!((least.pair_peer_system, least.pair_tunnel), (None, false));

@@ -7,8 +7,8 @@ use veilwing_sitl::vehicle::TICK;
 use veilwing_sitl::{Circumstances, Fault, World};
 
 use crate::companion::{MOST_WAITING, WOKEN_LATE};
-use crate::link::Envelope;
 use crate::link::counters::Counters;
+use crate::link::{Aboard, Envelope};
 use crate::mission::{Outcome, Outgoing};
 use crate::role::{PerVehicle, Role};
 
@@ -347,11 +347,18 @@ impl Flight {
         process.from_vehicle.feed(bytes);
         process.from_vehicle.end();
         while let Some(raw) = process.from_vehicle.next_frame(&mut self.counters[role]) {
-            match raw.parse() {
+            match raw.parse::<Aboard>() {
                 Ok(frame) => {
                     self.log(role, Wire::Autopilot, raw.bytes(), observer);
-                    observer.received(self.now, role, frame.header, &frame.message);
-                    process.executive.handle_autopilot(frame.header, &frame.message, at);
+                    match &frame.message {
+                        Aboard::Common(message) => {
+                            observer.received(self.now, role, frame.header, message);
+                            process.executive.handle_autopilot(frame.header, message, at);
+                        }
+                        Aboard::Radio(message) => {
+                            process.executive.handle_radio(frame.header, message.message(), at);
+                        }
+                    }
                     self.send(role, process, observer);
                 }
                 Err(reason) => {

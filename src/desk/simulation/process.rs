@@ -2,12 +2,10 @@
 
 use std::time::Duration;
 
-use mavlink::dialects::ardupilotmega::MavMessage;
-
 use crate::companion::settings::{pair_form, settings, transmitter_settings};
 use crate::config::{Mission, Vehicle};
 use crate::link::codec::{Decoder, Encoder};
-use crate::link::{Envelope, Form};
+use crate::link::{Aboard, Envelope, Form};
 use crate::mission::Executive;
 use crate::planner::slots::Plan;
 use crate::role::Role;
@@ -32,7 +30,7 @@ pub struct Given {
 pub(super) struct Process {
     pub executive: Executive,
     pub encoder: Encoder,
-    pub from_vehicle: Decoder<MavMessage>,
+    pub from_vehicle: Decoder<Aboard>,
     pub from_peer: Decoder<Envelope>,
     /// In which form it speaks to its peer.
     pub form: Form,
@@ -50,7 +48,7 @@ impl Process {
     pub fn start(given: &Given, role: Role, boot_id: u32, start_unasked: bool, now: Duration) -> Self {
         let settings = settings(&given.mission, &given.vehicle, boot_id, start_unasked);
         let started = Instant::from_start(reads_at_start(role));
-        let transmitter = Transmitter::new(transmitter_settings(&given.vehicle), started);
+        let transmitter = Transmitter::new(transmitter_settings(&given.vehicle, boot_id), started);
         let mut executive = Executive::new(settings, transmitter, started);
         executive.handle_plan(given.plan.clone());
         Self {

@@ -111,12 +111,11 @@ impl Executive {
             return None;
         }
         let interlock = self.service.interlock();
-        let acknowledged = interlock.transmitter().acknowledged();
-        let lease = acknowledged.filter(|lease| interlock.is_on() && now < lease.expires_at);
+        let radiates = interlock.transmitter().on_until_at_least(now).filter(|_| interlock.is_on());
         let own = Transmitter {
             position_enu_m: self.position()?,
             axis: self.autopilot.state().attitude?.value.antenna_axis(),
-            tx_power_w: lease.map_or(0.0, |lease| lease.power_w),
+            tx_power_w: radiates.map_or(0.0, |radiates| radiates.power_w),
         };
         let other_plan = planned[role.peer()];
         let radiates = peer.says(VeilwingFlags::VEILWING_FLAGS_RADIATING);

@@ -136,14 +136,7 @@ impl Follower {
         now: Instant,
     ) -> Option<MavMessage> {
         let vouch = self.vouch?;
-        let granted = self.book.grant(
-            request.time_us,
-            vouch.transmitter_expires_at,
-            vouch.round_trip,
-            longest,
-            vouch.closes_at,
-            now,
-        )?;
+        let granted = self.book.grant(request.time_us, vouch.until, longest, vouch.closes_at, now)?;
         Some(MavMessage::VEILWING_LEASE_GRANT(wire::VEILWING_LEASE_GRANT_DATA {
             time_us: request.time_us,
             boot_id: request.boot_id,

@@ -111,10 +111,8 @@ pub struct Commitment {
 /// J's vouching: what a lease may rest on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Vouch {
-    /// End of the acknowledged lease of J's own transmitter.
-    pub transmitter_expires_at: Instant,
-    /// Round trip to the transmitter.
-    pub round_trip: Duration,
+    /// Not before this does J's own transmitter fall silent, whatever becomes of J's companion.
+    pub until: Instant,
     /// No lease reaches past this.
     pub closes_at: Instant,
 }

@@ -4,10 +4,7 @@ use std::time::Duration;
 
 use crate::role::Role;
 use crate::time::Instant;
-
-/// I's command reaches its radio this much later than it is given, or a measured round trip if that is longer: the
-/// radio counts its expiry from then. Beyond it the jam lease's own margin (pair::lease) covers.
-const COMMAND_LATENCY: Duration = Duration::from_millis(20);
+use crate::transmitter::NotReady;
 
 /// What the decision rests on beside the interlock's own state, all as known at one instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -45,8 +42,6 @@ pub struct Latches {
     pub power_limit_w: f64,
     /// The longest permit.
     pub lease: Duration,
-    /// Of a command to the transmitter, as last measured.
-    pub round_trip: Duration,
 }
 
 /// When a vehicle may radiate in the committed slot, and how strongly.
@@ -69,7 +64,7 @@ pub struct Permit {
     pub power_w: f64,
     /// Slot it belongs to.
     pub slot: u16,
-    /// The radio must be off from here on unless renewed.
+    /// The radio must be off by then unless renewed.
     pub expires_at: Instant,
 }
 
@@ -109,6 +104,9 @@ pub enum Silence {
     /// The plan's power, or a ceiling, is zero or not a number.
     #[error("no power is allowed")]
     NoPower,
+    /// The transmitter cannot be told when to be off: not of the decision, but of what became of it.
+    #[error("{0}")]
+    Transmitter(NotReady),
 }
 
 /// The decision: a pure function of what is known at `now`.
@@ -142,7 +140,7 @@ pub fn decide(latches: &Latches, facts: &Facts, now: Instant) -> Result<Permit, 
     let expires_at = match latches.role {
         Role::I => {
             let lease_end = facts.jam_lease.ok_or(Silence::NoLease)?;
-            longest.min(lease_end - COMMAND_LATENCY.max(latches.round_trip))
+            longest.min(lease_end)
         }
         Role::J if facts.peer_on_station || facts.leases_outstanding => longest,
         Role::J => return Err(Silence::NoPeer),

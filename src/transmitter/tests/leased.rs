@@ -24,7 +24,12 @@ fn val_a_companion_that_starts_tells_the_radio_off_and_learns_that_it_expires() 
     };
     world.give(&MavMessage::PARAM_VALUE(limit));
     assert!((world.transmitter.limit_w().unwrap() - 0.501_187).abs() < 1e-6);
-    assert!(world.transmitter.preflight().iter().all(|check| check.result == Verdict::Pass));
+    let checks = world.transmitter.preflight(world.now);
+    let (warned, rest): (Vec<_>, Vec<_>) =
+        checks.into_iter().partition(|check| check.result == Verdict::Warn);
+    assert!(rest.len() == 3 && rest.iter().all(|check| check.result == Verdict::Pass), "{rest:?}");
+    let [delay] = &warned[..] else { panic!("{warned:?}") };
+    assert!(delay.name == "transmitter delay" && delay.detail.contains("after 15 ms"), "{delay:?}");
 }
 
 #[test]
@@ -33,7 +38,7 @@ fn val_power_and_expiry_on_the_wire_are_rounded_down_and_the_lease_counts_from_t
     world.run(ms(100));
     let sent_at = world.now;
     let expires_at = world.now + Duration::from_micros(400_999);
-    world.transmitter.radiate(0.123_456, 9, expires_at, world.now);
+    world.transmitter.set(0.123_456, 9, expires_at, world.now).unwrap();
     world.run(ms(25));
     let command = world.radio.received.last().unwrap();
     assert_eq!((command.x, command.y), (9, 400));
@@ -43,7 +48,7 @@ fn val_power_and_expiry_on_the_wire_are_rounded_down_and_the_lease_counts_from_t
     assert_eq!(lease.expires_at, sent_at + ms(400));
     assert_eq!(lease.slot, 9);
     assert!((lease.power_w - power_w).abs() < 1e-7);
-    assert_eq!(world.transmitter.round_trip(), Some(ms(20) + STEP));
+    assert_eq!(world.transmitter.round_trip(world.now), Some(ms(20) + STEP));
     // Not renewed: off by itself and by us.
     world.run(ms(450));
     assert_eq!(world.radio.on, None);
@@ -57,7 +62,7 @@ fn val_what_expires_at_once_or_is_no_power_is_off() {
         let mut world = World::new(steady(1));
         world.run(ms(50));
         let at = world.now + Duration::from_micros(ahead);
-        world.transmitter.radiate(power_w, 1, at, world.now);
+        world.transmitter.set(power_w, 1, at, world.now).unwrap();
         world.run(ms(50));
         assert_eq!(world.radio.received.len(), 2);
         assert!(world.radio.received.iter().all(|c| c.y == 0 && c.param1 == f32::NEG_INFINITY));
@@ -68,7 +73,7 @@ fn val_what_expires_at_once_or_is_no_power_is_off() {
 fn val_off_is_sent_in_the_same_call_and_repeated_until_confirmed() {
     let mut world = World::new(steady(3));
     world.run(ms(50));
-    world.transmitter.radiate(0.1, 1, world.now + ms(500), world.now);
+    world.transmitter.set(0.1, 1, world.now + ms(500), world.now).unwrap();
     world.run(ms(50));
     world.transmitter.silence(world.now);
     let first = world.transmitter.poll_transmit();
@@ -115,7 +120,7 @@ fn val_off_is_repeated_fast_within_the_reaction_time_then_slower() {
     let spans = [100, 100, 1800, 2000];
     let now = Instant::from_start(Duration::from_secs(9));
     let mut world = World::new(Vec::new);
-    world.transmitter.radiate(0.1, 1, now + ms(500), now);
+    world.transmitter.set(0.1, 1, now + ms(500), now).unwrap();
     drain(&mut world.transmitter);
     world.transmitter.silence(now);
     assert_eq!(offs_unanswered(&mut world.transmitter, now, &spans), [4, 4, 36, 4]);
@@ -144,7 +149,7 @@ fn val_three_offs_in_a_row_may_be_lost_within_the_reaction_time() {
             if (5..5 + lost).contains(&sent) { Vec::new() } else { vec![way] }
         });
         world.run(ms(50));
-        world.transmitter.radiate(0.1, 1, world.now + ms(500), world.now);
+        world.transmitter.set(0.1, 1, world.now + ms(500), world.now).unwrap();
         world.run(ms(50));
         assert!(world.radio.on.is_some(), "{lost}");
         let at = world.now;
@@ -172,10 +177,10 @@ fn val_a_late_acknowledgement_never_lengthens_a_lease() {
         })
     };
     let first = world.now;
-    world.transmitter.radiate(0.1, 1, first + ms(300), first);
+    world.transmitter.set(0.1, 1, first + ms(300), first).unwrap();
     world.now = first + ms(150);
     let second = world.now;
-    world.transmitter.radiate(0.1, 1, second + ms(300), second);
+    world.transmitter.set(0.1, 1, second + ms(300), second).unwrap();
     // One answer, late: it may be the first's.
     world.give(&ack(20_000));
     assert_eq!(world.transmitter.acknowledged().map(|lease| lease.expires_at), Some(first + ms(300)));
@@ -221,7 +226,7 @@ fn prop_over_a_bad_wire_the_lease_is_never_longer_than_the_radios_and_off_is_off
             } else {
                 let expires_at = world.now + ms(rng.random_range(1..500));
                 allowed_until = allowed_until.max(expires_at);
-                world.transmitter.radiate(0.1, 3, expires_at, world.now);
+                world.transmitter.set(0.1, 3, expires_at, world.now).unwrap();
             }
             for _ in 0..rng.random_range(1..100) {
                 world.step();
@@ -263,8 +268,12 @@ fn val_a_radio_that_does_not_know_the_command_is_named_in_the_preflight() {
     assert_eq!(world.transmitter.supports_expiry(), Some(false));
     assert_eq!(world.transmitter.refusal(), Some(MavResult::MAV_RESULT_UNSUPPORTED));
     assert!(!world.transmitter.is_off(world.now), "never believed off on no evidence");
-    let expiry =
-        world.transmitter.preflight().into_iter().find(|check| check.name == "transmitter expiry").unwrap();
+    let expiry = world
+        .transmitter
+        .preflight(world.now)
+        .into_iter()
+        .find(|check| check.name == "transmitter expiry")
+        .unwrap();
     assert!(expiry.result == Verdict::Fail && expiry.detail.contains("parameter"), "{expiry:?}");
 }
 

@@ -8,8 +8,11 @@ fn val_a_level_table_gives_the_strongest_level_within_the_power_and_is_turned_of
     let mut transmitter = by_parameter(Unit::Levels(levels.to_vec()), Protocol::Classic);
     assert_eq!(transmitter.supports_expiry(), Some(false));
     assert_eq!(transmitter.limit_w(), Some(0.1));
-    let expiry =
-        transmitter.preflight().into_iter().find(|check| check.name == "transmitter expiry").unwrap();
+    let expiry = transmitter
+        .preflight(Instant::ZERO)
+        .into_iter()
+        .find(|check| check.name == "transmitter expiry")
+        .unwrap();
     assert!(expiry.result == Verdict::Warn && expiry.detail.contains("S5"), "{expiry:?}");
     // The type first.
     assert!(matches!(drain(&mut transmitter).as_slice(), [MavMessage::PARAM_REQUEST_READ(_)]));
@@ -29,20 +32,20 @@ fn val_a_level_table_gives_the_strongest_level_within_the_power_and_is_turned_of
     assert!(transmitter.is_off(now));
     drain(&mut transmitter);
 
-    transmitter.radiate(0.05, 4, now + ms(300), now);
+    transmitter.set(0.05, 4, now + ms(300), now).unwrap();
     assert_eq!(set(&drain(&mut transmitter)), 2.0);
     assert_eq!(transmitter.acknowledged(), None);
     let expires_at = now + ms(300);
     give(&mut transmitter, &classic(2.0), now + ms(8));
     assert_eq!(transmitter.acknowledged(), Some(Lease { power_w: 0.025, slot: 4, expires_at }));
-    assert_eq!(transmitter.round_trip(), Some(ms(8)));
+    assert_eq!(transmitter.round_trip(now + ms(8)), Some(ms(8)));
     assert_eq!(transmitter.poll_timeout().map(|(at, _)| at), Some(expires_at), "nothing to repeat");
     // Nobody renews: we turn it off ourselves.
     transmitter.handle_timeout(expires_at);
     assert_eq!(set(&drain(&mut transmitter)), 0.0);
     assert!(transmitter.acknowledged().is_none() && !transmitter.is_off(expires_at));
     // Too weak for every level: off, not more than was asked for.
-    transmitter.radiate(0.001, 4, expires_at + ms(300), expires_at);
+    transmitter.set(0.001, 4, expires_at + ms(300), expires_at).unwrap();
     transmitter.handle_timeout(expires_at + ms(60));
     assert_eq!(set(&drain(&mut transmitter)), 0.0);
 }
@@ -68,7 +71,7 @@ fn val_extended_parameters_carry_their_own_type_and_unit() {
             param_type: kind,
         };
         give(&mut transmitter, &MavMessage::PARAM_EXT_VALUE(value), Instant::ZERO);
-        transmitter.radiate(0.0504, 1, Instant::from_start(ms(500)), Instant::ZERO);
+        transmitter.set(0.0504, 1, Instant::from_start(ms(500)), Instant::ZERO).unwrap();
         let Some(MavMessage::PARAM_EXT_SET(set)) = drain(&mut transmitter).pop() else { panic!() };
         assert_eq!(set.param_type, kind);
         let sent = &set.param_value[..expected.len()];
@@ -97,6 +100,8 @@ fn val_an_adopted_system_is_the_one_commanded_and_the_first_word_is_off() {
         own: OWN,
         target: (OWN.0, 68),
         kind: Kind::Leased { command: 31010 },
+        boot: 1,
+        longest_round_trip: Duration::from_millis(150),
         first_off_after: Duration::ZERO,
     };
     let mut transmitter = Transmitter::new(settings, now);

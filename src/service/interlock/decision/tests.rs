@@ -76,17 +76,15 @@ fn windows() -> [Option<(Instant, Instant, bool)>; 7] {
     ]
 }
 
-/// Ends of the jam lease, and how much of it is left for a command: the way of the command is 20 ms, or the round trip
-/// if that is longer.
-fn leases(round_trip: Duration) -> [(Option<Instant>, Option<Instant>); 5] {
-    let way = if round_trip > ms(20) { round_trip } else { ms(20) };
-    let end = |left: Duration| Some(now() + way + left);
+/// Ends of the jam lease, and those of them by which a command may say that the radio is off.
+fn leases() -> [(Option<Instant>, Option<Instant>); 5] {
+    let end = |left: Duration| Some(now() + left);
     [
         (None, None),
         (Some(now() - ms(1)), None),
         (end(Duration::ZERO), None),
-        (end(ms(1)), Some(now() + ms(1))),
-        (end(ms(300)), Some(now() + ms(300))),
+        (end(ms(1)), end(ms(1))),
+        (end(ms(300)), end(ms(300))),
     ]
 }
 
@@ -95,12 +93,11 @@ const LIMITS_W: [f64; 5] = [f64::NAN, -1.0, 0.0, 0.3, f64::INFINITY];
 
 fn every_row(mut visit: impl FnMut(&Row)) {
     // Every true and false of the latches and of what the vehicle says.
-    for bits in 0..(1_u32 << 10) {
+    for bits in 0..(1_u32 << 9) {
         let bit = |k: u32| bits >> k & 1 == 1;
         let role = if bit(0) { Role::I } else { Role::J };
-        let round_trip = if bit(9) { ms(60) } else { ms(5) };
         for (window, power_w) in windows().into_iter().flat_map(|w| POWERS_W.map(|p| (w, p))) {
-            for (lease, limit_w) in leases(round_trip).into_iter().flat_map(|l| LIMITS_W.map(|w| (l, w))) {
+            for (lease, limit_w) in leases().into_iter().flat_map(|l| LIMITS_W.map(|w| (l, w))) {
                 for peer_on_station in BOTH {
                     let facts = Facts {
                         window: window.map(|(from, until, _)| Window { slot: 7, from, until, power_w }),
@@ -119,7 +116,6 @@ fn every_row(mut visit: impl FnMut(&Row)) {
                         resting: bit(3),
                         power_limit_w: limit_w,
                         lease: LEASE,
-                        round_trip,
                     };
                     // No permit outlasts the window, a lease's length, or what I was granted.
                     let longest =
