@@ -6,6 +6,7 @@ use crate::autopilot::EstimatorFault;
 use crate::role::Role;
 use crate::service::{GiveUp, Silence};
 
+use super::refusal::Refusal;
 use super::words;
 
 /// The first of what ended a mission before its time.
@@ -57,16 +58,4 @@ pub enum Cause {
     /// By the operator.
     #[error("radio kill by the operator")]
     Killed,
-}
-
-/// What the autopilot refused, and how it said so.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[error("autopilot refused {what}: {answer} {text}")]
-pub struct Refusal {
-    /// What was asked.
-    pub what: String,
-    /// Its answer.
-    pub answer: String,
-    /// Its STATUSTEXT, if any came with it.
-    pub text: String,
 }

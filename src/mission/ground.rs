@@ -5,8 +5,8 @@ use crate::preflight::{Check, Verdict, check};
 use crate::schedule::transit::Router;
 use crate::time::{Instant, Utc};
 
-use super::executive::Settings;
 use super::notice::Notice;
+use super::settings::Settings;
 use super::start::Start;
 use super::waiting::Waiting;
 

@@ -7,20 +7,13 @@ mod files;
 mod information;
 mod live;
 mod parameters;
+mod showing;
 
 use std::collections::VecDeque;
 
-use mavlink::dialects::ardupilotmega::{MavMessage, MavState};
-
-use crate::autopilot;
 use crate::time::Instant;
 
-use super::executive::{Executive, Stopping};
-use super::phase::Phase;
 use crate::service::Tolerance;
-
-pub use live::Scene;
-pub use parameters::ParameterRefusal;
 
 /// What is remembered of it.
 #[derive(Debug)]
@@ -46,27 +39,5 @@ impl GroundStation {
     pub fn tolerance(&self, jitter_rad: f64) -> Tolerance {
         let [position_m, attitude_rad] = self.tolerance;
         Tolerance::of(position_m, attitude_rad, jitter_rad)
-    }
-}
-
-impl Executive {
-    /// At every tick: the next parameter of a list, or the next live figure.
-    pub(super) fn show(&mut self, now: Instant) {
-        if let Some(index) = self.ground_station.listing.pop_front() {
-            self.outbox.extend(self.parameter_value(index));
-        } else {
-            self.show_live(now);
-        }
-    }
-
-    pub(super) fn heartbeat(&self) -> MavMessage {
-        let in_trouble = self.abort_cause.is_some() || self.service.interlock().is_killed();
-        autopilot::heartbeat(match self.phase {
-            _ if matches!(self.stopping, Stopping::Since(_)) => MavState::MAV_STATE_POWEROFF,
-            _ if in_trouble => MavState::MAV_STATE_CRITICAL,
-            Phase::Connecting => MavState::MAV_STATE_BOOT,
-            Phase::Standby | Phase::Ended => MavState::MAV_STATE_STANDBY,
-            _ => MavState::MAV_STATE_ACTIVE,
-        })
     }
 }

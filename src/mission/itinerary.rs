@@ -8,7 +8,7 @@ use crate::schedule::table::{Entry, Table, TableError};
 use crate::schedule::trajectory::{Start, Trajectory};
 use crate::schedule::transit::{Router, Separation, TransitError};
 
-use super::executive::Settings;
+use super::settings::Settings;
 
 /// Why the slots cannot be flown one after the other.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

@@ -12,8 +12,8 @@ use crate::service::{GiveUp, Silence};
 use crate::transmitter::NotReady;
 use crate::units::Watts;
 
-use super::cause::{Cause, Refusal};
-use super::ground_station::ParameterRefusal;
+use super::cause::Cause;
+use super::refusal::{ParameterRefusal, Refusal};
 use super::words;
 
 /// A line for the operator: goes out as STATUSTEXT and into the log. Its `Display` is the text, in plain words with the

@@ -6,10 +6,11 @@ use crate::service::{Event as ServiceEvent, GiveUp, Silence};
 use crate::time::Instant;
 use crate::units::Watts;
 
-use super::cause::{Cause, Refusal};
+use super::cause::Cause;
 use super::executive::Executive;
 use super::notice::Notice;
 use super::phase::Phase;
+use super::refusal::Refusal;
 
 impl Executive {
     pub(super) fn on_autopilot(&mut self, event: AutopilotEvent, now: Instant) {

@@ -12,10 +12,12 @@ mod refusals;
 mod slot;
 mod slot_service;
 mod staleness;
+mod terms;
 
 pub use evidence::Vehicle;
 pub use interlock::{Ceilings, Permit, Silence};
 pub use pose_monitor::{Off, PoseMonitor, Tolerance};
 pub use slot::{Served, Slot};
-pub use slot_service::{Event, GiveUp, Outgoing, Settings, SlotService};
+pub use slot_service::SlotService;
 pub use staleness::Freshness;
+pub use terms::{Event, GiveUp, Outgoing, Settings};

@@ -15,11 +15,12 @@ use crate::transmitter::{NotReady, Transmitter};
 
 use super::agreement_time::AgreementTime;
 use super::evidence::Vehicle;
-use super::interlock::{Ceilings, Facts, Interlock, Permit, Silence};
+use super::interlock::{Facts, Interlock, Permit, Silence};
 use super::pose_monitor::Tolerance;
 use super::refusals::{Refusal, Refusals};
 use super::slot::{Served, Slot};
-use super::staleness::{Freshness, Staleness};
+use super::staleness::Staleness;
+use super::terms::{Event, GiveUp, Outgoing, Settings, may_recover, silence_reason};
 
 /// I asks for leases this long before it may radiate, so that it holds one when its time comes.
 const ASK_EARLY: Duration = Duration::from_millis(200);
@@ -27,82 +28,6 @@ const ASK_EARLY: Duration = Duration::from_millis(200);
 const FULL_POWER: f64 = 0.99;
 /// A slot is proposed no earlier before the time that the agreement takes.
 const EARLY: Duration = Duration::from_secs(2);
-
-/// What does not change while the companion runs.
-#[derive(Debug, Clone)]
-pub struct Settings {
-    /// The pair protocol.
-    pub pair: pair::Settings,
-    /// Power ceilings beside the plan's.
-    pub ceilings: Ceilings,
-    /// The transmitter is simulated, or the mission authorises emission.
-    pub emission_authorised: bool,
-    /// How old the vehicle's state may become.
-    pub freshness: Freshness,
-}
-
-/// Why the pair's service cannot go on.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum GiveUp {
-    /// Nothing was heard from the peer for this long.
-    PeerLost(Duration),
-    /// The peer's companion restarted: it takes nothing over in the air.
-    PeerRestarted,
-    /// The peer is not on its way to the agreed slot.
-    PeerLeft,
-    /// The peer fell silent for a reason that does not pass.
-    PeerSilent(VeilwingSilence),
-    /// The peer has ended its mission.
-    PeerEnded,
-    /// The peer goes on refusing this slot.
-    Refused(u16, VeilwingAnswer),
-    /// Our own transmitter goes on being unable to serve this slot.
-    Unready(u16, NotReady),
-}
-
-/// What the owner must know.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Event {
-    /// First message of the peer.
-    PeerFound,
-    /// The peer flies another mission.
-    MissionDiffers,
-    /// The peer made another plan of the same mission.
-    PlanDiffers,
-    /// Both companions are configured for the same role.
-    SameRole,
-    /// The peer fell silent out of turn.
-    PeerSilent(VeilwingSilence),
-    /// An operator's order that came through the peer.
-    Ordered(VeilwingOrder),
-    /// A proposal of this slot was refused, for the first time.
-    Refused(u16, VeilwingAnswer),
-    /// Our own transmitter cannot serve this slot: it is not agreed on before it can.
-    Unready(u16, NotReady),
-    /// A slot is agreed: the transit to it begins at its time.
-    Agreed(Commitment),
-    /// The transmitter may radiate from now on.
-    On(Permit),
-    /// The transmitter was told to be silent.
-    Off(Silence),
-    /// A slot's time is over, or it was ended early and all is quiet.
-    Over(u16, Served),
-    /// Every slot is over.
-    AllOver,
-    /// The owner should give the mission up, and say so by [`SlotService::abandon`].
-    GiveUp(GiveUp),
-    /// What [`SlotService::abandon`] had to wait for is done.
-    Abandoned,
-}
-
-/// A message of the service.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Outgoing {
-    /// To the transmitter.
-    Radio(Box<MavMessage>),
-    /// To the peer.
-    Pair(Box<wire::MavMessage>),
-}
 
 /// Where the vehicle stands in the mission's slots.
 #[derive(Debug, Clone)]
@@ -648,29 +573,5 @@ impl SlotService {
         self.agreement_time.agreed();
         self.pair.set_readiness(None);
         true
-    }
-}
-
-/// Whether a silence of the peer is one for a moment. State that is late for good the peer follows up by ending its
-/// mission.
-fn may_recover(reason: VeilwingSilence) -> bool {
-    matches!(
-        reason,
-        VeilwingSilence::VEILWING_SILENCE_POSE
-            | VeilwingSilence::VEILWING_SILENCE_TRANSMITTER
-            | VeilwingSilence::VEILWING_SILENCE_LINK
-    )
-}
-
-/// What the peer is told of a silence out of turn; `None` for those that are its own news or in turn.
-fn silence_reason(silence: Silence) -> Option<VeilwingSilence> {
-    match silence {
-        Silence::Killed | Silence::NotAuthorised => Some(VeilwingSilence::VEILWING_SILENCE_OPERATOR),
-        Silence::Stale => Some(VeilwingSilence::VEILWING_SILENCE_LINK),
-        Silence::NotInControl => Some(VeilwingSilence::VEILWING_SILENCE_CONTROL),
-        Silence::Estimator => Some(VeilwingSilence::VEILWING_SILENCE_ESTIMATOR),
-        Silence::Pose => Some(VeilwingSilence::VEILWING_SILENCE_POSE),
-        Silence::NoPower | Silence::Transmitter(_) => Some(VeilwingSilence::VEILWING_SILENCE_TRANSMITTER),
-        Silence::NoSlot | Silence::NoLease | Silence::NoPeer | Silence::Resting => None,
     }
 }

@@ -7,11 +7,10 @@ use veilwing::pair::wire::{MavMessage, VeilwingFlags, VeilwingOrder};
 use veilwing::role::Role;
 use veilwing::service::{Event, SlotService, Vehicle};
 use veilwing::time::Instant;
-use veilwing::transmitter::Kind;
 
 use super::clocks::Clocks;
 use super::radio::Said;
-use super::setup::{LEAD, TICK, service, system, vehicle};
+use super::setup::{LEAD, TICK, system, vehicle};
 
 const PAUSE: VeilwingOrder = VeilwingOrder::VEILWING_ORDER_PAUSE;
 const CONTINUE: VeilwingOrder = VeilwingOrder::VEILWING_ORDER_CONTINUE;
@@ -34,18 +33,11 @@ pub struct Companion {
 }
 
 impl Companion {
-    pub fn new(
-        role: Role,
-        boot_id: u32,
-        radio: Kind,
-        clocks: Clocks,
-        lease: Duration,
-        slot: Duration,
-    ) -> Self {
+    pub fn new(role: Role, clocks: Clocks, service: SlotService) -> Self {
         Self {
             role,
             clocks,
-            service: service(role, boot_id, radio, lease, slot),
+            service,
             aborted: None,
             pose_lost: false,
             stale_since: None,
@@ -62,11 +54,7 @@ impl Companion {
 
     pub fn handle_radio(&mut self, said: &Said, t: Duration) {
         let header = MavHeader { system_id: system(self.role).into(), component_id: 68, sequence: 0 };
-        let now = self.clocks.local(t);
-        match said {
-            Said::Acknowledgement(message) => self.service.handle_radio(header, message, now),
-            Said::Report(message) => self.service.handle_report(header, message, now),
-        }
+        said.reach(&mut self.service, header, self.clocks.local(t));
         self.react(t);
     }
 

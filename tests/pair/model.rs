@@ -20,7 +20,7 @@ use veilwing::transmitter::Kind;
 use super::clocks::Clocks;
 use super::companion::Companion;
 use super::radio::Radio;
-use super::setup::LEASE;
+use super::setup::{LEASE, service};
 
 /// A bug put in on purpose.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -98,7 +98,7 @@ impl SlotModel {
             let clocks = Clocks { started: Duration::ZERO, rate: 1.0, utc_error_us };
             // Radios obey at once: numbers and clocks would only tell states apart that are the same.
             let radio = Kind::Leased { command: 31010 };
-            Some(Companion::new(role, boot, radio, clocks, lease, self.slot))
+            Some(Companion::new(role, clocks, service(role, boot, radio, lease, self.slot)))
         });
         let mut state = State {
             t: Duration::ZERO,

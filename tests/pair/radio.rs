@@ -2,7 +2,10 @@
 
 use std::time::Duration;
 
+use mavlink::MavHeader;
 use mavlink::dialects::ardupilotmega::{COMMAND_ACK_DATA, COMMAND_INT_DATA, MavMessage as Common, MavResult};
+use veilwing::service::SlotService;
+use veilwing::time::Instant;
 use veilwing::transmitter::wire::{MavMessage, VEILWING_RADIO_DATA, VeilwingRadioResult as Result};
 
 /// What the radio's clock shows at the start.
@@ -15,6 +18,15 @@ pub enum Said {
     Acknowledgement(Common),
     /// To a numbered one, and unasked.
     Report(MavMessage),
+}
+
+impl Said {
+    pub fn reach(&self, service: &mut SlotService, from: MavHeader, now: Instant) {
+        match self {
+            Self::Acknowledgement(message) => service.handle_radio(from, message, now),
+            Self::Report(message) => service.handle_report(from, message, now),
+        }
+    }
 }
 
 /// What a radio emits.

@@ -15,7 +15,7 @@ use super::clocks::Clocks;
 use super::companion::Companion;
 use super::observer::{Observer, RADIO_WAY_MS};
 use super::radio::{Radio, Said};
-use super::setup::{GUARD, LEASE, NUMBERED, SLOT};
+use super::setup::{GUARD, LEASE, NUMBERED, SLOT, service};
 
 /// A radio says by itself what it does, five times a second.
 const REPORT_EVERY: Duration = Duration::from_millis(200);
@@ -38,7 +38,7 @@ pub enum FaultKind {
     Pause,
     /// A vehicle gives its mission up, as at an operator's return.
     GiveUp,
-    /// All the time: each way to a radio and back takes up to 20 ms, in any order, and one message in ten is lost.
+    /// All the time: each way to a radio and back takes up to 60 ms, in any order, and one message in ten is lost.
     RadioHop,
 }
 
@@ -149,7 +149,7 @@ pub fn run_with_lease(case: Case, i_lease: Duration, meddle: &mut impl FnMut(u64
     let companions = PerVehicle::from_fn(|role| {
         let boot = if role == Role::I { 1 } else { 2 };
         let lease = if role == Role::I { i_lease } else { LEASE };
-        Some(Companion::new(role, boot, NUMBERED, clocks[role], lease, SLOT))
+        Some(Companion::new(role, clocks[role], service(role, boot, NUMBERED, lease, SLOT)))
     });
     let mut world = World {
         case,
@@ -266,7 +266,7 @@ impl World {
     fn radio_way(&mut self) -> Option<Duration> {
         let poor = self.case.fault == FaultKind::RadioHop;
         let lost = self.rng.random_bool(if poor { 0.1 } else { 0.01 });
-        let share = if poor { self.rng.random_range(0.1..=1.3) } else { 0.5 };
+        let share = if poor { self.rng.random_range(0.1..=4.0) } else { 0.5 };
         (!lost).then(|| Duration::from_secs_f64(RADIO_WAY_MS * 1e-3 * share))
     }
 
@@ -404,7 +404,8 @@ impl World {
                 if role == Role::J {
                     self.observer.j_fault_at = Some(self.t);
                 }
-                let mut born = Companion::new(role, self.boots, NUMBERED, self.clocks[role], LEASE, SLOT);
+                let service = service(role, self.boots, NUMBERED, LEASE, SLOT);
+                let mut born = Companion::new(role, self.clocks[role], service);
                 // In flight it takes nothing over.
                 (born.aborted, born.joining) = (Some("back in the air".into()), false);
                 self.companions[role] = Some(born);

@@ -31,17 +31,6 @@ use crate::time::Instant;
 /// Nothing received at all is shown as this, in dB or dBm.
 const FLOOR_DB: f64 = -100.0;
 
-/// The nodes and the radio of a mission, for the live figures.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Scene {
-    /// The users, in the mission file's order, ENU.
-    pub users_enu_m: Vec<Enu>,
-    /// The eavesdroppers where they are thought to be, ENU.
-    pub eavesdroppers_enu_m: Vec<Enu>,
-    /// Bandwidth, noise and reference gain.
-    pub radio: Radio,
-}
-
 /// The model at this moment.
 #[derive(Debug, Clone, PartialEq)]
 struct Figures {

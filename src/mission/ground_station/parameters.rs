@@ -12,6 +12,7 @@ use mavlink::dialects::ardupilotmega::{
 
 use crate::mission::executive::Executive;
 use crate::mission::notice::Notice;
+use crate::mission::refusal::ParameterRefusal;
 use crate::role::Role;
 use crate::service::Tolerance;
 
@@ -100,39 +101,12 @@ const TABLE: [Parameter; 12] = [
     },
 ];
 
-/// Why a parameter stays as it is.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum ParameterRefusal {
-    /// It comes from elsewhere.
-    #[error("{name} stays: it is given by {source_of_it}")]
-    ReadOnly {
-        /// The parameter.
-        name: &'static str,
-        /// From where.
-        source_of_it: &'static str,
-    },
-    /// It was sent as another type.
-    #[error("{0} stays: it is written as a float (REAL32)")]
-    NotAFloat(&'static str),
-    /// Not one of the values it may have.
-    #[error("{name} stays: {value} is not within {} to {}", range[0], range[1])]
-    OutOfRange {
-        /// The parameter.
-        name: &'static str,
-        /// What was asked for.
-        value: f64,
-        /// Least and greatest.
-        range: [f64; 2],
-    },
-}
-
-impl ParameterRefusal {
-    fn code(&self) -> MavParamError {
-        match self {
-            Self::ReadOnly { .. } => MavParamError::MAV_PARAM_ERROR_READ_ONLY,
-            Self::NotAFloat(_) => MavParamError::MAV_PARAM_ERROR_TYPE_MISMATCH,
-            Self::OutOfRange { .. } => MavParamError::MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE,
-        }
+/// As the parameter protocol says it.
+fn code(refusal: &ParameterRefusal) -> MavParamError {
+    match refusal {
+        ParameterRefusal::ReadOnly { .. } => MavParamError::MAV_PARAM_ERROR_READ_ONLY,
+        ParameterRefusal::NotAFloat(_) => MavParamError::MAV_PARAM_ERROR_TYPE_MISMATCH,
+        ParameterRefusal::OutOfRange { .. } => MavParamError::MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE,
     }
 }
 
@@ -205,7 +179,7 @@ impl Executive {
         };
         self.outbox.extend(self.parameter_value(index));
         let Some(refusal) = refusal else { return self.notice(Notice::ParameterSet(name, value)) };
-        self.outbox.push_back(parameter_error(header, name, index as i16, refusal.code()));
+        self.outbox.push_back(parameter_error(header, name, index as i16, code(&refusal)));
         self.notice(Notice::ParameterRefused(refusal));
     }
 

@@ -1,0 +1,30 @@
+//! What goes out unasked: HEARTBEAT, and at every tick one more of a list or one live figure.
+
+use mavlink::dialects::ardupilotmega::{MavMessage, MavState};
+
+use crate::autopilot;
+use crate::mission::executive::{Executive, Stopping};
+use crate::mission::phase::Phase;
+use crate::time::Instant;
+
+impl Executive {
+    /// At every tick: the next parameter of a list, or the next live figure.
+    pub(in crate::mission) fn show(&mut self, now: Instant) {
+        if let Some(index) = self.ground_station.listing.pop_front() {
+            self.outbox.extend(self.parameter_value(index));
+        } else {
+            self.show_live(now);
+        }
+    }
+
+    pub(in crate::mission) fn heartbeat(&self) -> MavMessage {
+        let in_trouble = self.abort_cause.is_some() || self.service.interlock().is_killed();
+        autopilot::heartbeat(match self.phase {
+            _ if matches!(self.stopping, Stopping::Since(_)) => MavState::MAV_STATE_POWEROFF,
+            _ if in_trouble => MavState::MAV_STATE_CRITICAL,
+            Phase::Connecting => MavState::MAV_STATE_BOOT,
+            Phase::Standby | Phase::Ended => MavState::MAV_STATE_STANDBY,
+            _ => MavState::MAV_STATE_ACTIVE,
+        })
+    }
+}

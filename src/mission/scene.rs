@@ -1,0 +1,15 @@
+//! Where everybody is, and the radio they share.
+
+use crate::geo::Enu;
+use crate::planner::problem::Radio;
+
+/// The nodes and the radio of a mission, for the live figures.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Scene {
+    /// The users, in the mission file's order, ENU.
+    pub users_enu_m: Vec<Enu>,
+    /// The eavesdroppers where they are thought to be, ENU.
+    pub eavesdroppers_enu_m: Vec<Enu>,
+    /// Bandwidth, noise and reference gain.
+    pub radio: Radio,
+}
