@@ -6,8 +6,8 @@ use super::event::Event;
 use super::outbox::Outbox;
 use crate::time::Instant;
 
-/// Heartbeats come once a second; the mode is unknown when five in a row are missing. A link that loses one message in ten
-/// does not lose five in a row in a flight, and three in a row it may.
+/// Heartbeats come once a second. When five in a row are missing, the autopilot's mode counts as unknown. Five, because a
+/// link that loses one message in ten may well lose three in a row during a flight, but hardly ever five.
 const HEARTBEAT_TIMEOUT: Duration = Duration::from_millis(5500);
 
 /// When the autopilot was last heard.
@@ -25,8 +25,8 @@ impl LinkWatch {
         Self { timeout, heard_at: None, heartbeat_at: None, streaming: false, lost: false }
     }
 
-    /// Any message of the autopilot. `true` if the link was lost and now is back: a heartbeat says so, for a mode
-    /// that is not known is no control.
+    /// Takes note of a message of the autopilot. `true` if the link was lost and is back with it. Only a heartbeat brings it
+    /// back, since only a heartbeat says which mode the autopilot is in.
     pub(super) fn heard(
         &mut self,
         is_heartbeat: bool,

@@ -18,16 +18,16 @@ use super::observer::{Observer, Wire};
 use super::path::{Path, Pipe};
 use super::process::{Given, Process};
 
-/// Datagrams that a socket holds for a process that does not read: Linux's default buffer (208 KiB) over what it
-/// counts for a small one.
+/// How many datagrams wait in a socket while its process does not read; further ones are lost. Linux's default receive buffer
+/// of 208 KiB, divided by what it accounts for a small datagram.
 const SOCKET_HOLDS: usize = 256;
-/// More calls than this for one instant mean that a companion will never be satisfied.
+/// A companion that asks to be called again at the same instant more often than this would do so for ever.
 const MOST_CALLS: u32 = 100;
 
 /// Why a flight cannot go on.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum FlightError {
-    /// A companion that would hang its processor.
+    /// A companion asks to be called again and again without time going on: on a vehicle it would take all of a processor.
     #[error("the companion of vehicle {role} asks to be called at once for ever ({why}) at {at:?}")]
     Spinning {
         /// Which one.
