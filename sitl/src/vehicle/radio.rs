@@ -51,6 +51,18 @@ impl RadioHop {
         }
     }
 
+    pub fn freeze(&mut self, toward: Toward, frozen: bool) {
+        match toward {
+            Toward::Radio => self.down.freeze(frozen),
+            Toward::Companion => self.up.freeze(frozen),
+        }
+    }
+
+    /// Whether either direction is anything but good.
+    pub fn is_troubled(&self) -> bool {
+        self.down.is_troubled() || self.up.is_troubled()
+    }
+
     pub fn behave(&mut self, toward: Toward, manners: Manners) {
         match toward {
             Toward::Radio => self.down.behave(manners),
