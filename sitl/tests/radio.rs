@@ -82,24 +82,27 @@ fn prop_the_hop_to_the_radio_has_faults_of_its_own_in_each_direction() {
     f.clients[0].numbered(&mut f.world, OFF, 1, 0);
     f.pass(5);
     // Frozen commands burst when it thaws; an expiry on the radio's clock is none the later for it.
-    manners(&mut f, Toward::Radio, Manners { frozen: true, ..Manners::default() });
+    let freeze = |f: &mut Flight, toward, on| {
+        f.world.inject(Fault::RadioHopFrozen { vehicle: 0, toward, on });
+    };
+    freeze(&mut f, Toward::Radio, true);
     f.clients[0].numbered(&mut f.world, 20.0, 2, 300);
     f.clients[0].numbered(&mut f.world, 21.0, 3, 300);
     f.pass(200);
     assert_eq!(power_w(&f), None);
-    manners(&mut f, Toward::Radio, Manners::default());
+    freeze(&mut f, Toward::Radio, false);
     f.pass(5);
     assert!(power_w(&f).is_some_and(|power_w| (power_w - 0.125_893).abs() < 1e-6));
     f.pass(100);
     assert_eq!(power_w(&f), None, "300 ms after it was sent, not after it arrived");
     // Answers are held up without the commands being so.
-    manners(&mut f, Toward::Companion, Manners { frozen: true, ..Manners::default() });
+    freeze(&mut f, Toward::Companion, true);
     let said = f.clients[0].reports.len();
     f.clients[0].numbered(&mut f.world, 20.0, 4, 500);
     f.pass(150);
     assert!(power_w(&f).is_some());
     assert_eq!(f.clients[0].reports.len(), said);
-    manners(&mut f, Toward::Companion, Manners::default());
+    freeze(&mut f, Toward::Companion, false);
     f.pass(5);
     assert!(f.clients[0].reports[said..].iter().any(|(report, _)| report.answers == (5, 4)));
     // Everything doubled: the copy is not newer.

@@ -21,6 +21,14 @@ impl Vehicle {
         self.hop.behave(toward, manners);
     }
 
+    pub(crate) fn freeze_radio_hop(&mut self, toward: Toward, frozen: bool) {
+        self.hop.freeze(toward, frozen);
+    }
+
+    pub(crate) fn radio_hop_is_troubled(&self) -> bool {
+        self.hop.is_troubled()
+    }
+
     pub(crate) fn pilot_takes_over(&mut self) {
         self.autopilot.pilot_takes_over(&mut self.router);
     }

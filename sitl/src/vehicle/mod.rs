@@ -186,7 +186,7 @@ impl Vehicle {
             if component == autopilot::COMPONENT {
                 self.autopilot.handle(from, message, now, &mut self.router);
             } else {
-                self.to_radio(from, message, now);
+                self.hand_to_radio(from, message, now);
             }
         }
     }

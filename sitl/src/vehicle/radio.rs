@@ -51,6 +51,18 @@ impl RadioHop {
         }
     }
 
+    pub fn freeze(&mut self, toward: Toward, frozen: bool) {
+        match toward {
+            Toward::Radio => self.down.freeze(frozen),
+            Toward::Companion => self.up.freeze(frozen),
+        }
+    }
+
+    /// Whether either direction is anything but good.
+    pub fn is_troubled(&self) -> bool {
+        self.down.is_troubled() || self.up.is_troubled()
+    }
+
     pub fn behave(&mut self, toward: Toward, manners: Manners) {
         match toward {
             Toward::Radio => self.down.behave(manners),
@@ -61,7 +73,7 @@ impl RadioHop {
 
 impl Vehicle {
     /// A message for the radio component, at the autopilot's end of the hop.
-    pub(super) fn to_radio(&mut self, from: Sender, message: MavMessage, now: Duration) {
+    pub(super) fn hand_to_radio(&mut self, from: Sender, message: MavMessage, now: Duration) {
         self.hop.down.send((from, message), now);
         self.run_radio(now);
     }

@@ -25,26 +25,35 @@ pub struct Manners {
     pub delay_s: f64,
     /// Uniform addition to the delay, each copy's own: they overtake one another.
     pub spread_s: f64,
-    /// Nothing arrives; what was held up arrives at once when it goes on.
-    pub frozen: bool,
 }
 
 /// One direction, with what is under way on it.
 #[derive(Debug, Clone)]
 pub(super) struct Lane<T> {
     manners: Manners,
+    /// Nothing arrives; what was held up arrives at once when it goes on.
+    frozen: bool,
     noise: Noise,
     under_way: Vec<(Duration, T)>,
 }
 
 impl<T: Clone> Lane<T> {
     pub fn new(noise: Noise) -> Self {
-        Self { manners: Manners::default(), noise, under_way: Vec::new() }
+        Self { manners: Manners::default(), frozen: false, noise, under_way: Vec::new() }
     }
 
     /// From now on; what is under way stays so.
     pub fn behave(&mut self, manners: Manners) {
         self.manners = manners;
+    }
+
+    pub fn freeze(&mut self, frozen: bool) {
+        self.frozen = frozen;
+    }
+
+    /// Whether it is anything but good.
+    pub fn is_troubled(&self) -> bool {
+        self.frozen || self.manners != Manners::default()
     }
 
     fn draw(&mut self, probability: f64) -> bool {
@@ -67,7 +76,7 @@ impl<T: Clone> Lane<T> {
 
     /// The first of what has arrived.
     pub fn arrived(&mut self, now: Duration) -> Option<T> {
-        if self.manners.frozen {
+        if self.frozen {
             return None;
         }
         let due = self.under_way.iter().enumerate().filter(|(_, (at, _))| *at <= now);
@@ -104,10 +113,13 @@ mod tests {
         assert!(all(&mut lane, ms(99)).is_empty());
         let arrived = all(&mut lane, ms(400));
         assert!(arrived.len() == 100 && !arrived.is_sorted(), "they overtake one another");
-        lane.behave(Manners { frozen: true, ..Manners::default() });
+        lane.behave(Manners::default());
+        lane.freeze(true);
         (0..5).for_each(|k| lane.send(k, ms(500 + 10 * k)));
         assert!(all(&mut lane, ms(900)).is_empty());
-        lane.behave(Manners::default());
+        assert!(lane.is_troubled());
+        lane.freeze(false);
+        assert!(!lane.is_troubled());
         assert_eq!(all(&mut lane, ms(900)), [0, 1, 2, 3, 4], "at once, in order");
     }
 }

@@ -30,6 +30,15 @@ pub enum Fault {
         /// How it behaves; the default mends it.
         manners: Manners,
     },
+    /// Nothing arrives at the other end of that hop (`on`); what was held up arrives at once when it goes on.
+    RadioHopFrozen {
+        /// 0 for I, 1 for J.
+        vehicle: usize,
+        /// Which direction.
+        toward: Toward,
+        /// Frozen, or going on.
+        on: bool,
+    },
     /// GPS is lost (`on`) or back: the position runs away at 0.06 m/s^2, is given up after 5 s, and jumps back with GPS.
     GpsLoss {
         /// 0 for I, 1 for J.
@@ -112,6 +121,7 @@ impl Fault {
             Self::LinkLoss { vehicle, .. }
             | Self::LinkDegraded { vehicle, .. }
             | Self::RadioHop { vehicle, .. }
+            | Self::RadioHopFrozen { vehicle, .. }
             | Self::GpsLoss { vehicle, .. }
             | Self::EstimatorReset { vehicle, .. }
             | Self::ClockJump { vehicle, .. }

@@ -180,7 +180,14 @@ impl World {
                 let whole = loss == 0.0 && delay_s == 0.0;
                 self.monitor.world_link(k, if whole { Passage::Good } else { Passage::Impaired }, self.now);
             }
-            Fault::RadioHop { toward, manners, .. } => vehicle.trouble_radio_hop(toward, manners),
+            Fault::RadioHop { vehicle: k, toward, manners } => {
+                vehicle.trouble_radio_hop(toward, manners);
+                self.monitor.radio_hop(k, vehicle.radio_hop_is_troubled());
+            }
+            Fault::RadioHopFrozen { vehicle: k, toward, on } => {
+                vehicle.freeze_radio_hop(toward, on);
+                self.monitor.radio_hop(k, vehicle.radio_hop_is_troubled());
+            }
             Fault::GpsLoss { on, .. } => vehicle.lose_gps(on, self.now),
             Fault::EstimatorReset { jump_enu_m, .. } => vehicle.reset_estimator(Vector3::from(jump_enu_m)),
             Fault::ClockJump { by_s, .. } => vehicle.jump_clock(by_s),

@@ -82,6 +82,23 @@ fn spec_a_parameter_transmitter_must_say_how_it_is_silenced() {
 }
 
 #[test]
+fn spec_a_real_transmitter_of_the_first_form_needs_that_accepted() {
+    let real = VEHICLE_I.replace("simulated = true", "simulated = false");
+    assert!(Vehicle::parse("v.toml", &real).is_ok(), "the second form");
+    let first = real.replace("form = 2", "form = 1");
+    let findings = Vehicle::parse("v.toml", &first).unwrap_err();
+    let [finding] = findings.list() else { panic!("{findings}") };
+    assert_eq!(finding.line, line_of(&first, "form = 1"), "{findings}");
+    assert!(finding.message.contains("lasts too long"), "{findings}");
+    let accepted = first.replace("accept_late_commands = false", "accept_late_commands = true");
+    assert_ne!(accepted, first);
+    let vehicle = vehicle(&accepted);
+    assert_eq!(vehicle.transmitter.kind, Kind::Leased { command: 31010 });
+    // Nothing real, nothing to accept.
+    assert!(Vehicle::parse("v.toml", &VEHICLE_I.replace("form = 2", "form = 1")).is_ok());
+}
+
+#[test]
 fn spec_broken_vehicle_files_say_what_is_wrong() {
     // With each: what is pointed at, and at which column of its line.
     for (from, to, at, column, fragment) in [

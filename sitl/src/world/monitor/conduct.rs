@@ -25,6 +25,8 @@ pub(super) struct Side {
     told: Circumstances,
     /// What faults in the world do to the link between it and its vehicle.
     world_link: Passage,
+    /// Commands to its radio, or what the radio says, are held up or lost on the hop between autopilot and radio.
+    radio_hop_troubled: bool,
     /// It runs, and its vehicle's words reach it: since the beginning, or since.
     reached_since: Option<Duration>,
     unreached: bool,
@@ -56,7 +58,7 @@ impl Side {
 
     /// Runs, is reached by its vehicle and hears its peer.
     fn is_well(&self) -> bool {
-        !self.unreached && self.told.from_peer == Passage::Good
+        !self.unreached && !self.radio_hop_troubled && self.told.from_peer == Passage::Good
     }
 }
 
@@ -90,6 +92,11 @@ impl Monitor {
         self.reckon(now);
     }
 
+    /// A fault has begun or ended on the hop between a vehicle's autopilot and its radio.
+    pub fn radio_hop(&mut self, v: usize, troubled: bool) {
+        self.sides[v].radio_hop_troubled = troubled;
+    }
+
     fn reckon(&mut self, now: Duration) {
         for v in 0..2 {
             let peer_runs = self.sides[1 - v].told.runs;
@@ -117,8 +124,9 @@ impl Monitor {
 
     /// S4 of one vehicle by itself, and of its peer's loss.
     fn reaction(&mut self, v: usize, now: Duration, radiates: bool, traces: &Traces) {
-        let reaction = REACTION + self.allowance;
         let side = &self.sides[v];
+        // Off may never arrive; the expiry of what was commanded before does.
+        let reaction = self.allowance + if side.radio_hop_troubled { CUT } else { REACTION };
         let reached = side.reached_since.unwrap_or_default();
         let state = traces.state_due().filter(|_| !side.unreached).map(|due| due.max(reached));
         // A peer's datagrams may be under way for a while yet; a lease that was granted counts from before.

@@ -85,6 +85,19 @@ impl Fault {
         }
     }
 
+    /// How the hop to a radio behaves under the fault, or after it.
+    fn manners(&self, on: bool) -> sim::Manners {
+        if !on {
+            return sim::Manners::default();
+        }
+        sim::Manners {
+            loss: self.size(Magnitude::Loss),
+            duplication: self.size(Magnitude::Duplication),
+            delay_s: self.size(Magnitude::Delay),
+            spread_s: self.size(Magnitude::Spread),
+        }
+    }
+
     /// What the world is told when the fault begins (`on`) or ends; `None` for the faults of hosts and of pair links.
     #[must_use]
     pub fn in_the_world(&self, role: Role, on: bool) -> Option<sim::Fault> {
@@ -92,6 +105,20 @@ impl Fault {
         match self.kind {
             FaultKind::LinkLoss => Some(sim::Fault::LinkLoss { vehicle, on }),
             FaultKind::GpsLoss => Some(sim::Fault::GpsLoss { vehicle, on }),
+            FaultKind::RadioCommandsDegraded => {
+                let manners = self.manners(on);
+                Some(sim::Fault::RadioHop { vehicle, toward: sim::Toward::Radio, manners })
+            }
+            FaultKind::RadioAnswersDegraded => {
+                let manners = self.manners(on);
+                Some(sim::Fault::RadioHop { vehicle, toward: sim::Toward::Companion, manners })
+            }
+            FaultKind::RadioCommandsFrozen => {
+                Some(sim::Fault::RadioHopFrozen { vehicle, toward: sim::Toward::Radio, on })
+            }
+            FaultKind::RadioAnswersFrozen => {
+                Some(sim::Fault::RadioHopFrozen { vehicle, toward: sim::Toward::Companion, on })
+            }
             _ if !on => None,
             FaultKind::EstimatorReset => {
                 let jump_enu_m = self.horizontal(Magnitude::Jump);

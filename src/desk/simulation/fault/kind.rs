@@ -10,6 +10,10 @@ pub(super) const NAMES: &[(&str, FaultKind)] = &[
     ("link-degraded", FaultKind::LinkDegraded),
     ("pair-loss", FaultKind::PairLoss),
     ("pair-degraded", FaultKind::PairDegraded),
+    ("radio-commands-degraded", FaultKind::RadioCommandsDegraded),
+    ("radio-answers-degraded", FaultKind::RadioAnswersDegraded),
+    ("radio-commands-frozen", FaultKind::RadioCommandsFrozen),
+    ("radio-answers-frozen", FaultKind::RadioAnswersFrozen),
     ("pilot-mode", FaultKind::PilotMode),
     ("estimator-failure", FaultKind::EstimatorFailure),
     ("gps-loss", FaultKind::GpsLoss),
@@ -42,6 +46,14 @@ pub enum FaultKind {
     PairLoss,
     /// That link loses, repeats, delays and reorders.
     PairDegraded,
+    /// The hop from the autopilot to its radio loses, repeats, delays and reorders.
+    RadioCommandsDegraded,
+    /// So does the hop from the radio back.
+    RadioAnswersDegraded,
+    /// Nothing arrives at the radio, and all of it at once afterwards.
+    RadioCommandsFrozen,
+    /// Nothing of the radio arrives at the autopilot, and all of it at once afterwards.
+    RadioAnswersFrozen,
     /// The pilot takes over.
     PilotMode,
     /// The vehicle's position estimate fails.
@@ -73,6 +85,10 @@ impl FaultKind {
         Self::LinkDegraded,
         Self::PairLoss,
         Self::PairDegraded,
+        Self::RadioCommandsDegraded,
+        Self::RadioAnswersDegraded,
+        Self::RadioCommandsFrozen,
+        Self::RadioAnswersFrozen,
         Self::CompanionKill,
         Self::CompanionRestart,
         Self::CompanionStop,
@@ -114,6 +130,10 @@ impl FaultKind {
             Self::LinkDegraded => "link between autopilot and companion degraded",
             Self::PairLoss => "pair link cut",
             Self::PairDegraded => "pair link degraded",
+            Self::RadioCommandsDegraded => "hop to the radio degraded",
+            Self::RadioAnswersDegraded => "hop from the radio degraded",
+            Self::RadioCommandsFrozen => "hop to the radio frozen",
+            Self::RadioAnswersFrozen => "hop from the radio frozen",
             Self::PilotMode => "pilot takes over",
             Self::EstimatorFailure => "position estimate fails",
             Self::GpsLoss => "GPS lost",
@@ -132,7 +152,10 @@ impl FaultKind {
     #[must_use]
     pub const fn magnitudes(self) -> &'static [Magnitude] {
         match self {
-            Self::LinkDegraded | Self::PairDegraded => {
+            Self::LinkDegraded
+            | Self::PairDegraded
+            | Self::RadioCommandsDegraded
+            | Self::RadioAnswersDegraded => {
                 &[Magnitude::Loss, Magnitude::Duplication, Magnitude::Delay, Magnitude::Spread]
             }
             Self::WindStep => &[Magnitude::WindSpeed],
@@ -155,6 +178,10 @@ impl FaultKind {
                 | Self::LinkDegraded
                 | Self::PairLoss
                 | Self::PairDegraded
+                | Self::RadioCommandsDegraded
+                | Self::RadioAnswersDegraded
+                | Self::RadioCommandsFrozen
+                | Self::RadioAnswersFrozen
                 | Self::GpsLoss
                 | Self::DiskFull
         )
