@@ -15,7 +15,7 @@ const BEGAN_MS: u32 = 4_000_000_000;
 #[derive(Debug, Clone, PartialEq)]
 pub enum Said {
     /// To a command whose expiry counts from its receipt.
-    Acknowledgement(Common),
+    Acknowledgement(Box<Common>),
     /// To a numbered one, and unasked.
     Report(MavMessage),
 }
@@ -82,12 +82,12 @@ impl Radio {
             expires_ms: 0,
             mdbm: mdbm as i32,
         });
-        Said::Acknowledgement(Common::COMMAND_ACK(COMMAND_ACK_DATA {
+        Said::Acknowledgement(Box::new(Common::COMMAND_ACK(COMMAND_ACK_DATA {
             command: command.command,
             result: MavResult::MAV_RESULT_ACCEPTED,
             result_param2: if on { mdbm as i32 } else { i32::MIN },
             ..COMMAND_ACK_DATA::DEFAULT
-        }))
+        })))
     }
 
     fn second_form(&mut self, command: &COMMAND_INT_DATA, t: Duration) -> Said {

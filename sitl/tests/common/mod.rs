@@ -104,7 +104,7 @@ fn radio_report(frame: &[u8]) -> Option<(RadioReport, bool)> {
     }
     let mut whole = [0; 33];
     whole[..payload.len()].copy_from_slice(payload);
-    let word = |k: usize| u32::from_le_bytes(whole[4 * k..4 * k + 4].try_into().unwrap());
+    let word = |k: usize| whole[4 * k..].first_chunk().map_or(0, |bytes| u32::from_le_bytes(*bytes));
     let report = RadioReport {
         time_ms: word(0),
         boot: word(1),
