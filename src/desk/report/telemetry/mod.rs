@@ -9,18 +9,18 @@ mod vehicle;
 
 use std::path::{Path, PathBuf};
 
-use mavlink::dialects::ardupilotmega::MavMessage;
 use nalgebra::Vector3;
 
 use super::directory::RecordError;
 use super::timeline::{Event, EventKind, Heard, Sample, Scene, Severity, Timeline, VehicleState};
 use crate::config::Mission;
 use crate::link::tlog::{TlogError, TlogReader};
-use crate::link::{Envelope, RawFrame};
+use crate::link::{Aboard, Envelope, RawFrame};
 use crate::pair::wire;
 use crate::radio::link::{Transmitter, sinr};
 use crate::radio::secrecy;
 use crate::role::{PerVehicle, Role};
+use crate::transmitter::wire::MavMessage as RadioMessage;
 use vehicle::Tracker;
 
 /// The timeline has a sample this often.
@@ -156,10 +156,18 @@ fn track(role: Role, logs: &Logs, zero_us: u64, mission: Option<&Mission>, event
         if let Some(at) = tracker.expire(*us) {
             track.push((at, tracker.state()));
         }
-        let Ok(parsed) = frame.parse::<MavMessage>() else { continue };
+        let Ok(parsed) = frame.parse::<Aboard>() else { continue };
         let seconds = (us - zero_us) as f64 * 1e-6;
-        if let Some((severity, text)) = tracker.handle(parsed.header, &parsed.message, *us) {
-            events.push(notice(seconds, role, severity, text));
+        match &parsed.message {
+            Aboard::Common(message) => {
+                if let Some((severity, text)) = tracker.handle(parsed.header, message, *us) {
+                    events.push(notice(seconds, role, severity, text));
+                }
+            }
+            Aboard::Radio(enclosed) => {
+                let RadioMessage::VEILWING_RADIO(report) = enclosed.message();
+                tracker.radio(report, *us);
+            }
         }
         if *us >= next_us || tracker.changed() {
             track.push((*us, tracker.state()));

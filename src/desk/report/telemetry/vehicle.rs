@@ -12,6 +12,7 @@ use crate::autopilot::Firmware;
 use crate::autopilot::statustext::Assembly;
 use crate::desk::report::timeline::{Severity, VehicleState};
 use crate::geo::{Attitude, Enu, Geodetic, LocalFrame, Ned};
+use crate::transmitter::wire::VEILWING_RADIO_DATA;
 use crate::units::{Dbm, Watts};
 
 /// What a transmitter's acknowledgement reports as achieved when it is off.
@@ -20,7 +21,10 @@ const OFF: i32 = i32::MIN;
 /// A command that is not answered within this time will not be.
 const ANSWER_US: u64 = 500_000;
 
-/// A power command that is not answered yet.
+/// So many numbered commands are remembered: more than are under way to a radio at any time.
+const REMEMBERED: usize = 64;
+
+/// A power command of the first form that is not answered yet.
 #[derive(Debug, Clone, Copy)]
 struct Asked {
     at_us: u64,
@@ -51,6 +55,8 @@ pub(super) struct Tracker {
     landed: Option<bool>,
     battery: Option<f64>,
     asked: VecDeque<Asked>,
+    /// Of the second form: number and slot of the last commands.
+    numbered: VecDeque<(u32, Option<u16>)>,
     on: Option<On>,
     /// Of the companion and of the autopilot.
     texts: [Assembly; 2],
@@ -72,6 +78,7 @@ impl Tracker {
             landed: None,
             battery: None,
             asked: VecDeque::new(),
+            numbered: VecDeque::new(),
             on: None,
             texts: Default::default(),
             changed: false,
@@ -194,8 +201,13 @@ impl Tracker {
         }
     }
 
-    /// Acknowledgements carry no number: each belongs to the oldest command that is still unanswered.
+    /// Acknowledgements of the first form carry no number: each belongs to the oldest command that is still unanswered.
     fn asked(&mut self, m: &COMMAND_INT_DATA, now_us: u64) {
+        if m.param2 >= 1.0 {
+            self.numbered.push_back((m.param2 as u32, u16::try_from(m.x).ok()));
+            self.numbered.drain(..self.numbered.len().saturating_sub(REMEMBERED));
+            return;
+        }
         let expiry_ms = u64::try_from(m.y).unwrap_or(0);
         let until_us = (expiry_ms > 0 && m.param1.is_finite()).then_some(now_us + expiry_ms * 1000);
         self.asked.retain(|asked| asked.at_us + ANSWER_US >= now_us);
@@ -210,6 +222,17 @@ impl Tracker {
         let power_w = Watts::from(Dbm(f64::from(m.result_param2) / 1000.0)).0;
         let on = asked.until_us.filter(|_| m.result_param2 != OFF);
         self.set_power(on.map(|until_us| On { power_w, slot: asked.slot, until_us }));
+    }
+
+    /// What the radio says of itself: the power in force, and until when by its own clock.
+    pub fn radio(&mut self, m: &VEILWING_RADIO_DATA, now_us: u64) {
+        // Both wrap at 2^32.
+        let left_ms = m.expires_ms.wrapping_sub(m.time_ms) as i32;
+        let until_us = now_us + 1000 * u64::try_from(left_ms).unwrap_or(0);
+        let slot =
+            self.numbered.iter().rev().find(|(number, _)| *number == m.newest).and_then(|(_, slot)| *slot);
+        let power_w = Watts::from(Dbm(f64::from(m.power_mdbm) / 1000.0)).0;
+        self.set_power((m.power_mdbm != OFF).then_some(On { power_w, slot, until_us }));
     }
 
     fn set_power(&mut self, on: Option<On>) {
