@@ -12,9 +12,10 @@ use super::{Fault, index};
 
 /// What the world's lateness has upset is upset for this much longer: S4's reactions and the leases.
 const AFTERWARDS: Duration = Duration::from_secs(1);
-/// What depends on when something is heard. Powers, paths, and what a radio does by itself do not.
-const TIMED: [Invariant; 6] =
-    [Invariant::S1, Invariant::S2, Invariant::S3, Invariant::S4, Invariant::F2, Invariant::F3];
+/// What depends on when something is heard, or on the radio's clock, which stands still while the world does: a command
+/// that ends at an instant of it lasts so much longer then (S5). Powers and paths do not.
+const TIMED: [Invariant; 7] =
+    [Invariant::S1, Invariant::S2, Invariant::S3, Invariant::S4, Invariant::S5, Invariant::F2, Invariant::F3];
 
 /// A violation that does not count.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -137,7 +138,7 @@ mod tests {
             ("S3", Breach::InfoFirst, 29.9, None),
             ("S3", Breach::InfoFirst, 31.2, None),
             ("S6", Breach::Power { power_w: 2.0, allowed_w: 1.0 }, 30.5, None),
-            ("S5", Breach::Outlives { after }, 30.5, None),
+            ("S5", Breach::Outlives { after }, 30.5, Some("the world ran late by 90 ms at 30.000 s")),
             ("F1", Breach::Near { distance_m: 1.0, least_m: 2.0 }, 30.5, None),
         ] {
             let violation = violation(i, at_s, breach);
