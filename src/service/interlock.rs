@@ -1,6 +1,6 @@
 //! The one place that can raise a transmitter's power above off (S1-S6).
 //!
-//! [`decision`] says whether; [`Interlock`] owns the transmitter, so that nothing else can command it, and applies the
+//! [`decide`] says whether; [`Interlock`] owns the transmitter, so that nothing else can command it, and applies the
 //! decision. Every power command carries an expiry: the decision must be renewed or the radio
 //! falls silent by itself (S5).
 
@@ -13,8 +13,7 @@ use crate::time::Instant;
 use crate::transmitter::Transmitter;
 use crate::units::Watts;
 
-use decision::decide;
-pub use decision::{Facts, Latches, Permit, Silence, Window};
+pub use decision::{Facts, Latches, Permit, Silence, Window, decide};
 
 /// A standing permission is renewed this often.
 const RENEW_EVERY: Duration = Duration::from_millis(100);

@@ -73,9 +73,9 @@ pub enum Event {
     Over(u16, Served),
     /// Every slot is over.
     AllOver,
-    /// The owner should give the mission up, and say so by [`SlotService::abandon`].
+    /// The owner should give the mission up, and say so by [`super::SlotService::abandon`].
     GiveUp(GiveUp),
-    /// What [`SlotService::abandon`] had to wait for is done.
+    /// What [`super::SlotService::abandon`] had to wait for is done.
     Abandoned,
 }
 
