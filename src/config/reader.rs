@@ -106,6 +106,7 @@ impl<'c, 'd> Section<'c, 'd> {
     }
 
     /// A setting that may be left unset.
+    #[cfg(feature = "desk")]
     pub(crate) fn optional<K: Kind>(&mut self, key: &'static str, sentence: &str, kind: K) -> Option<K::Out> {
         let mut value = None;
         self.set_optional(key, sentence, kind, &mut value);
@@ -113,6 +114,7 @@ impl<'c, 'd> Section<'c, 'd> {
     }
 
     /// A setting that must be given.
+    #[cfg(feature = "desk")]
     pub(crate) fn required<K: Kind>(&mut self, key: &'static str, sentence: &str, kind: K) -> Option<K::Out> {
         let expected = kind.expected();
         self.require(key, || format!("add `{key} = ...`: {expected}"));

@@ -24,6 +24,9 @@ const ANSWER_US: u64 = 500_000;
 /// So many numbered commands are remembered: more than are under way to a radio at any time.
 const REMEMBERED: usize = 64;
 
+/// A radio's clock that is further off than this was set anew, or has wrapped.
+const SAME_CLOCK_US: i64 = 1_000_000;
+
 /// A power command of the first form that is not answered yet.
 #[derive(Debug, Clone, Copy)]
 struct Asked {
@@ -57,6 +60,8 @@ pub(super) struct Tracker {
     asked: VecDeque<Asked>,
     /// Of the second form: number and slot of the last commands.
     numbered: VecDeque<(u32, Option<u16>)>,
+    /// The radio's clock at 0, as this log's time has it.
+    radio_clock_us: Option<i64>,
     on: Option<On>,
     /// Of the companion and of the autopilot.
     texts: [Assembly; 2],
@@ -79,6 +84,7 @@ impl Tracker {
             battery: None,
             asked: VecDeque::new(),
             numbered: VecDeque::new(),
+            radio_clock_us: None,
             on: None,
             texts: Default::default(),
             changed: false,
@@ -228,7 +234,13 @@ impl Tracker {
     pub fn radio(&mut self, m: &VEILWING_RADIO_DATA, now_us: u64) {
         // Both wrap at 2^32.
         let left_ms = m.expires_ms.wrapping_sub(m.time_ms) as i32;
-        let until_us = now_us + 1000 * u64::try_from(left_ms).unwrap_or(0);
+        // A report that came late says the radio's clock too late: the promptest one tells where it stands.
+        let offset_us = now_us.cast_signed() - 1000 * i64::from(m.time_ms);
+        let known_us = self.radio_clock_us.filter(|known| (offset_us - known).abs() < SAME_CLOCK_US);
+        let offset_us = known_us.map_or(offset_us, |known| known.min(offset_us));
+        self.radio_clock_us = Some(offset_us);
+        let until_us = offset_us + 1000 * (i64::from(m.time_ms) + i64::from(left_ms.max(0)));
+        let until_us = u64::try_from(until_us).unwrap_or(0);
         let slot =
             self.numbered.iter().rev().find(|(number, _)| *number == m.newest).and_then(|(_, slot)| *slot);
         let power_w = Watts::from(Dbm(f64::from(m.power_mdbm) / 1000.0)).0;
