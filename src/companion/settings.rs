@@ -7,7 +7,7 @@ use crate::config::{Mission, Transmitter, Vehicle};
 use crate::link::Form;
 use crate::mission::{Scene, Settings};
 use crate::pair;
-use crate::role::Role;
+use crate::role::{PerVehicle, Role};
 use crate::service::Ceilings;
 use crate::transmitter;
 
@@ -15,8 +15,9 @@ use crate::transmitter;
 pub const LEASE: Duration = Duration::from_millis(500);
 /// A radio that answers later than this serves no slot. J's lease of [`LEASE`] runs while its command is answered, the
 /// answer vouches for a round trip less than that, and it is renewed every 100 ms: at 150 ms a fifth of it is left for
-/// the pair link and I's radio.
-const LONGEST_ROUND_TRIP: Duration = Duration::from_millis(150);
+/// the pair link and I's radio. Of what I is granted its own radio takes one round trip.
+const LONGEST_ROUND_TRIP: PerVehicle<Duration> =
+    PerVehicle { i: Duration::from_millis(250), j: Duration::from_millis(150) };
 /// How late a busy machine may run a process that is due.
 const SCHEDULING_DELAY: Duration = Duration::from_millis(25);
 /// Without a word for this long the other vehicle is lost and the mission is given up.
@@ -108,7 +109,7 @@ pub fn transmitter_settings(vehicle: &Vehicle, boot_id: u32) -> transmitter::Set
         target: (own.0, *component_id),
         kind: kind.clone(),
         boot: boot_id,
-        longest_round_trip: LONGEST_ROUND_TRIP,
+        longest_round_trip: LONGEST_ROUND_TRIP[vehicle.role],
         first_off_after,
     }
 }

@@ -20,6 +20,7 @@
 //! off by [`RADIO_STEP`] early, for it looks at its clock in steps, and never late.
 
 mod clock;
+mod commands;
 
 #[cfg(test)]
 mod tests;
@@ -27,14 +28,15 @@ mod tests;
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use mavlink::dialects::ardupilotmega::{COMMAND_ACK_DATA, COMMAND_INT_DATA, MavCmd, MavFrame, MavMessage};
+use mavlink::dialects::ardupilotmega::{COMMAND_ACK_DATA, MavCmd, MavMessage};
 
 use super::round_trip::RoundTrips;
-use super::wire::{VEILWING_RADIO_DATA, VeilwingRadioResult, WHOLE};
-use super::{NotReady, PERSISTENCE, REPEAT_OFF_FAST, Vouched, at_most, until_next_off};
+use super::wire::{VEILWING_RADIO_DATA, VeilwingRadioResult};
+use super::{NotReady, PERSISTENCE, REPEAT_OFF_FAST, Vouched, until_next_off};
 use crate::time::Instant;
 use crate::units::{Dbm, Watts};
 use clock::{RadioClock, RadioTime};
+use commands::{Asked, Commands, Sent};
 
 /// What a report states as power when there is none.
 const OFF: i32 = i32::MIN;
@@ -44,10 +46,6 @@ const REPEAT_ON: Duration = Duration::from_millis(100);
 const PROBE: Duration = Duration::from_millis(250);
 /// The radio may fall silent this much before its expiry.
 const RADIO_STEP: Duration = Duration::from_millis(20);
-/// Numbers left for the offs with which a series of numbers ends.
-const NUMBERS_KEPT: u32 = 16;
-/// Commands remembered, to find the one that an answer names.
-const MOST_SENT: usize = 256;
 
 /// What is wanted of the radio.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -67,24 +65,6 @@ enum Wanted {
     },
 }
 
-/// What a command asked for.
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum Asked {
-    Off,
-    On { power_w: f64, slot: u16, expires: RadioTime },
-}
-
-/// A command on its way, or answered.
-#[derive(Debug, Clone, Copy)]
-struct Sent {
-    number: u32,
-    at: Instant,
-    asked: Asked,
-    answered: bool,
-    /// Its number is taken and nothing else: it will never be in force.
-    refused: bool,
-}
-
 /// The newest power that the radio has answered.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct InForce {
@@ -99,18 +79,11 @@ struct InForce {
 /// The driver of a transmitter that takes numbered commands.
 #[derive(Debug, Clone)]
 pub(super) struct Numbered {
-    command: MavCmd,
-    target: (u8, u8),
-    boot: u32,
+    commands: Commands,
     longest_round_trip: Duration,
-    /// The last number given.
-    last_number: u32,
-    sent: VecDeque<Sent>,
     wanted: Wanted,
     /// The series in which the radio holds our boot.
     taken: Option<u32>,
-    /// The series that our commands name.
-    series: u32,
     /// The number of the newest command whose answer has said so.
     series_by: u32,
     /// The highest number that the radio is known to have taken: nothing before it is taken any more.
@@ -133,16 +106,16 @@ impl Numbered {
         longest_round_trip: Duration,
         off_at: Instant,
     ) -> Self {
+        Self::commanding(Commands::new(command, target, boot), longest_round_trip, off_at)
+    }
+
+    fn commanding(commands: Commands, longest_round_trip: Duration, off_at: Instant) -> Self {
+        let first_off = commands.last_number() + 1;
         Self {
-            command,
-            target,
-            boot: boot % (WHOLE - 1) + 1,
+            commands,
             longest_round_trip,
-            last_number: 0,
-            sent: VecDeque::new(),
-            wanted: Wanted::Off { since: off_at, first_off: 1, confirmed: false, repeat_at: off_at },
+            wanted: Wanted::Off { since: off_at, first_off, confirmed: false, repeat_at: off_at },
             taken: None,
-            series: 0,
             series_by: 0,
             newest_taken: 0,
             clock: RadioClock::default(),
@@ -156,15 +129,9 @@ impl Numbered {
 
     /// Turns to another radio, silent; the numbers go on, in case it is the same.
     pub(super) fn turn_to(&mut self, target: (u8, u8), off_at: Instant) {
-        let fresh = Self::new(self.command, target, 0, self.longest_round_trip, off_at);
-        let wanted = Wanted::Off {
-            since: off_at,
-            first_off: self.last_number + 1,
-            confirmed: false,
-            repeat_at: off_at,
-        };
-        *self =
-            Self { boot: self.boot, last_number: self.last_number, wanted, on_until: self.on_until, ..fresh };
+        let commands = self.commands.to_another(target);
+        let fresh = Self::commanding(commands, self.longest_round_trip, off_at);
+        *self = Self { on_until: self.on_until, ..fresh };
     }
 
     /// Commands this power, or renews it; off by `off_by`.
@@ -176,11 +143,7 @@ impl Numbered {
         now: Instant,
         out: &mut VecDeque<MavMessage>,
     ) -> Result<(), NotReady> {
-        let able = if self.last_number + NUMBERS_KEPT >= WHOLE {
-            Err(NotReady::NotTaken)
-        } else {
-            self.read_lately(now)
-        };
+        let able = if self.commands.are_used_up() { Err(NotReady::NotTaken) } else { self.read_lately(now) };
         if let Err(reason) = able {
             if matches!(self.wanted, Wanted::On { .. }) {
                 self.silence(now, out);
@@ -196,7 +159,7 @@ impl Numbered {
         self.in_force = None;
         let first_off = match self.wanted {
             Wanted::Off { first_off, .. } => first_off,
-            Wanted::On { .. } => self.last_number + 1,
+            Wanted::On { .. } => self.commands.last_number() + 1,
         };
         let repeat_at = now + until_next_off(Duration::ZERO);
         self.wanted = Wanted::Off { since: now, first_off, confirmed: false, repeat_at };
@@ -211,7 +174,7 @@ impl Numbered {
 
     /// COMMAND_ACK names no command and vouches for nothing; it tells a radio that knows no better.
     pub(super) fn handle_ack(&mut self, ack: &COMMAND_ACK_DATA) {
-        self.acknowledged |= ack.command == self.command;
+        self.acknowledged |= ack.command == self.commands.command();
     }
 
     pub(super) fn has_acknowledged(&self) -> bool {
@@ -225,23 +188,20 @@ impl Numbered {
         now: Instant,
         out: &mut VecDeque<MavMessage>,
     ) {
-        let names_ours = report.answers != 0 && report.answers_boot == self.boot;
-        let beyond_ours = names_ours && report.answers > self.last_number
-            || report.boot == self.boot && report.newest > self.last_number;
+        let (boot, given) = (self.commands.boot(), self.commands.last_number());
+        let names_ours = report.answers != 0 && report.answers_boot == boot;
+        let beyond_ours =
+            names_ours && report.answers > given || report.boot == boot && report.newest > given;
         if beyond_ours {
             return; // What was never sent was never answered.
         }
         self.heard_at = Some(now);
-        let named = names_ours.then(|| self.sent.iter_mut().find(|sent| sent.number == report.answers));
-        let named = named.flatten().map(|sent| {
-            let first = !std::mem::replace(&mut sent.answered, true);
-            (*sent, first)
-        });
+        let named = names_ours.then(|| self.commands.answered(report.answers)).flatten();
         if let Some((sent, true)) = named {
             self.round_trips.add(sent.at, now);
         }
         self.follow_series(report, names_ours, now, out);
-        if report.boot != self.boot || self.taken != Some(report.series) {
+        if report.boot != boot || self.taken != Some(report.series) {
             return;
         }
         self.clock.read(report.time_ms, named.map(|(sent, _)| sent.at), now);
@@ -250,7 +210,7 @@ impl Numbered {
         if let Some((sent, _)) = named {
             self.take_answer(report, &sent);
         }
-        self.forget_settled();
+        self.commands.forget_settled(self.newest_taken, self.in_force.map(|known| known.number));
         self.confirm_off(report, now, out);
     }
 
@@ -264,7 +224,7 @@ impl Numbered {
         out: &mut VecDeque<MavMessage>,
     ) {
         let newest_word = names_ours && report.answers >= self.series_by;
-        let ours = report.boot == self.boot;
+        let ours = report.boot == self.commands.boot();
         if newest_word {
             self.series_by = report.answers;
             let taken = ours.then_some(report.series);
@@ -275,14 +235,14 @@ impl Numbered {
             self.taken = taken;
         }
         if newest_word && !ours {
-            self.series = report.series;
+            self.commands.name_series(report.series);
             // It was switched off and on, or obeys another: off either way, and to be taken anew.
-            let last = self.sent.back().map(|sent| sent.at);
+            let last = self.commands.last().map(|sent| sent.at);
             if last.is_none_or(|at| at + REPEAT_OFF_FAST <= now) || matches!(self.wanted, Wanted::On { .. }) {
                 self.silence(now, out);
             }
         } else if !names_ours && !ours && self.taken.is_none() && self.series_by == 0 {
-            self.series = report.series;
+            self.commands.name_series(report.series);
         }
     }
 
@@ -318,23 +278,13 @@ impl Numbered {
             Is::VEILWING_RADIO_RESULT_DENIED
             | Is::VEILWING_RADIO_RESULT_NOT_NOW
             | Is::VEILWING_RADIO_RESULT_FAILED => {
-                if let Some(sent) = self.sent.iter_mut().find(|known| known.number == sent.number) {
-                    sent.refused = true;
-                }
+                self.commands.refused(sent.number);
             }
             // A copy of one that was taken is not newer either: that it is not in force does not follow.
             Is::VEILWING_RADIO_RESULT_NOT_NEWER
             | Is::VEILWING_RADIO_RESULT_OTHER_SERIES
             | Is::VEILWING_RADIO_RESULT_EXPIRED => {}
         }
-    }
-
-    /// Forgets commands that can neither come into force any more nor be in force unknown.
-    fn forget_settled(&mut self) {
-        let (newest, known) = (self.newest_taken, self.in_force);
-        self.sent.retain(|sent| {
-            sent.number >= newest || !sent.refused && known.is_some_and(|known| sent.number > known.number)
-        });
     }
 
     fn confirm_off(&mut self, report: &VEILWING_RADIO_DATA, now: Instant, out: &mut VecDeque<MavMessage>) {
@@ -361,7 +311,7 @@ impl Numbered {
             Wanted::On { off_by, .. } if *off_by <= now => self.silence(now, out),
             Wanted::On { repeat_at, .. } if *repeat_at <= now => {
                 *repeat_at = now + REPEAT_ON;
-                if self.sent.back().is_none_or(|last| !last.answered) {
+                if self.commands.last().is_none_or(|last| !last.answered) {
                     self.send_on(now, out);
                 }
             }
@@ -384,7 +334,7 @@ impl Numbered {
             return None;
         }
         let mut expires = known.expires;
-        for later in self.sent.iter().filter(|sent| sent.number > known.number && !sent.refused) {
+        for later in self.commands.not_refused_since(known.number) {
             match later.asked {
                 Asked::On { power_w, slot, expires: its }
                     if power_w == known.asked_w && slot == known.slot =>
@@ -452,53 +402,21 @@ impl Numbered {
     }
 
     fn send(&mut self, asked: Asked, now: Instant, out: &mut VecDeque<MavMessage>) {
-        if asked == Asked::Off && self.last_number + NUMBERS_KEPT >= WHOLE {
+        if asked == Asked::Off && self.commands.are_used_up() {
             self.begin_anew(now);
         }
-        self.last_number += 1;
-        if self.sent.len() == MOST_SENT {
-            let oldest = self.sent.pop_front();
+        let (message, forgotten) = self.commands.give(asked, now);
+        if let Some(forgotten) = forgotten {
             // What is no longer known may be in force as well.
-            self.in_force = self.in_force.filter(|known| oldest.is_some_and(|o| o.number <= known.number));
+            self.in_force = self.in_force.filter(|known| forgotten <= known.number);
         }
-        self.sent.push_back(Sent {
-            number: self.last_number,
-            at: now,
-            asked,
-            answered: false,
-            refused: false,
-        });
-        let (dbm, slot, expires_ms) = match asked {
-            Asked::Off => (f32::NEG_INFINITY, 0, 0),
-            Asked::On { power_w, slot, expires } => (power_dbm(power_w), slot, expires.wire_ms()),
-        };
-        out.push_back(MavMessage::COMMAND_INT(COMMAND_INT_DATA {
-            param1: dbm,
-            // Below 2^24 single precision holds them as they are.
-            param2: self.last_number as f32,
-            param3: self.boot as f32,
-            param4: self.series as f32,
-            x: slot.into(),
-            y: expires_ms.cast_signed(),
-            z: 0.0,
-            command: self.command,
-            target_system: self.target.0,
-            target_component: self.target.1,
-            frame: MavFrame::MAV_FRAME_GLOBAL,
-            current: 0,
-            autocontinue: 0,
-        }));
+        out.push_back(message);
     }
 
     /// The numbers are used up, after weeks: as if we had started again.
     fn begin_anew(&mut self, now: Instant) {
-        let fresh =
-            Self::new(self.command, self.target, self.boot, self.longest_round_trip, now + REPEAT_OFF_FAST);
-        *self = Self { on_until: self.on_until, series: self.taken.unwrap_or(self.series), ..fresh };
+        let commands = self.commands.begun_anew(self.taken);
+        let fresh = Self::commanding(commands, self.longest_round_trip, now + REPEAT_OFF_FAST);
+        *self = Self { on_until: self.on_until, ..fresh };
     }
-}
-
-/// Rounded down to the thousandth of a decibel in which the radio answers.
-fn power_dbm(power_w: f64) -> f32 {
-    at_most((Dbm::from(Watts(power_w)).0 * 1e3).floor() * 1e-3)
 }

@@ -8,10 +8,11 @@ mod rules;
 use std::collections::BTreeMap;
 
 use mavlink::MavHeader;
+use mavlink::dialects::ardupilotmega::COMMAND_INT_DATA;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::super::wire::MavMessage as RadioMessage;
+use super::super::wire::{MavMessage as RadioMessage, WHOLE};
 use super::super::{Driver, Kind, NotReady, Settings, Transmitter};
 use super::*;
 

@@ -208,8 +208,7 @@ fn val_the_clock_wraps_in_the_middle_of_a_slot() {
 fn val_numbers_that_are_used_up_begin_a_boot_of_their_own() {
     let mut world = World::settled(2);
     let Driver::Numbered(numbered) = &mut world.transmitter.driver else { panic!("a numbered radio") };
-    numbered.last_number = WHOLE - 20;
-    numbered.sent.clear();
+    numbered.commands.skip_to(WHOLE - 20);
     world.radio.newest = WHOLE - 20;
     for _ in 0..10 {
         let _ = world.command(0.1, 1, 300);
