@@ -87,6 +87,7 @@ fn fly(role: &str, seconds: f64, links: &str) {
         pair: (vehicle.pair_link.clone(), link("pair", None, false), pair_form(&vehicle)),
         transmitter: Transmitter::new(transmitter_settings(&vehicle, std::process::id()), clock.now()),
         settings: settings(&mission, &vehicle, std::process::id(), true),
+        orders: None,
         planner: Box::new(move || Ok(plan(&mission))),
     };
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");

@@ -69,6 +69,7 @@ impl Companion {
             lease: LEASE,
             peer_timeout: Duration::from_secs(3),
             clock_tolerance: Duration::from_millis(250),
+            orders: pair::Record::default(),
         };
         let radio = transmitter::Settings {
             own: (1, 191),

@@ -3,6 +3,7 @@
 //! Planning runs on a thread of its own and arrives as an input. Setpoints are due at instants of the executive's
 //! choosing; the loop sleeps until the earliest (never between two of them for a fixed length).
 
+pub mod orders_file;
 pub mod settings;
 
 use std::future::Future;
@@ -17,6 +18,7 @@ use crate::mission::{Executive, Notice, Outcome, Outgoing, Settings};
 use crate::planner::slots::Plan;
 use crate::role::Role;
 use crate::transmitter::Transmitter;
+use orders_file::OrdersFile;
 
 /// A deadline met later than this was missed: the process was not run.
 pub(crate) const WOKEN_LATE: Duration = Duration::from_millis(5);
@@ -33,6 +35,8 @@ pub struct Companion {
     pub autopilot: (LinkAddress, LinkConfig),
     /// Link to the other companion.
     pub pair: (LinkAddress, LinkConfig, Form),
+    /// Keeps the operator's orders for the next process; `None`: there is none.
+    pub orders: Option<OrdersFile>,
     /// Makes the plan; runs on a thread of its own.
     pub planner: Box<dyn FnOnce() -> Result<Plan, String> + Send>,
 }
@@ -62,7 +66,11 @@ impl Companion {
         let mut planning = Some(start_planning(self.planner));
         let mut stop = std::pin::pin!(stop);
         let mut stopping = false;
+        let mut orders = self.orders;
         loop {
+            if let Some((record, orders)) = executive.poll_record().zip(orders.as_mut()) {
+                orders.keep(record);
+            }
             while let Some(outgoing) = executive.poll_transmit() {
                 match outgoing {
                     Outgoing::Autopilot(message) => {

@@ -21,6 +21,8 @@ pub mod config;
 #[cfg(feature = "desk")]
 pub mod desk;
 #[cfg(feature = "companion")]
+pub mod durable;
+#[cfg(feature = "companion")]
 pub mod link;
 #[cfg(feature = "companion")]
 pub mod mission;

@@ -10,7 +10,7 @@ use std::process::Command;
 
 /// From the ground up; what shares a row does not know each other.
 const LAYERS: [&[&str]; 14] = [
-    &["role", "time", "units"],
+    &["role", "time", "units", "durable"],
     // A pose knows its antenna's axis: `geo` uses `radio::pattern` and nothing else of it.
     &["geo", "radio"],
     &["planner"],

@@ -96,6 +96,12 @@ impl VehicleState {
         self.armed.is_some_and(|armed| armed.value)
     }
 
+    /// Whether the last heartbeat showed them disarmed; `false` while none was heard.
+    #[must_use]
+    pub fn is_disarmed(&self) -> bool {
+        self.armed.is_some_and(|armed| !armed.value)
+    }
+
     /// When the older of position and attitude was received; `None` while one is unknown.
     pub(super) fn pose_since(&self) -> Option<Instant> {
         Some(self.position_enu_m?.received_at.min(self.attitude?.received_at))

@@ -6,6 +6,7 @@ use rustix::process::{Signal, getpid, kill_process};
 use tokio::signal::unix::{SignalKind, signal};
 
 use crate::companion::Companion;
+use crate::companion::orders_file::{self, OrdersFile};
 use crate::companion::settings::{allow_for_clock_rate, pair_form, settings, transmitter_settings};
 use crate::config::file::usable_directory;
 use crate::config::{Mission, Vehicle};
@@ -116,6 +117,9 @@ fn companion(args: &Args, mission: Mission, vehicle: &Vehicle, clock: &Clock) ->
     };
     let boot_id = boot_id(clock);
     let mut settings = settings(&mission, vehicle, boot_id, args.start);
+    let (orders, kept) =
+        OrdersFile::open(orders_file::path(&vehicle.log_dir, role)).map_err(|error| error.to_string())?;
+    settings.pair.orders = kept;
     allow_for_clock_rate(&mut settings, args.clock_rate);
     Ok(Companion {
         autopilot: (vehicle.autopilot.link.clone(), link(AUTOPILOT, vehicle.autopilot.system_id, None)?),
@@ -125,6 +129,7 @@ fn companion(args: &Args, mission: Mission, vehicle: &Vehicle, clock: &Clock) ->
             pair_form(vehicle),
         ),
         transmitter: Transmitter::new(transmitter_settings(vehicle, boot_id), clock.now()),
+        orders: Some(orders),
         settings,
         planner: Box::new(move || planning::plan(&mission).map_err(|error| error.to_string())),
     })

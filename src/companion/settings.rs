@@ -6,7 +6,7 @@ use crate::autopilot;
 use crate::config::{Mission, Transmitter, Vehicle};
 use crate::link::Form;
 use crate::mission::{Scene, Settings};
-use crate::pair;
+use crate::pair::{self, Record};
 use crate::role::{PerVehicle, Role};
 use crate::service::Ceilings;
 use crate::transmitter;
@@ -49,6 +49,7 @@ pub fn settings(mission: &Mission, vehicle: &Vehicle, boot_id: u32, start_unaske
             lease: LEASE,
             peer_timeout: PEER_TIMEOUT,
             clock_tolerance: Duration::from_secs_f64(mission.tdma.guard_s / 4.0),
+            orders: Record::default(),
         },
         airspace: mission.airspace.clone(),
         limits,

@@ -58,4 +58,7 @@ pub enum Cause {
     /// By the operator.
     #[error("radio kill by the operator")]
     Killed,
+    /// The other vehicle does not begin with us.
+    #[error("vehicle {0} does not stand by the start any more")]
+    StartWithdrawn(Role),
 }

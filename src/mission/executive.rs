@@ -8,13 +8,14 @@ use mavlink::dialects::ardupilotmega::MavMessage;
 
 use crate::autopilot::Autopilot;
 use crate::geo::Enu;
-use crate::pair::wire;
+use crate::pair::{Record, wire};
 use crate::planner::slots::Plan;
 use crate::service::{self, Freshness, SlotService, Tolerance};
 use crate::time::Instant;
 use crate::transmitter::Transmitter;
 use crate::transmitter::wire::MavMessage as RadioMessage;
 
+use super::asked::AskedFor;
 use super::cause::Cause;
 use super::ground::Ground;
 use super::ground_station::GroundStation;
@@ -22,6 +23,7 @@ use super::itinerary::Itinerary;
 use super::notice::Notice;
 use super::phase::Phase;
 use super::settings::Settings;
+use super::start::Start;
 
 const HEARTBEAT_EVERY: Duration = Duration::from_secs(1);
 /// Asked to end, the process gives its transmitter this long to confirm that it is off.
@@ -61,7 +63,7 @@ pub(super) enum Stopping {
 ///
 /// # Calling contract
 /// Feed it what happens, at the instant at which it happens: `handle_autopilot`, `handle_pair`, `handle_plan`,
-/// `handle_timeout`, `shutdown`. After each, drain `poll_transmit` and `poll_notice`, ask `outcome` whether the process
+/// `handle_timeout`, `shutdown`. After each, drain `poll_record`, `poll_transmit` and `poll_notice`, ask `outcome` whether the process
 /// may end, and call `handle_timeout` at `poll_timeout`, which any call may have moved. Everything happens in these
 /// calls: if nobody calls, nothing is sent (F3). `now` never goes back.
 ///
@@ -78,6 +80,8 @@ pub struct Executive {
     pub(super) home_enu_m: Option<Enu>,
     pub(super) ground: Ground,
     pub(super) ground_station: GroundStation,
+    /// Operator's commands that are to be answered.
+    pub(super) asked_for: AskedFor,
     pub(super) abort_cause: Option<Cause>,
     pub(super) outcome: Option<Outcome>,
     pub(super) stopping: Stopping,
@@ -102,6 +106,7 @@ impl Executive {
             },
         };
         let tolerance = Tolerance::for_jitter(settings.jitter_rad);
+        let start = Start::new(settings.start_unasked, settings.start_utc, settings.pair.orders.spent, now);
         Self {
             autopilot: Autopilot::new(settings.autopilot.clone(), now),
             service: SlotService::new(service, transmitter, tolerance, now),
@@ -109,8 +114,9 @@ impl Executive {
             plan: None,
             itinerary: None,
             home_enu_m: None,
-            ground: Ground::new(settings.start_unasked, settings.start_utc),
+            ground: Ground::new(start),
             ground_station: GroundStation::new(now),
+            asked_for: AskedFor::default(),
             abort_cause: None,
             outcome: None,
             stopping: Stopping::No,
@@ -193,6 +199,12 @@ impl Executive {
         self.notices.pop_front()
     }
 
+    /// Of the operator's orders, what a later process must be given as [`orders`](crate::pair::Settings::orders), if that has changed. To
+    /// be kept before messages are sent, as far as the disk allows.
+    pub fn poll_record(&mut self) -> Option<Record> {
+        self.service.poll_record()
+    }
+
     /// The process is asked to end: silent, the peer told, the autopilot left in its own hold. J first lets I go
     /// off, for a lease's length at most.
     pub fn shutdown(&mut self, now: Instant) {
@@ -253,6 +265,7 @@ impl Executive {
         let vehicle = self.vehicle(now);
         self.service.decide(&vehicle, now);
         self.take_service_events(now);
+        self.answer_operator(now);
     }
 
     fn take_service_events(&mut self, now: Instant) {

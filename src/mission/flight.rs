@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use crate::geo::Attitude;
 use crate::pair::Commitment;
+use crate::pair::orders::Order;
 use crate::pair::wire::VeilwingFlags;
 use crate::preflight::{Check, Verdict, check};
 use crate::role::PerVehicle;
@@ -16,6 +17,7 @@ use super::executive::{Executive, Outcome};
 use super::itinerary::Itinerary;
 use super::notice::Notice;
 use super::phase::{HOLD, Motion, Phase};
+use super::start::{Awaited, Void};
 use super::turns::Turns;
 
 /// How close to the end of a climb or a return counts as arrived, in metres.
@@ -29,12 +31,16 @@ impl Executive {
     /// Lets the present phase act.
     pub(super) fn step(&mut self, now: Instant) {
         if self.phase.is_waiting() && self.autopilot.state().is_armed() {
-            self.ground.start.forget();
+            self.service.forget_start();
+            self.ground.start.void(Void::Armed);
         }
         match &self.phase {
             Phase::Connecting => {
                 if self.autopilot.fresh(now) && self.estimator_ok() {
                     self.phase = Phase::Standby;
+                    if self.autopilot.state().is_disarmed() {
+                        self.service.began_on_the_ground(now);
+                    }
                 }
             }
             Phase::Standby => self.stand_by(now),
@@ -79,15 +85,44 @@ impl Executive {
         warnings.into_iter().for_each(|warning| self.notice(warning));
         let failed = !self.ground.preflight_ok();
         missing.extend(self.peer_missing(now));
-        if missing.is_empty() {
-            let (utc, climb) = (self.autopilot.utc(now), self.climb_time());
-            missing.extend(self.ground.start.waits_for(utc, climb));
-        }
+        missing.extend(self.await_start(&missing, now));
         let start = self.here().filter(|_| missing.is_empty());
         let Some(start) = start else { return self.wait_for(&missing, failed, now) };
+        self.service.set_flying(true, now);
         self.notice(Notice::TakingOff);
         self.phase = Phase::TakingControl(Motion { trajectory: Trajectory::rest(&start), starts_at: now });
         self.autopilot.take_control(now);
+    }
+
+    /// Once nothing else is missing: has the mission begin if its time has come, and stands by a START that is pending.
+    /// What is waited for.
+    fn await_start(&mut self, missing: &[String], now: Instant) -> Option<String> {
+        let pending = |e: &Self| e.service.orders().pending_start().is_some();
+        let mut awaited = None;
+        if missing.is_empty() && !pending(self) {
+            let (utc, climb) = (self.autopilot.utc(now), self.climb_time());
+            match self.ground.start.is_due(utc, climb, now) {
+                Ok(()) => {
+                    self.service.order(Order::Start, now);
+                }
+                Err(why) => awaited = Some(why),
+            }
+        }
+        let ready = missing.is_empty() && awaited.is_none() && pending(self);
+        self.service.set_ready(ready, now);
+        match awaited {
+            Some(Awaited::Time(text)) => {
+                self.ground.set_obstacle(std::slice::from_ref(&text));
+                return Some(text);
+            }
+            Some(Awaited::Order(text)) => {
+                self.ground.set_obstacle(&[]);
+                return Some(text);
+            }
+            None => self.ground.set_obstacle(missing),
+        }
+        let unconfirmed = ready && !self.service.orders().is_start_confirmed();
+        unconfirmed.then(|| format!("vehicle {} to confirm the start", self.settings.role.peer()))
     }
 
     /// Once plan and both homes are known.
@@ -119,7 +154,22 @@ impl Executive {
             let detail = "the vehicle is armed already: land and disarm it first";
             checks.push(check("disarmed", Verdict::Fail, detail));
         }
+        checks.extend(self.kill_check());
         checks
+    }
+
+    fn kill_check(&self) -> Option<Check> {
+        let orders = self.service.orders();
+        let role = self.settings.role.peer();
+        let detail = if orders.is_lifted_here_alone() {
+            format!(
+                "is lifted here and holds for vehicle {role}'s sake: lift it there too, or restart its companion on the ground"
+            )
+        } else {
+            "holds: lift it at each vehicle (31011 with param1 = 1), or restart both companions on the ground"
+                .to_owned()
+        };
+        orders.is_killed().then(|| check("radio kill", Verdict::Fail, detail))
     }
 
     /// What the other vehicle owes.

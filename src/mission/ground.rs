@@ -3,7 +3,7 @@
 use crate::planner::slots::Plan;
 use crate::preflight::{Check, Verdict, check};
 use crate::schedule::transit::Router;
-use crate::time::{Instant, Utc};
+use crate::time::Instant;
 
 use super::notice::Notice;
 use super::settings::Settings;
@@ -18,18 +18,21 @@ pub(super) struct Ground {
     /// Whether the fence holds the plan; `None` without a plan.
     geofence: Option<Check>,
     preflight_ok: bool,
+    /// What a MISSION_START would be refused for; empty: nothing.
+    obstacle: String,
     waiting: Waiting,
     /// Warnings told, each once: their text without its figures.
     warnings: Vec<String>,
 }
 
 impl Ground {
-    /// See [`Start::new`].
-    pub fn new(start_unasked: bool, start_utc: Option<Utc>) -> Self {
+    /// Nothing is known to speak for a take-off yet.
+    pub fn new(start: Start) -> Self {
         Self {
-            start: Start::new(start_unasked, start_utc),
+            start,
             geofence: None,
             preflight_ok: false,
+            obstacle: "the autopilot's state is not known yet".to_owned(),
             waiting: Waiting::default(),
             warnings: Vec::new(),
         }
@@ -38,6 +41,16 @@ impl Ground {
     /// Whether no check failed when they were made last.
     pub fn preflight_ok(&self) -> bool {
         self.preflight_ok
+    }
+
+    /// What a MISSION_START is refused for; empty: nothing.
+    pub fn obstacle(&self) -> &str {
+        &self.obstacle
+    }
+
+    /// What is missing speaks against a MISSION_START, too.
+    pub fn set_obstacle(&mut self, missing: &[String]) {
+        self.obstacle = missing.join("; ");
     }
 
     /// Judges a plan that has just come.
@@ -107,7 +120,7 @@ mod tests {
 
     #[test]
     fn spec_a_warning_is_told_once_whatever_its_figures_and_never_while_a_check_fails() {
-        let mut ground = Ground::new(false, None);
+        let mut ground = Ground::new(Start::new(false, None, false, Instant::ZERO));
         let warn = |mw: u32| check("transmitter", Verdict::Warn, format!("{mw} mW"));
         let fail = check("plan", Verdict::Fail, "is being made");
         let (failed, told) = ground.judge(&[warn(1), fail]);

@@ -5,6 +5,7 @@ use std::time::Duration;
 use mavlink::dialects::ardupilotmega::MavSeverity;
 
 use crate::autopilot::{EstimatorFault, Firmware};
+use crate::pair::orders::START_EXPIRES;
 use crate::pair::wire::{VeilwingAnswer, VeilwingSilence};
 use crate::role::Role;
 use crate::schedule::transit::TransitError;
@@ -162,8 +163,31 @@ pub enum Notice {
     #[error("{}", words::give_up(.0, .1))]
     PeerGone(Role, GiveUp),
     /// The radio kill.
-    #[error("radio kill: silent until the companion restarts")]
+    #[error(
+        "radio kill: silent until lifted at each vehicle, or both companions have restarted on the ground"
+    )]
     Killed,
+    /// A person has lifted it at this vehicle; it holds for the other's sake.
+    #[error("radio kill lifted at this vehicle: it holds until it is lifted at vehicle {0} too")]
+    KillLiftedHere(Role),
+    /// It is lifted at both.
+    #[error("radio kill lifted at both vehicles")]
+    KillLifted,
+    /// A START is pending, given here or at the other vehicle.
+    #[error("start ordered")]
+    StartOrdered,
+    /// It cannot be accepted.
+    #[error("start refused: {0}")]
+    StartRefused(String),
+    /// It was not confirmed by both in time.
+    #[error("start expired: within {:.0} s this vehicle or vehicle {peer} was not ready", START_EXPIRES.as_secs_f64())]
+    StartExpired {
+        /// The other vehicle.
+        peer: Role,
+    },
+    /// A START is taken back, and none counts that was set before.
+    #[error("staying on the ground: {0}")]
+    NotTakingOff(Cause),
     /// The operator's pause.
     #[error("paused by the operator: silent, holding")]
     Paused,
@@ -203,8 +227,14 @@ impl Notice {
             | Self::Landed
             | Self::OnTheGround
             | Self::PeerFound(_)
+            | Self::StartOrdered
             | Self::LogTakenAgain => MavSeverity::MAV_SEVERITY_INFO,
-            Self::Paused | Self::GoingOn | Self::ParameterSet(..) => MavSeverity::MAV_SEVERITY_NOTICE,
+            Self::Paused
+            | Self::GoingOn
+            | Self::ParameterSet(..)
+            | Self::KillLifted
+            | Self::KillLiftedHere(_)
+            | Self::NotTakingOff(_) => MavSeverity::MAV_SEVERITY_NOTICE,
             Self::AutopilotRefused(_)
             | Self::Estimator(_)
             | Self::Waiting { again: true, .. }
@@ -217,6 +247,8 @@ impl Notice {
             | Self::PeerSilent { .. }
             | Self::PeerGone(..)
             | Self::ParameterRefused(_)
+            | Self::StartRefused(_)
+            | Self::StartExpired { .. }
             | Self::LosingLog => MavSeverity::MAV_SEVERITY_WARNING,
             Self::NoWayHome(_)
             | Self::Astray(_)

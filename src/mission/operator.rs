@@ -1,15 +1,50 @@
-//! Commands from outside: any MAVLink ground station addresses them to our component (PROTOCOL section 5). Each is
-//! acknowledged truthfully and repeated to the peer.
+//! Commands from outside: any MAVLink ground station addresses them to our component, or to all (PROTOCOL section 5). Each
+//! order becomes a numbered fact that both vehicles share, and is acknowledged with what has come about.
 
 use mavlink::MavHeader;
-use mavlink::dialects::ardupilotmega::{COMMAND_ACK_DATA, MavCmd, MavMessage, MavResult};
+use mavlink::dialects::ardupilotmega::{MavCmd, MavMessage, MavResult};
 
-use crate::pair::wire::{VeilwingOrder, VeilwingSilence};
+use crate::pair::orders::{Change, Order};
+use crate::pair::wire::{VeilwingFlags, VeilwingSilence};
 use crate::time::Instant;
 
+use super::asked::{Progress, acknowledgement};
 use super::cause::Cause;
 use super::executive::Executive;
 use super::notice::Notice;
+use super::phase::Phase;
+use super::start::Void;
+
+/// What a command asks for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Wanted {
+    Order(Order),
+    /// The radio kill lifted at this vehicle.
+    Lift,
+    /// A message.
+    Information(f32),
+    Unknown,
+}
+
+impl Wanted {
+    fn of(command: MavCmd, param1: f32) -> Self {
+        match command {
+            MavCmd::MAV_CMD_MISSION_START => Self::Order(Order::Start),
+            MavCmd::MAV_CMD_DO_PAUSE_CONTINUE if param1 == 0.0 => Self::Order(Order::Pause),
+            MavCmd::MAV_CMD_DO_PAUSE_CONTINUE if param1 == 1.0 => Self::Order(Order::Continue),
+            MavCmd::MAV_CMD_NAV_RETURN_TO_LAUNCH => Self::Order(Order::Recall),
+            MavCmd::MAV_CMD_USER_2 if param1 == 1.0 => Self::Lift,
+            MavCmd::MAV_CMD_USER_2 => Self::Order(Order::Kill),
+            MavCmd::MAV_CMD_REQUEST_MESSAGE => Self::Information(param1),
+            _ => Self::Unknown,
+        }
+    }
+
+    /// What makes a vehicle quieter is obeyed when it is said to all; anything else must be said to us.
+    fn may_be_said_to_all(self) -> bool {
+        matches!(self, Self::Order(Order::Kill | Order::Recall | Order::Pause))
+    }
+}
 
 impl Executive {
     /// Takes a command that is addressed to us.
@@ -19,87 +54,123 @@ impl Executive {
             MavMessage::COMMAND_INT(c) => (c.target_system, c.target_component, c.command, c.param1),
             _ => return,
         };
-        if (system, component) != self.settings.own {
+        let wanted = Wanted::of(command, param1);
+        let (own_system, own_component) = self.settings.own;
+        let to_us = (system, component) == self.settings.own;
+        let to_all = [0, own_system].contains(&system) && [0, own_component].contains(&component);
+        if !(to_us || to_all && wanted.may_be_said_to_all()) {
             return;
         }
-        let order = match command {
-            MavCmd::MAV_CMD_MISSION_START => Some(VeilwingOrder::VEILWING_ORDER_START),
-            MavCmd::MAV_CMD_DO_PAUSE_CONTINUE if param1 == 0.0 => Some(VeilwingOrder::VEILWING_ORDER_PAUSE),
-            MavCmd::MAV_CMD_DO_PAUSE_CONTINUE if param1 == 1.0 => {
-                Some(VeilwingOrder::VEILWING_ORDER_CONTINUE)
-            }
-            MavCmd::MAV_CMD_NAV_RETURN_TO_LAUNCH => Some(VeilwingOrder::VEILWING_ORDER_RETURN),
-            MavCmd::MAV_CMD_USER_2 => Some(VeilwingOrder::VEILWING_ORDER_RADIO_KILL),
-            _ => None,
-        };
+        let by = (u8::try_from(header.system_id).unwrap_or_default(), header.component_id);
         let mut information = None;
-        let result = match order {
-            Some(order) if self.can_obey(order) => {
-                self.service.relay(order, now);
-                self.obey(order, now);
+        let result = match wanted {
+            Wanted::Order(order) => match self.take_order(order, now) {
+                Some(number) => return self.asked_for.note(by, command, number, now),
+                None => MavResult::MAV_RESULT_DENIED,
+            },
+            Wanted::Lift if self.phase.is_waiting() && self.autopilot.state().is_disarmed() => {
+                self.service.lift_kill(now);
+                if self.service.orders().is_lifted_here_alone() {
+                    self.notice(Notice::KillLiftedHere(self.settings.role.peer()));
+                }
                 MavResult::MAV_RESULT_ACCEPTED
             }
-            Some(_) => MavResult::MAV_RESULT_DENIED,
-            None => {
-                let asks = command == MavCmd::MAV_CMD_REQUEST_MESSAGE;
-                information = asks.then(|| self.information(param1, now)).flatten();
-                match information {
-                    Some(_) => MavResult::MAV_RESULT_ACCEPTED,
-                    None => MavResult::MAV_RESULT_UNSUPPORTED,
-                }
+            Wanted::Lift => MavResult::MAV_RESULT_DENIED,
+            Wanted::Information(id) => {
+                information = self.information(id, now);
+                information
+                    .as_ref()
+                    .map_or(MavResult::MAV_RESULT_UNSUPPORTED, |_| MavResult::MAV_RESULT_ACCEPTED)
             }
+            Wanted::Unknown => MavResult::MAV_RESULT_UNSUPPORTED,
         };
-        let target_system = u8::try_from(header.system_id).unwrap_or_default();
-        self.outbox.push_back(MavMessage::COMMAND_ACK(COMMAND_ACK_DATA {
-            command,
-            result,
-            target_system,
-            target_component: header.component_id,
-            ..COMMAND_ACK_DATA::default()
-        }));
+        self.outbox.push_back(acknowledgement(by, command, result));
         self.outbox.extend(information);
     }
 
-    fn can_obey(&self, order: VeilwingOrder) -> bool {
-        match order {
-            // An order that is older than the vehicle's last time on the ground is none (F4).
-            VeilwingOrder::VEILWING_ORDER_START => {
-                self.phase.is_waiting() && !self.autopilot.state().is_armed()
+    /// Gives an order its number, or `None` if it cannot be obeyed. On the ground, a pause takes back a START.
+    fn take_order(&mut self, order: Order, now: Instant) -> Option<(Order, u32)> {
+        let order = match (order, &self.phase) {
+            (Order::Kill, _) => Order::Kill,
+            (Order::Start, phase) => {
+                let obstacle = if phase.is_waiting() { self.ground.obstacle() } else { "in flight" };
+                if !obstacle.is_empty() {
+                    let why = obstacle.to_owned();
+                    self.notice(Notice::StartRefused(why));
+                    return None;
+                }
+                Order::Start
             }
-            VeilwingOrder::VEILWING_ORDER_RETURN => self.phase.is_outward(),
-            VeilwingOrder::VEILWING_ORDER_RADIO_KILL => true,
-            VeilwingOrder::VEILWING_ORDER_PAUSE => self.phase.is_in_service(),
-            VeilwingOrder::VEILWING_ORDER_CONTINUE => self.phase.is_in_service() && self.service.is_paused(),
+            (Order::Recall | Order::Pause | Order::Continue, Phase::Surrendered { .. } | Phase::Ended) => {
+                return None;
+            }
+            (Order::Recall, _) => Order::Recall,
+            (Order::Pause, phase) if phase.is_on_the_ground() => Order::Recall,
+            (Order::Pause, phase) if phase.is_outward() => Order::Pause,
+            (Order::Continue, phase) if phase.is_outward() && self.service.orders().is_paused() => {
+                Order::Continue
+            }
+            (Order::Pause | Order::Continue, _) => return None,
+        };
+        Some((order, self.service.order(order, now)))
+    }
+
+    /// Answers the operator's orders, as far as there is something to say.
+    pub(super) fn answer_operator(&mut self, now: Instant) {
+        let (service, settings) = (&self.service, &self.settings.pair);
+        let (orders, peer) = (service.orders(), service.peer());
+        // Longer unheard, the other has lost us too, is silent, and does not begin without us.
+        let alone = !peer.heard_within(settings.peer_timeout + settings.lease * 3, now);
+        let peer_off = alone || !peer.says(VeilwingFlags::VEILWING_FLAGS_RADIATING);
+        let progress = |order, number| {
+            let shared = alone || orders.peer_has(order, number);
+            let done = match order {
+                Order::Start if orders.is_flying(number) => true,
+                Order::Start if orders.pending_start() != Some(number) => return Progress::Void,
+                Order::Start => false,
+                Order::Kill => shared && peer_off && service.interlock().is_off(now),
+                Order::Recall | Order::Pause | Order::Continue => shared,
+            };
+            if done { Progress::Done } else { Progress::Open }
+        };
+        let answers = self.asked_for.answers(progress, now);
+        self.outbox.extend(answers);
+    }
+
+    /// Does what the operator wants, whichever vehicle was told; the service has done its part.
+    pub(super) fn on_order(&mut self, change: Change, now: Instant) {
+        match change {
+            Change::Killed => {
+                self.notice(Notice::Killed);
+                self.call_off(Cause::Killed, now);
+            }
+            Change::Recalled => self.call_off(Cause::ReturnOrdered, now),
+            Change::KillLifted => self.notice(Notice::KillLifted),
+            Change::Held(paused) if self.phase.is_outward() => {
+                self.notice(if paused { Notice::Paused } else { Notice::GoingOn });
+            }
+            Change::Held(_) => {}
+            Change::StartPending => self.notice(Notice::StartOrdered),
+            Change::StartExpired => self.notice(Notice::StartExpired { peer: self.settings.role.peer() }),
+            Change::StartWithdrawn => self.call_off(Cause::StartWithdrawn(self.settings.role.peer()), now),
         }
     }
 
-    /// Does what the operator wants, whichever side was told.
-    pub(super) fn obey(&mut self, order: VeilwingOrder, now: Instant) {
-        if !self.can_obey(order) {
-            return;
-        }
-        match order {
-            VeilwingOrder::VEILWING_ORDER_START => self.ground.start.ask(),
-            VeilwingOrder::VEILWING_ORDER_RETURN => {
+    /// No mission any more: not off the ground, or home.
+    fn call_off(&mut self, cause: Cause, now: Instant) {
+        if self.phase.is_outward() {
+            if cause == Cause::ReturnOrdered {
                 self.service.tell_silence(VeilwingSilence::VEILWING_SILENCE_OPERATOR, now);
-                self.abort(Cause::ReturnOrdered, now);
             }
-            VeilwingOrder::VEILWING_ORDER_RADIO_KILL => {
-                self.service.kill(now);
-                self.notice(Notice::Killed);
-                if self.phase.is_in_service() {
-                    self.abort(Cause::Killed, now);
-                }
-            }
-            VeilwingOrder::VEILWING_ORDER_PAUSE => {
-                if self.service.pause(now) {
-                    self.notice(Notice::Paused);
-                }
-            }
-            VeilwingOrder::VEILWING_ORDER_CONTINUE => {
-                if self.service.go_on() {
-                    self.notice(Notice::GoingOn);
-                }
+            self.abort(cause, now);
+        } else if self.phase.is_on_the_ground() {
+            self.ground.start.void(Void::TakenBack);
+            self.notice(Notice::NotTakingOff(cause));
+            if !self.phase.is_waiting() {
+                self.autopilot.release(now);
+                self.autopilot.disarm(now);
+                self.service.set_flying(false, now);
+                self.phase = Phase::Standby;
             }
         }
     }

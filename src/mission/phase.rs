@@ -115,6 +115,11 @@ impl Phase {
         matches!(self, Self::Connecting | Self::Standby)
     }
 
+    /// On the ground, control and arming perhaps asked for.
+    pub fn is_on_the_ground(&self) -> bool {
+        self.is_waiting() || matches!(self, Self::TakingControl(_) | Self::Arming(_))
+    }
+
     /// In the air on the mission.
     pub fn is_in_service(&self) -> bool {
         matches!(self, Self::InService { .. })

@@ -82,7 +82,7 @@ impl Executive {
             ServiceEvent::PeerSilent(reason) => self.notice(Notice::PeerSilent { peer, reason }),
             ServiceEvent::Refused(slot, answer) => self.notice(Notice::Refused { peer, slot, answer }),
             ServiceEvent::Unready(slot, reason) => self.notice(Notice::Unready { slot, reason }),
-            ServiceEvent::Ordered(order) => self.obey(order, now),
+            ServiceEvent::Ordered(change) => self.on_order(change, now),
             ServiceEvent::Agreed(commitment) => self.begin_transit(commitment, now),
             ServiceEvent::On(permit) => self.notice(Notice::On(permit.slot, Watts(permit.power_w))),
             ServiceEvent::Off(Silence::NoSlot) => {}

@@ -1,4 +1,5 @@
-//! What a mission waits for before it begins: the operator's word, or a time. Pure.
+//! What begins the mission without an operator's MISSION_START: `--start`, or a time in the mission file. Each counts
+//! once, for a vehicle that has not flown since (F4). Pure.
 
 use std::time::Duration;
 
@@ -6,49 +7,83 @@ use crate::time::{Instant, Utc};
 
 /// On the ground until this long before the start, besides the climb: time to take control, to arm, to come to rest.
 const AHEAD: Duration = Duration::from_secs(20);
+/// `--start` waits for both vehicles to be ready for this long.
+const UNASKED_EXPIRES: Duration = Duration::from_secs(600);
 
-/// The start by an order or at a given time.
+/// Why nothing but a MISSION_START begins the mission any more.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub(super) enum Void {
+    #[error("this vehicle has flown, or was recalled, since --start or start_utc were set")]
+    Spent,
+    #[error("the vehicle has been armed since the last one")]
+    Armed,
+    #[error("the start was taken back")]
+    TakenBack,
+    #[error("--start came to nothing within {} s", UNASKED_EXPIRES.as_secs())]
+    Expired,
+}
+
+/// What a vehicle on which nothing else is missing waits for.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) enum Awaited {
+    /// A MISSION_START, in words.
+    Order(String),
+    /// A time, in words that do not change by the second: a MISSION_START is refused before it.
+    Time(String),
+}
+
+/// See the module.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Start {
-    asked: bool,
+    unasked_until: Option<Instant>,
     at: Option<Utc>,
     /// Whether the time was past when the companion first knew the time.
     missed: Option<bool>,
-    /// The vehicle has been armed since whatever was asked for before.
-    flown: bool,
+    void: Option<Void>,
 }
 
 impl Start {
-    /// Waits for an order unless `asked` is true, or for the time.
-    pub fn new(asked: bool, at: Option<Utc>) -> Self {
-        Self { asked, at, missed: None, flown: false }
+    /// `unasked`: as soon as both vehicles are ready; `at`: at that time; `spent`: not so, for it was done before.
+    pub fn new(unasked: bool, at: Option<Utc>, spent: bool, now: Instant) -> Self {
+        let unasked_until = unasked.then(|| now + UNASKED_EXPIRES);
+        let mut start = Self { unasked_until, at, missed: None, void: None };
+        if spent && (unasked || at.is_some()) {
+            start.void(Void::Spent);
+        }
+        start
     }
 
-    /// The operator wants the mission to begin. A time that is yet to come still holds.
-    pub fn ask(&mut self) {
-        self.asked = true;
+    /// Only a MISSION_START begins the mission from now on.
+    pub fn void(&mut self, why: Void) {
+        *self = Self { unasked_until: None, at: None, missed: None, void: Some(why) };
     }
 
-    /// The vehicle is armed, and not by this mission: the pilot flies it, or a companion that is no more did. What was
-    /// asked for before, by an order, at the start of the process or by the clock, counts no more (F4).
-    pub fn forget(&mut self) {
-        *self = Self { flown: true, ..Self::new(false, None) };
-    }
-
-    /// What is waited for on the ground, in words that do not change by the second; `None`: take off. `utc` is the
-    /// present time, and `climb` how long it takes to be where the first transit begins.
-    pub fn waits_for(&mut self, utc: Option<Utc>, climb: Duration) -> Option<String> {
-        let again = if self.flown { ": the vehicle has been armed since the last one" } else { "" };
-        let order = (!self.asked).then(|| format!("MISSION_START{again}"));
-        let Some(at) = self.at else { return order };
-        let Some(utc) = utc else { return Some(format!("UTC, for the start at {at}")) };
+    /// Whether the mission is to begin. `utc` is the present time, and `climb` how long it takes to be where the first
+    /// transit begins.
+    ///
+    /// # Errors
+    /// What is waited for.
+    pub fn is_due(&mut self, utc: Option<Utc>, climb: Duration, now: Instant) -> Result<(), Awaited> {
+        if self.unasked_until.is_some_and(|until| now > until) {
+            self.void(Void::Expired);
+        }
+        if let Some(why) = self.void {
+            return Err(Awaited::Order(format!("MISSION_START: {why}")));
+        }
+        let Some(at) = self.at else {
+            return self.unasked_until.map(|_| ()).ok_or_else(|| Awaited::Order("MISSION_START".into()));
+        };
+        let Some(utc) = utc else { return Err(Awaited::Time(format!("UTC, for the start at {at}"))) };
         if *self.missed.get_or_insert(utc > at) {
-            let past = |order| format!("{order}: the start at {at} was past when this companion started");
-            return order.map(past);
+            let past = format!("MISSION_START: the start at {at} was past when this companion started");
+            return self.unasked_until.map(|_| ()).ok_or(Awaited::Order(past));
         }
         let ahead = AHEAD + climb;
+        if utc + ahead >= at {
+            return Ok(());
+        }
         let seconds = ahead.as_secs();
-        (utc + ahead < at).then(|| format!("the start at {at}, with take-off {seconds} s before"))
+        Err(Awaited::Time(format!("the start at {at}, with take-off {seconds} s before")))
     }
 
     /// When the first transit begins, if that is a matter of time: now, later, or before where the pair is late.
@@ -64,45 +99,58 @@ mod tests {
 
     const AT: Utc = Utc { unix_us: 1_800_000_000_000_000 };
     const CLIMB: Duration = Duration::from_secs(5);
+    const NOW: Instant = Instant::ZERO;
 
     fn before(seconds: u64) -> Option<Utc> {
         Some(Utc { unix_us: AT.unix_us - seconds * 1_000_000 })
     }
 
-    #[test]
-    fn val_without_a_time_the_operator_s_word_counts() {
-        let mut start = Start::new(false, None);
-        assert_eq!(start.waits_for(before(0), CLIMB).as_deref(), Some("MISSION_START"));
-        start.ask();
-        assert_eq!(start.waits_for(None, CLIMB), None);
-        assert_eq!(start.table_zero(AT, Instant::ZERO), None);
-        assert_eq!(Start::new(true, None).waits_for(None, CLIMB), None);
-    }
-
-    #[test]
-    fn spec_a_vehicle_that_was_armed_by_another_hand_waits_for_a_new_order() {
-        for at in [None, Some(AT)] {
-            let mut start = Start::new(true, at);
-            start.forget();
-            let text = start.waits_for(before(3600), CLIMB).unwrap();
-            assert!(text.contains("MISSION_START") && text.contains("armed"), "{text}");
-            assert_eq!(start.table_zero(AT, Instant::ZERO), None);
-            start.ask();
-            assert_eq!(start.waits_for(before(3600), CLIMB), None);
+    fn order(awaited: Result<(), Awaited>) -> String {
+        match awaited {
+            Err(Awaited::Order(text)) if text.starts_with("MISSION_START") => text,
+            other => panic!("{other:?}"),
         }
     }
 
     #[test]
-    fn val_with_a_time_take_off_is_in_time_for_it_whoever_asks() {
-        for asked in [false, true] {
-            let mut start = Start::new(asked, Some(AT));
-            assert!(start.waits_for(None, CLIMB).is_some_and(|text| text.starts_with("UTC")));
-            let text = start.waits_for(before(3600), CLIMB).unwrap();
+    fn spec_without_a_time_the_operator_s_word_counts_or_the_flag() {
+        let mut start = Start::new(false, None, false, NOW);
+        assert_eq!(order(start.is_due(before(0), CLIMB, NOW)), "MISSION_START");
+        assert_eq!(start.table_zero(AT, NOW), None);
+        let mut start = Start::new(true, None, false, NOW);
+        assert_eq!(start.is_due(None, CLIMB, NOW + UNASKED_EXPIRES), Ok(()));
+        let late = start.is_due(None, CLIMB, NOW + UNASKED_EXPIRES + Duration::from_millis(1));
+        assert!(order(late).contains("600 s"));
+        assert!(start.is_due(None, CLIMB, NOW).is_err(), "once is once");
+    }
+
+    #[test]
+    fn spec_what_was_voided_or_spent_waits_for_an_order_whatever_was_set() {
+        for at in [None, Some(AT)] {
+            let mut start = Start::new(true, at, false, NOW);
+            start.void(Void::Armed);
+            let mut spent = Start::new(true, at, true, NOW);
+            for start in [&mut start, &mut spent] {
+                assert!(order(start.is_due(before(10), CLIMB, NOW)).contains("since"));
+                assert_eq!(start.table_zero(AT, NOW), None);
+            }
+        }
+        assert_eq!(order(Start::new(false, None, true, NOW).is_due(None, CLIMB, NOW)), "MISSION_START");
+    }
+
+    #[test]
+    fn spec_with_a_time_take_off_is_in_time_for_it_whatever_the_flag() {
+        for unasked in [false, true] {
+            let mut start = Start::new(unasked, Some(AT), false, NOW);
+            let awaited = start.is_due(None, CLIMB, NOW);
+            assert!(matches!(awaited, Err(Awaited::Time(text)) if text.starts_with("UTC")));
+            let early = start.is_due(before(3600), CLIMB, NOW);
+            let Err(Awaited::Time(text)) = &early else { panic!("{early:?}") };
             assert!(text.contains("2027-01-15T08:00:00Z") && text.contains("25 s before"), "{text}");
-            assert_eq!(start.waits_for(before(26), CLIMB), Some(text), "the same words all the time");
-            assert_eq!(start.waits_for(before(25), CLIMB), None);
+            assert_eq!(start.is_due(before(26), CLIMB, NOW), early, "the same words all the time");
+            assert_eq!(start.is_due(before(25), CLIMB, NOW), Ok(()));
             // A preflight that took too long begins late.
-            assert_eq!(start.waits_for(Some(AT + CLIMB), CLIMB), None);
+            assert_eq!(start.is_due(Some(AT + CLIMB), CLIMB, NOW), Ok(()));
             let now = Instant::from_start(Duration::from_secs(100));
             assert_eq!(start.table_zero(before(10).unwrap(), now), Some(now + Duration::from_secs(10)));
             assert_eq!(start.table_zero(AT + CLIMB, now), Some(now - CLIMB));
@@ -110,13 +158,10 @@ mod tests {
     }
 
     #[test]
-    fn val_a_time_in_the_past_takes_the_operator_s_word() {
-        let mut start = Start::new(false, Some(AT));
+    fn spec_a_time_in_the_past_takes_the_operator_s_word() {
+        let mut start = Start::new(false, Some(AT), false, NOW);
         let late = Some(AT + Duration::from_micros(1));
-        let text = start.waits_for(late, CLIMB).unwrap();
-        assert!(text.contains("MISSION_START") && text.contains("past"), "{text}");
-        start.ask();
-        assert_eq!(start.waits_for(late, CLIMB), None);
-        assert_eq!(start.table_zero(AT + CLIMB, Instant::ZERO), None, "as without a time");
+        assert!(order(start.is_due(late, CLIMB, NOW)).contains("past"));
+        assert_eq!(start.table_zero(AT + CLIMB, NOW), None, "as without a time");
     }
 }

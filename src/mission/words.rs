@@ -14,6 +14,9 @@ pub(super) fn give_up(peer: &Role, why: &GiveUp) -> String {
         GiveUp::PeerLeft => format!("vehicle {peer} is not on its way to the agreed slot"),
         GiveUp::PeerSilent(why) => format!("vehicle {peer} fell silent for good, {}", reason(*why)),
         GiveUp::PeerEnded => format!("vehicle {peer} has ended its mission"),
+        GiveUp::NoSlot(waited) => {
+            format!("in the air for {:.0} s without a slot agreed with vehicle {peer}", waited.as_secs_f64())
+        }
         GiveUp::Unready(slot, why) => format!("own transmitter cannot serve slot {slot}: {why}"),
         GiveUp::Refused(slot, why) => format!("vehicle {peer} keeps refusing slot {slot}: {}", answer(*why)),
     }

@@ -6,7 +6,6 @@
 mod acquaintance;
 mod follower;
 mod leader;
-mod orders;
 mod shared_time;
 mod terms;
 #[cfg(test)]
@@ -20,12 +19,12 @@ use crate::role::Role;
 use crate::time::{Instant, Utc};
 
 use super::clock::Offset;
+use super::orders::{Change, Order, Orders, Record};
 use super::peer::Peer;
-use super::wire::{self, MavMessage, VeilwingAnswer, VeilwingOrder, VeilwingSilence};
+use super::wire::{self, MavMessage, VeilwingAnswer, VeilwingSilence};
 use acquaintance::{Acquaintance, Meeting};
 use follower::Follower;
 use leader::Leader;
-use orders::Orders;
 use shared_time::SharedTime;
 pub use terms::{Commitment, Event, Local, PlanTerms, Settings, SlotTerms, Vouch};
 pub use timer::Timer;
@@ -87,7 +86,7 @@ impl Coordinator {
                 Role::J => Part::J(Follower::default()),
             },
             agreed: None,
-            orders: Orders::new(settings.boot_id),
+            orders: Orders::new(settings.orders),
             silences: 0,
             status_sequence: 0,
             next_status: now,
@@ -105,8 +104,7 @@ impl Coordinator {
 
     /// Local facts; a change of what the peer acts on is told at once.
     pub fn set_local(&mut self, local: Local, now: Instant) {
-        let acts_on =
-            |l: &Local| (l.airborne, l.on_station, l.radiating, l.ended, l.landed, l.returning, l.paused);
+        let acts_on = |l: &Local| (l.airborne, l.on_station, l.radiating, l.ended, l.landed, l.returning);
         if acts_on(&local) != acts_on(&self.local) {
             self.next_status = now;
         }
@@ -186,9 +184,61 @@ impl Coordinator {
         self.transmit.extend((0..3).map(|_| MavMessage::VEILWING_SILENT(message.clone())));
     }
 
-    /// An operator's order for the peer as well; repeated until acknowledged.
-    pub fn order(&mut self, order: VeilwingOrder, now: Instant) {
-        self.orders.give(order, now);
+    /// Takes an operator's order for both, given at this vehicle: its number. What comes about follows as events.
+    pub fn order(&mut self, order: Order, now: Instant) -> u32 {
+        let (number, change) = self.orders.give(order, now);
+        self.tell_orders(change, now);
+        number
+    }
+
+    /// A person at this vehicle lifts the radio kill, here.
+    pub fn lift_kill(&mut self, now: Instant) {
+        let change = self.orders.lift();
+        self.tell_orders(change, now);
+    }
+
+    /// This process found its vehicle on the ground: see [`Orders::began_on_the_ground`].
+    pub fn began_on_the_ground(&mut self, now: Instant) {
+        let change = self.orders.began_on_the_ground();
+        self.tell_orders(change, now);
+    }
+
+    /// Whether nothing here speaks against a take-off.
+    pub fn set_ready(&mut self, ready: bool, now: Instant) {
+        if self.orders.set_ready(ready) {
+            self.next_status = now;
+        }
+    }
+
+    /// The vehicle was armed, and not by this mission: see [`Orders::forget_start`].
+    pub fn forget_start(&mut self) {
+        self.orders.forget_start();
+    }
+
+    /// Takes up the START that both stand by, or takes it back before the vehicle has left the ground.
+    pub fn set_flying(&mut self, flying: bool, now: Instant) {
+        if flying {
+            self.orders.begin();
+        } else {
+            self.orders.stand_down();
+        }
+        self.next_status = now;
+    }
+
+    /// The operator's orders.
+    #[must_use]
+    pub fn orders(&self) -> &Orders {
+        &self.orders
+    }
+
+    /// Of the orders, what is to be kept over a restart, if that has changed.
+    pub fn poll_record(&mut self) -> Option<Record> {
+        self.orders.poll_record()
+    }
+
+    fn tell_orders(&mut self, changes: impl IntoIterator<Item = Change>, now: Instant) {
+        self.events.extend(changes.into_iter().map(Event::Ordered));
+        self.next_status = now;
     }
 
     /// I: the end of the lease in force.
@@ -273,7 +323,7 @@ impl Coordinator {
             (Some(self.next_status), Timer::Status),
             (Some(self.time.due), Timer::Clock),
             (leader.and_then(Leader::proposal_due), Timer::Proposal),
-            (self.orders.due(), Timer::Order),
+            (self.orders.poll_timeout(), Timer::Start),
             (request, Timer::LeaseRequest),
             (self.acquaintance.lost_due(), Timer::PeerLost),
         ];
@@ -298,7 +348,9 @@ impl Coordinator {
         }
         self.transmit.extend(self.time.ask(now));
         self.advance_proposal(now);
-        self.transmit.extend(self.orders.say(now));
+        if let Some(change) = self.orders.handle_timeout(now) {
+            self.tell_orders([change], now);
+        }
         if let (Part::I(leader), Some(agreed)) = (&mut self.part, self.agreed) {
             self.transmit.extend(leader.request(agreed.commitment, now));
         }
@@ -316,13 +368,6 @@ impl Coordinator {
             MavMessage::VEILWING_LEASE_REQUEST(request) => self.take_request(request, now),
             MavMessage::VEILWING_LEASE_GRANT(grant) => self.take_grant(grant, now),
             MavMessage::VEILWING_SILENT(silent) => self.take_silence(silent, now),
-            MavMessage::VEILWING_ORDER_RELAY(order) if self.acquaintance.peer().is_boot(order.boot_id) => {
-                let (order, ack) = self.orders.take(order);
-                self.transmit.push_back(ack);
-                self.events.extend(order.map(Event::Ordered));
-            }
-            MavMessage::VEILWING_ORDER_RELAY(_) => {}
-            MavMessage::VEILWING_ORDER_ACK(ack) => self.orders.acknowledged(ack),
             MavMessage::VEILWING_CLOCK(clock) => self.transmit.extend(self.time.take(clock, now)),
         }
     }
@@ -333,7 +378,7 @@ impl Coordinator {
         let position = self.local.position_enu_m.map_or([f32::NAN; 3], narrow);
         let wants_lease = matches!(&self.part, Part::I(leader) if leader.wants_lease());
         let holds_nothing = !wants_lease && !self.local.radiating;
-        MavMessage::VEILWING_STATUS(wire::VEILWING_STATUS_DATA {
+        let mut status = wire::VEILWING_STATUS_DATA {
             released_us: if holds_nothing { micros(now) } else { 0 },
             boot_id: self.settings.boot_id,
             sequence: self.status_sequence,
@@ -341,7 +386,10 @@ impl Coordinator {
             position_enu_m: position,
             slot,
             flags: self.local.flags(self.plan.is_some(), self.agreed.is_some()),
-        })
+            ..Default::default()
+        };
+        self.orders.say(&mut status);
+        MavMessage::VEILWING_STATUS(status)
     }
 
     fn take_hello(&mut self, hello: &wire::VEILWING_HELLO_DATA, now: Instant) {
@@ -369,6 +417,10 @@ impl Coordinator {
     fn take_status(&mut self, status: &wire::VEILWING_STATUS_DATA, now: Instant) {
         if !self.acquaintance.take_status(status, now) {
             return;
+        }
+        let changes = self.orders.hear(status, now);
+        if !changes.is_empty() {
+            self.tell_orders(changes, now);
         }
         match &mut self.part {
             Part::J(follower) => follower.book.returned(status.released_us),

@@ -4,8 +4,10 @@
 pub mod clock;
 pub mod coordinator;
 pub mod lease;
+pub mod orders;
 mod peer;
 pub mod wire;
 
 pub use coordinator::{Commitment, Coordinator, Event, Local, PlanTerms, Settings, SlotTerms, Timer, Vouch};
+pub use orders::{Change, Order, Orders, Record};
 pub use peer::Peer;

@@ -65,16 +65,12 @@ impl Interlock {
         }
     }
 
-    /// Radio kill, latched until the process restarts.
-    pub fn kill(&mut self, now: Instant) {
-        self.killed = true;
-        self.silence(now);
-    }
-
-    /// Whether the kill is latched.
-    #[must_use]
-    pub fn is_killed(&self) -> bool {
-        self.killed
+    /// Whether the operator's kill holds; off at once where it does.
+    pub fn set_killed(&mut self, killed: bool, now: Instant) {
+        if killed && !std::mem::replace(&mut self.killed, killed) {
+            self.silence(now);
+        }
+        self.killed = killed;
     }
 
     /// Off, now.

@@ -6,7 +6,8 @@ use std::time::Duration;
 use mavlink::MavHeader;
 use mavlink::dialects::ardupilotmega::MavMessage;
 
-use crate::pair::wire::{self, VeilwingAnswer, VeilwingFlags, VeilwingOrder, VeilwingSilence};
+use crate::pair::orders::{Change, Order, Orders, Record};
+use crate::pair::wire::{self, VeilwingAnswer, VeilwingFlags, VeilwingSilence};
 use crate::pair::{self, Commitment, Coordinator, Local, Peer, PlanTerms, Vouch};
 use crate::role::Role;
 use crate::time::{Instant, Utc};
@@ -26,6 +27,10 @@ use super::terms::{Event, GiveUp, Outgoing, Settings, may_recover, silence_reaso
 const ASK_EARLY: Duration = Duration::from_millis(200);
 /// J vouches only for the plan's power, less what a radio's steps and the wire's rounding take away.
 const FULL_POWER: f64 = 0.99;
+/// A vehicle in the air whose next slot is not agreed on for so long goes home (F5) ...
+const LONGEST_WAIT: Duration = Duration::from_secs(90);
+/// ... and one that the operator has paused after so long.
+const LONGEST_PAUSE: Duration = Duration::from_secs(600);
 /// A slot is proposed no earlier before the time that the agreement takes.
 const EARLY: Duration = Duration::from_secs(2);
 
@@ -34,8 +39,8 @@ const EARLY: Duration = Duration::from_secs(2);
 enum Stage {
     /// Takes no part: on the ground, or on its way up or home.
     Away,
-    /// Between slots; `next` is to be agreed on.
-    Between { next: u16, refusals: Refusals },
+    /// Between slots; `next` is to be agreed on. `since`: the wait began, or begins.
+    Between { next: u16, refusals: Refusals, since: Instant },
     /// A slot is agreed on; the transit to it included.
     Committed(Box<Slot>),
 }
@@ -43,7 +48,7 @@ enum Stage {
 /// See the module of the room.
 ///
 /// # Calling contract
-/// 1. Hand in what happened: any of `handle_pair`, `handle_radio`, `handle_timeout`, an order (`pause`, `kill`, ...).
+/// 1. Hand in what happened: any of `handle_pair`, `handle_radio`, `handle_timeout`, an operator's `order`.
 /// 2. [`advance`](Self::advance): agreements, refusals and the ends of slots follow from it.
 /// 3. Drain [`poll_event`](Self::poll_event) and do what the events ask for.
 /// 4. [`decide`](Self::decide): the interlock decides on what is known now. A fault silences the transmitter at the very
@@ -60,8 +65,6 @@ pub struct SlotService {
     staleness: Staleness,
     tolerance: Tolerance,
     stage: Stage,
-    /// By the operator's order.
-    paused: bool,
     /// J: to leave as soon as I is off (S3).
     abandoning: bool,
     agreement_time: AgreementTime,
@@ -90,7 +93,6 @@ impl SlotService {
             staleness: Staleness::new(settings.freshness, now),
             tolerance,
             stage: Stage::Away,
-            paused: false,
             abandoning: false,
             agreement_time: AgreementTime::default(),
             table_zero: None,
@@ -157,7 +159,8 @@ impl SlotService {
     /// counts from, if the mission begins at a given time; the vehicle hovers until then.
     pub fn join(&mut self, next: u16, table_zero: Option<Instant>, now: Instant) {
         self.table_zero = table_zero;
-        self.stage = Stage::Between { next, refusals: Refusals::none(now) };
+        let since = table_zero.map_or(now, |zero| zero.max(now));
+        self.stage = Stage::Between { next, refusals: Refusals::none(now), since };
     }
 
     /// The vehicle takes no part any more, but for the end of a slot under way: J jams until I is off, for a lease's
@@ -204,33 +207,46 @@ impl SlotService {
         self.pair.silent(reason, now);
     }
 
-    /// The radio kill: silent, latched.
-    pub fn kill(&mut self, now: Instant) {
-        self.interlock.kill(now);
-        self.pair.silent(VeilwingSilence::VEILWING_SILENCE_OPERATOR, now);
+    /// Takes an operator's order for both vehicles, given at this one: its number. What comes about follows as
+    /// [`Event::Ordered`].
+    pub fn order(&mut self, order: Order, now: Instant) -> u32 {
+        self.pair.order(order, now)
     }
 
-    /// A slot under way is ended in order (I silent at once, J once I is), its transit flown to the end so that the
-    /// next one begins where the table says; no other is agreed on. `false` if it is so already.
-    pub fn pause(&mut self, now: Instant) -> bool {
-        if std::mem::replace(&mut self.paused, true) {
-            return false;
-        }
-        match &mut self.stage {
-            Stage::Committed(slot) => slot.closing = true,
-            Stage::Away | Stage::Between { .. } => self.pair.release(now),
-        }
-        true
+    /// A person at this vehicle lifts the radio kill, here.
+    pub fn lift_kill(&mut self, now: Instant) {
+        self.pair.lift_kill(now);
     }
 
-    /// Ends a pause; `false` if there is none.
-    pub fn go_on(&mut self) -> bool {
-        std::mem::take(&mut self.paused)
+    /// This process found its vehicle on the ground: see [`Orders::began_on_the_ground`].
+    pub fn began_on_the_ground(&mut self, now: Instant) {
+        self.pair.began_on_the_ground(now);
     }
 
-    /// Hands an operator's order on to the peer.
-    pub fn relay(&mut self, order: VeilwingOrder, now: Instant) {
-        self.pair.order(order, now);
+    /// Whether nothing at this vehicle speaks against a take-off.
+    pub fn set_ready(&mut self, ready: bool, now: Instant) {
+        self.pair.set_ready(ready, now);
+    }
+
+    /// The vehicle was armed, and not by this mission: see [`Orders::forget_start`].
+    pub fn forget_start(&mut self) {
+        self.pair.forget_start();
+    }
+
+    /// Takes up the START that both stand by, or takes it back before the vehicle has left the ground.
+    pub fn set_flying(&mut self, flying: bool, now: Instant) {
+        self.pair.set_flying(flying, now);
+    }
+
+    /// The operator's orders.
+    #[must_use]
+    pub fn orders(&self) -> &Orders {
+        self.pair.orders()
+    }
+
+    /// Of the orders, what is to be kept over a restart, if that has changed.
+    pub fn poll_record(&mut self) -> Option<Record> {
+        self.pair.poll_record()
     }
 
     /// Everything aboard shares the autopilot's MAVLink system, which is known once the autopilot is found.
@@ -281,12 +297,6 @@ impl SlotService {
         &self.interlock
     }
 
-    /// Whether the operator has paused the pair, here or at the peer.
-    #[must_use]
-    pub fn is_paused(&self) -> bool {
-        self.paused || self.peer().says(VeilwingFlags::VEILWING_FLAGS_PAUSED)
-    }
-
     /// Takes in what has happened: agreements, refusals, the ends of slots.
     pub fn advance(&mut self, utc: Option<Utc>, now: Instant) {
         self.pair.set_utc(utc, now);
@@ -297,9 +307,12 @@ impl SlotService {
             self.leave(now);
             self.events.push_back(Event::Abandoned);
         }
+        // J keeps what it has vouched for (S3): by then I is off, for it was told.
+        let killed = self.orders().is_killed() && !self.must_jam_on(now);
+        self.interlock.set_killed(killed, now);
         match &self.stage {
             Stage::Away => {}
-            Stage::Between { next, refusals } => self.seek(*next, *refusals, utc, now),
+            Stage::Between { next, refusals, since } => self.seek(*next, *refusals, *since, utc, now),
             Stage::Committed(slot) => {
                 if self.is_over(slot, now) {
                     self.end_slot(now);
@@ -421,14 +434,13 @@ impl SlotService {
             radiating: !self.interlock.is_off(now),
             ended: vehicle.ended,
             returning: vehicle.returning,
-            paused: self.paused,
             landed: vehicle.landed,
         };
         self.pair.set_local(local, now);
     }
 
     /// Wants the slot `next`: J is ready for it, I proposes it.
-    fn seek(&mut self, next: u16, refusals: Refusals, utc: Option<Utc>, now: Instant) {
+    fn seek(&mut self, next: u16, refusals: Refusals, since: Instant, utc: Option<Utc>, now: Instant) {
         if self.watch_peer_ending(next, None, now) {
             return;
         }
@@ -437,18 +449,22 @@ impl SlotService {
             self.events.push_back(Event::AllOver);
             return;
         };
+        let (paused, waited) = (self.orders().is_paused(), now.saturating_since(since));
+        if waited > LONGEST_WAIT && !paused || waited > LONGEST_PAUSE {
+            return self.events.push_back(Event::GiveUp(GiveUp::NoSlot(waited)));
+        }
         let peer_ready = self.pair.peer().says(VeilwingFlags::VEILWING_FLAGS_AIRBORNE) && self.pair.agrees();
         if let Err(reason) = self.interlock.transmitter().ready(now)
-            && !self.paused
+            && !paused
         {
             self.pair.set_readiness(None);
             return self.wait_for_radio(next, reason, now);
         }
         match self.role {
-            _ if self.paused => self.pair.set_readiness(None),
+            _ if paused => self.pair.set_readiness(None),
             Role::J => self.pair.set_readiness(Some(next)),
             Role::I => {
-                let may = peer_ready && !self.is_paused() && !self.pair.is_proposing();
+                let may = peer_ready && !self.pair.is_proposing();
                 let Some(utc) = utc.filter(|_| may && refusals.may_propose(now)) else { return };
                 let earliest = now + self.agreement_time.time(&self.pair) + lead;
                 let opens_at = self.table_zero.map_or(earliest, |zero| (zero + opens).max(earliest));
@@ -495,7 +511,8 @@ impl SlotService {
         let (number, served) = (slot.commitment.slot, slot.served);
         self.events.push_back(Event::Over(number, served));
         self.pair.release(now);
-        self.stage = Stage::Between { next: number.saturating_add(1), refusals: Refusals::none(now) };
+        let next = number.saturating_add(1);
+        self.stage = Stage::Between { next, refusals: Refusals::none(now), since: now };
     }
 
     /// J jams while I may radiate, whatever ends the mission, unless a fault of its own silences it (S3).
@@ -520,7 +537,10 @@ impl SlotService {
             Pair::MissionDiffers => Event::MissionDiffers,
             Pair::PlanDiffers => Event::PlanDiffers,
             Pair::SameRole => Event::SameRole,
-            Pair::Ordered(order) => Event::Ordered(order),
+            Pair::Ordered(change) => {
+                self.obey(change, now);
+                Event::Ordered(change)
+            }
             Pair::PeerLost(silent_for) => Event::GiveUp(GiveUp::PeerLost(silent_for)),
             Pair::PeerRestarted => Event::GiveUp(GiveUp::PeerRestarted),
             Pair::PeerSilent(reason) => {
@@ -533,7 +553,7 @@ impl SlotService {
             Pair::PeerLeft => {
                 // Later in a slot the leases decide, and the clocks may differ at its end.
                 let on_the_way = self.slot().is_some_and(|slot| now < slot.commitment.opens_at);
-                if !on_the_way || self.is_paused() {
+                if !on_the_way || self.orders().is_paused() {
                     return;
                 }
                 Event::GiveUp(GiveUp::PeerLeft)
@@ -551,6 +571,23 @@ impl SlotService {
         self.events.push_back(event);
     }
 
+    /// A pause ends a slot under way in order (I silent at once, J once I is), its transit flown to the end so that the
+    /// next one begins where the table says; no other is agreed on. A kill likewise, and I is told at once.
+    fn obey(&mut self, change: Change, now: Instant) {
+        let silent = matches!(change, Change::Killed | Change::Held(true));
+        match &mut self.stage {
+            Stage::Committed(slot) => slot.closing |= silent,
+            Stage::Between { since, .. } if matches!(change, Change::Held(_)) => *since = now,
+            Stage::Away | Stage::Between { .. } => {}
+        }
+        if silent && self.slot().is_none() {
+            self.pair.release(now);
+        }
+        if change == Change::Killed {
+            self.pair.silent(VeilwingSilence::VEILWING_SILENCE_OPERATOR, now);
+        }
+    }
+
     fn count_refusal(&mut self, answer: VeilwingAnswer, now: Instant) -> Option<Refusal> {
         self.agreement_time.refused(answer);
         match &mut self.stage {
@@ -561,7 +598,7 @@ impl SlotService {
 
     /// Takes up an agreed slot, if it is still wanted.
     fn commit(&mut self, commitment: Commitment) -> bool {
-        if !matches!(self.stage, Stage::Between { .. }) || self.paused {
+        if !matches!(self.stage, Stage::Between { .. }) || self.orders().is_paused() {
             return false;
         }
         let Some(terms) = self.pair.slot_terms(commitment.slot) else { return false };

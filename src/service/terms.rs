@@ -4,7 +4,8 @@ use std::time::Duration;
 
 use mavlink::dialects::ardupilotmega::MavMessage;
 
-use crate::pair::wire::{self, VeilwingAnswer, VeilwingOrder, VeilwingSilence};
+use crate::pair::orders::Change;
+use crate::pair::wire::{self, VeilwingAnswer, VeilwingSilence};
 use crate::pair::{self, Commitment};
 use crate::transmitter::NotReady;
 
@@ -38,6 +39,9 @@ pub enum GiveUp {
     PeerSilent(VeilwingSilence),
     /// The peer has ended its mission.
     PeerEnded,
+    /// In the air for this long, and no slot agreed on: the peer takes no part, or the operator does not end a pause
+    /// (F5).
+    NoSlot(Duration),
     /// The peer goes on refusing this slot.
     Refused(u16, VeilwingAnswer),
     /// Our own transmitter goes on being unable to serve this slot.
@@ -57,8 +61,8 @@ pub enum Event {
     SameRole,
     /// The peer fell silent out of turn.
     PeerSilent(VeilwingSilence),
-    /// An operator's order that came through the peer.
-    Ordered(VeilwingOrder),
+    /// What has come about by an operator's order, given here or at the peer. The service has done its part.
+    Ordered(Change),
     /// A proposal of this slot was refused, for the first time.
     Refused(u16, VeilwingAnswer),
     /// Our own transmitter cannot serve this slot: it is not agreed on before it can.

@@ -161,8 +161,13 @@ impl Flight {
 
     /// A ground station's command to the companion, through the vehicle's link.
     pub fn command(&mut self, role: Role, command: MavCmd) {
+        self.command_with(role, command, 0.0);
+    }
+
+    pub fn command_with(&mut self, role: Role, command: MavCmd, param1: f32) {
         let message = MavMessage::COMMAND_LONG(COMMAND_LONG_DATA {
             command,
+            param1,
             target_system: 1 + index(role) as u8,
             target_component: 191,
             ..COMMAND_LONG_DATA::DEFAULT

@@ -54,6 +54,7 @@ fn companion(role: Role, ports: [u16; 2], directory: &Path, clock: &Clock) -> Co
         pair: (vehicle.pair_link.clone(), link("pair", vehicle.pair_peer_system, None), pair_form(&vehicle)),
         transmitter: Transmitter::new(transmitter_settings(&vehicle, 1), clock.now()),
         settings: told,
+        orders: None,
         planner: Box::new(move || Ok(plan)),
     }
 }

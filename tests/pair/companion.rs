@@ -3,7 +3,8 @@
 use std::time::Duration;
 
 use mavlink::MavHeader;
-use veilwing::pair::wire::{MavMessage, VeilwingFlags, VeilwingOrder};
+use veilwing::pair::Order;
+use veilwing::pair::wire::{MavMessage, VeilwingFlags};
 use veilwing::role::Role;
 use veilwing::service::{Event, SlotService, Vehicle};
 use veilwing::time::Instant;
@@ -11,9 +12,6 @@ use veilwing::time::Instant;
 use super::clocks::Clocks;
 use super::radio::Said;
 use super::setup::{LEAD, TICK, system, vehicle};
-
-const PAUSE: VeilwingOrder = VeilwingOrder::VEILWING_ORDER_PAUSE;
-const CONTINUE: VeilwingOrder = VeilwingOrder::VEILWING_ORDER_CONTINUE;
 
 #[derive(Debug, Clone)]
 pub struct Companion {
@@ -77,14 +75,9 @@ impl Companion {
     }
 
     pub fn order(&mut self, pause: bool, t: Duration) {
-        let (order, now) = (if pause { PAUSE } else { CONTINUE }, self.clocks.local(t));
-        self.service.relay(order, now);
-        self.obey(order, now);
+        let order = if pause { Order::Pause } else { Order::Continue };
+        self.service.order(order, self.clocks.local(t));
         self.react(t);
-    }
-
-    fn obey(&mut self, order: VeilwingOrder, now: Instant) {
-        let _changed = if order == PAUSE { self.service.pause(now) } else { self.service.go_on() };
     }
 
     pub fn abort(&mut self, cause: String, now: Instant) {
@@ -107,7 +100,6 @@ impl Companion {
                 Event::AllOver => self.joining = true,
                 Event::GiveUp(why) => self.abort(format!("{why:?}"), now),
                 Event::Abandoned => self.aborted = Some("once the other was off".into()),
-                Event::Ordered(order) => self.obey(order, now),
                 _ => {}
             }
         }

@@ -85,6 +85,7 @@ pub fn service(role: Role, boot_id: u32, kind: Kind, lease: Duration, slot: Dura
         lease,
         peer_timeout: Duration::from_secs(3),
         clock_tolerance: GUARD / 4,
+        orders: pair::Record::default(),
     };
     let radio = transmitter::Settings {
         own: (system(role), 191),

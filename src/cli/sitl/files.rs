@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
+use crate::companion::orders_file;
 use crate::config::file::{unwritable, usable_directory, write_whole};
 use crate::config::{Mission, Vehicle};
 use crate::desk::report::{self, Timeline};
@@ -79,6 +80,11 @@ pub(super) fn write_vehicle(
     // The companion may run in another directory.
     draft.log_dir = std::path::absolute(directory).unwrap_or_else(|_| directory.to_path_buf());
     let vehicle = Vehicle::new(draft).map_err(|findings| findings.to_string())?;
+    // The vehicle is a new one: nothing was ever ordered of it.
+    let orders = orders_file::path(directory, role);
+    if orders.exists() {
+        std::fs::remove_file(&orders).map_err(|error| unwritable(&orders, &error))?;
+    }
     let text = format!("# The simulated vehicle {role}.\n{}", vehicle.to_toml());
     std::fs::write(&path, text).map_err(|error| unwritable(&path, &error))?;
     Ok(path)

@@ -1,6 +1,7 @@
-//! The disk under a companion's telemetry logs, in virtual time.
+//! The disk under a companion's telemetry logs and its record of orders, in virtual time.
 
 use crate::mission::Notice;
+use crate::pair::Record;
 
 /// Takes records, or is full. As the companion's own writer, it says so once, and the flight goes on.
 #[derive(Debug, Clone, Default)]
@@ -10,9 +11,18 @@ pub(super) struct Disk {
     failing: bool,
     /// Records that were lost.
     pub lost: u64,
+    /// Of the operator's orders, for the next process.
+    pub orders: Record,
 }
 
 impl Disk {
+    /// The operator's orders are to be kept.
+    pub fn keep(&mut self, orders: Record) {
+        if !self.full {
+            self.orders = orders;
+        }
+    }
+
     /// A record is to be written: whether it is, and what there is to say about it.
     pub fn write(&mut self) -> (bool, Option<Notice>) {
         self.lost += u64::from(self.full);

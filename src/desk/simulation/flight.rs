@@ -114,7 +114,8 @@ impl Flight {
         self.starts += 1;
         self.lives[role] += 1;
         let given = &self.setup.given[role];
-        let process = Process::start(given, role, self.starts, self.setup.start_unasked, self.now);
+        let start = (self.setup.start_unasked, self.disks[role].orders);
+        let process = Process::start(given, role, self.starts, start, self.now);
         self.processes[role] = Some(process);
         self.outcomes[role] = None;
         self.tell(role);
@@ -306,6 +307,9 @@ impl Flight {
         let at = process.instant(self.now);
         let (mut calls, mut waiting) = (0, 0);
         loop {
+            if let Some(orders) = process.executive.poll_record() {
+                self.disks[role].keep(orders);
+            }
             self.send(role, process, observer);
             let (deadline, why) = process.executive.poll_timeout();
             let woken_late = deadline + WOKEN_LATE < at && waiting < MOST_WAITING;

@@ -7,6 +7,7 @@ use crate::config::{Mission, Vehicle};
 use crate::link::codec::{Decoder, Encoder};
 use crate::link::{Aboard, Envelope, Form};
 use crate::mission::Executive;
+use crate::pair::Record;
 use crate::planner::slots::Plan;
 use crate::role::Role;
 use crate::time::Instant;
@@ -44,9 +45,11 @@ pub(super) struct Process {
 }
 
 impl Process {
-    /// A process that starts at `now`, with its plan made.
-    pub fn start(given: &Given, role: Role, boot_id: u32, start_unasked: bool, now: Duration) -> Self {
-        let settings = settings(&given.mission, &given.vehicle, boot_id, start_unasked);
+    /// A process that starts at `now`, with its plan made. `start`: unasked, and the orders on record.
+    pub fn start(given: &Given, role: Role, boot_id: u32, start: (bool, Record), now: Duration) -> Self {
+        let (start_unasked, orders) = start;
+        let mut settings = settings(&given.mission, &given.vehicle, boot_id, start_unasked);
+        settings.pair.orders = orders;
         let started = Instant::from_start(reads_at_start(role));
         let transmitter = Transmitter::new(transmitter_settings(&given.vehicle, boot_id), started);
         let mut executive = Executive::new(settings, transmitter, started);

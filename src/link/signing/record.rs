@@ -1,7 +1,7 @@
 //! The ceiling of a link's timestamps on disk, raised ahead of use by a thread of its own.
 
 use std::fs::{self, File, OpenOptions, TryLockError};
-use std::io::{self, Write};
+use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -9,6 +9,7 @@ use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::thread::JoinHandle;
 
 use super::{SigningError, TICKS_PER_SECOND};
+use crate::durable::{replace, sibling};
 
 /// How far the ceiling is raised above what is in use. After a crash, a peer that we cannot call is turned away
 /// until its clock has passed the ceiling: no more than this. The file is written each half of it.
@@ -121,13 +122,6 @@ fn run(path: &Path, queue: &Receiver<u64>, result: &Shared) {
     }
 }
 
-/// A sibling of the state file.
-fn sibling(path: &Path, suffix: &str) -> PathBuf {
-    let mut name = path.as_os_str().to_owned();
-    name.push(suffix);
-    name.into()
-}
-
 fn lock(path: &Path) -> Result<File, SigningError> {
     let failed = |source| SigningError::StateFile { path: path.to_owned(), source };
     let options = OpenOptions::new().write(true).create(true).truncate(false).clone();
@@ -147,14 +141,6 @@ fn read(path: &Path) -> Result<u64, SigningError> {
     }
 }
 
-/// Replaces the file as a whole: at any instant the disk holds the old ceiling or the new one.
 fn write(path: &Path, ceiling: u64) -> io::Result<()> {
-    let new = sibling(path, ".new");
-    let mut file = File::create(&new)?;
-    writeln!(file, "{ceiling}")?;
-    file.sync_all()?;
-    fs::rename(&new, path)?;
-    // The rename is on disk when the directory is.
-    let directory = path.parent().filter(|parent| !parent.as_os_str().is_empty());
-    File::open(directory.unwrap_or(Path::new(".")))?.sync_all()
+    replace(path, &format!("{ceiling}\n"))
 }

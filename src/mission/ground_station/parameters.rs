@@ -74,8 +74,8 @@ const TABLE: [Parameter; 12] = [
     },
     Parameter {
         name: "VW_KILLED",
-        get: |e| f64::from(u8::from(e.service.interlock().is_killed())),
-        access: Access::ReadOnly("command 31011, until the companion restarts"),
+        get: |e| f64::from(u8::from(e.service.orders().is_killed())),
+        access: Access::ReadOnly("command 31011, until it is lifted at both vehicles"),
     },
     Parameter {
         name: "VW_POS_TOL_M",

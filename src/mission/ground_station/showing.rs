@@ -18,7 +18,7 @@ impl Executive {
     }
 
     pub(in crate::mission) fn heartbeat(&self) -> MavMessage {
-        let in_trouble = self.abort_cause.is_some() || self.service.interlock().is_killed();
+        let in_trouble = self.abort_cause.is_some() || self.service.orders().is_killed();
         autopilot::heartbeat(match self.phase {
             _ if matches!(self.stopping, Stopping::Since(_)) => MavState::MAV_STATE_POWEROFF,
             _ if in_trouble => MavState::MAV_STATE_CRITICAL,

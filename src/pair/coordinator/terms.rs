@@ -2,7 +2,8 @@
 
 use std::time::Duration;
 
-use super::super::wire::{VeilwingAnswer, VeilwingFlags, VeilwingOrder, VeilwingSilence};
+use super::super::orders::{Change, Record};
+use super::super::wire::{VeilwingAnswer, VeilwingFlags, VeilwingSilence};
 use crate::geo::Enu;
 use crate::planner::plan::VehiclePlan;
 use crate::role::{PerVehicle, Role};
@@ -23,6 +24,8 @@ pub struct Settings {
     pub peer_timeout: Duration,
     /// The largest difference between the two UTC clocks that the guard time covers.
     pub clock_tolerance: Duration,
+    /// What an earlier process kept of the operator's orders.
+    pub orders: Record,
 }
 
 /// The plan both sides must share.
@@ -72,8 +75,6 @@ pub struct Local {
     pub landed: bool,
     /// Flying home under our control, or about to.
     pub returning: bool,
-    /// Holding by the operator's order.
-    pub paused: bool,
 }
 
 impl Local {
@@ -90,7 +91,6 @@ impl Local {
         flags.set(VeilwingFlags::VEILWING_FLAGS_ENDED, self.ended);
         flags.set(VeilwingFlags::VEILWING_FLAGS_LANDED, self.landed);
         flags.set(VeilwingFlags::VEILWING_FLAGS_RETURNING, self.returning);
-        flags.set(VeilwingFlags::VEILWING_FLAGS_PAUSED, self.paused);
         flags
     }
 }
@@ -140,6 +140,6 @@ pub enum Event {
     PeerLeft,
     /// The peer fell silent out of turn.
     PeerSilent(VeilwingSilence),
-    /// An operator's order that came through the peer.
-    Ordered(VeilwingOrder),
+    /// What has come about by an operator's order, given here or at the peer.
+    Ordered(Change),
 }

@@ -11,8 +11,8 @@ pub enum Timer {
     Clock,
     /// I: repeat the proposal or the commit, or withdraw what was not agreed on in time.
     Proposal,
-    /// Repeat an order that is not acknowledged.
-    Order,
+    /// A START that was not confirmed by both in time is none.
+    Start,
     /// I: ask for a lease.
     LeaseRequest,
     /// The peer has been silent for too long.
@@ -28,7 +28,7 @@ impl Timer {
             Self::Status => "status",
             Self::Clock => "clock exchange",
             Self::Proposal => "proposal",
-            Self::Order => "order",
+            Self::Start => "start expires",
             Self::LeaseRequest => "lease request",
             Self::PeerLost => "peer lost",
         }

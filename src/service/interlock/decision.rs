@@ -32,7 +32,7 @@ pub struct Facts {
 pub struct Latches {
     /// Which vehicle this is.
     pub role: Role,
-    /// The operator's kill is latched.
+    /// The operator's kill holds.
     pub killed: bool,
     /// The transmitter is simulated, or the mission's `[emission]` table covers it.
     pub authorised: bool,
@@ -71,8 +71,8 @@ pub struct Permit {
 /// Why a vehicle must not radiate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum Silence {
-    /// The operator's kill is latched.
-    #[error("radio kill is latched until the companion restarts")]
+    /// The operator's kill holds.
+    #[error("the radio kill holds")]
     Killed,
     /// The mission does not authorise this transmitter.
     #[error("the mission file has no [emission] table that authorises this transmitter")]

@@ -1,0 +1,143 @@
+//! The operator's orders on disk, for the companion's next process: a kill holds over a restart, and a START counts once
+//! (S7, F4). Written by a thread of its own, so that a slow disk delays nothing in the air.
+
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::thread::JoinHandle;
+
+use crate::durable::replace;
+use crate::pair::Record;
+use crate::role::Role;
+
+/// What stands above the numbers.
+const HEADER: &str = "# The operator's orders as this vehicle's companion knows them (docs/pair-protocol.md), kept over a restart.\n";
+
+/// Why the orders of the last process are not known.
+#[derive(Debug, thiserror::Error)]
+pub enum OrdersFileError {
+    /// The file cannot be read or written.
+    #[error(
+        "{}: {source}: the operator's orders must be kept over a restart; give [log] dir a directory that can be written",
+        path.display()
+    )]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+    /// It is not what was written.
+    #[error(
+        "{}: {source}help: a radio kill or a flight may be recorded in it; with the vehicle on the ground and disarmed, remove it",
+        path.display()
+    )]
+    Content {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong, and where.
+        source: Box<toml::de::Error>,
+    },
+}
+
+/// The file, and the thread that writes it.
+#[derive(Debug)]
+pub struct OrdersFile {
+    records: Option<Sender<Record>>,
+    thread: Option<JoinHandle<()>>,
+}
+
+/// Where a vehicle's orders are kept.
+#[must_use]
+pub fn path(log_dir: &Path, role: Role) -> PathBuf {
+    log_dir.join(format!("{}.orders", role.to_string().to_lowercase()))
+}
+
+impl OrdersFile {
+    /// Reads what the last process kept, and writes it again: what cannot be written is known before the flight.
+    ///
+    /// # Errors
+    /// The file cannot be read or written, or is not what was written.
+    pub fn open(path: PathBuf) -> Result<(Self, Record), OrdersFileError> {
+        let io = |source| OrdersFileError::Io { path: path.clone(), source };
+        let record = match std::fs::read_to_string(&path) {
+            Ok(text) => toml::from_str(&text)
+                .map_err(|source| OrdersFileError::Content { path: path.clone(), source: source.into() })?,
+            Err(error) if error.kind() == io::ErrorKind::NotFound => Record::default(),
+            Err(error) => return Err(io(error)),
+        };
+        write(&path, &record).map_err(io)?;
+        let (records, queue) = channel();
+        let thread_path = path.clone();
+        let thread = std::thread::Builder::new()
+            .name("orders".to_owned())
+            .spawn(move || run(&thread_path, &queue))
+            .map_err(io)?;
+        Ok((Self { records: Some(records), thread: Some(thread) }, record))
+    }
+
+    /// Has this written. Never waits.
+    pub fn keep(&mut self, record: Record) {
+        if let Some(records) = &self.records {
+            // The thread ends after this.
+            records.send(record).ok();
+        }
+    }
+}
+
+impl Drop for OrdersFile {
+    /// Waits until the last record is on disk.
+    fn drop(&mut self) {
+        self.records = None;
+        if let Some(thread) = self.thread.take() {
+            drop(thread.join());
+        }
+    }
+}
+
+fn run(path: &Path, queue: &Receiver<Record>) {
+    let mut failing = false;
+    while let Ok(first) = queue.recv() {
+        // The newest counts.
+        let record = queue.try_iter().last().unwrap_or(first);
+        let failed = write(path, &record).err();
+        if let Some(error) = failed.as_ref().filter(|_| !failing) {
+            tracing::warn!(path = %path.display(), %error, "the operator's orders cannot be recorded: after a restart they count no more");
+        }
+        failing = failed.is_some();
+    }
+}
+
+fn write(path: &Path, record: &Record) -> io::Result<()> {
+    let text = toml::to_string(record).map_err(io::Error::other)?;
+    replace(path, &format!("{HEADER}{text}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn spec_what_is_kept_is_found_by_the_next_process_and_what_is_broken_is_named() {
+        let directory = std::env::temp_dir().join(format!("veilwing-orders-{}", std::process::id()));
+        std::fs::create_dir_all(&directory).unwrap();
+        let path = path(&directory, Role::J);
+        let (mut file, record) = OrdersFile::open(path.clone()).unwrap();
+        assert_eq!(record, Record::default());
+        let kept = Record { newest: 7, kill: 7, begun: 5, spent: true, ..Record::default() };
+        file.keep(Record::default());
+        file.keep(kept);
+        drop(file);
+        assert_eq!(OrdersFile::open(path.clone()).unwrap().1, kept);
+        std::fs::write(&path, "newest = -1\n").unwrap();
+        let error = OrdersFile::open(path.clone()).unwrap_err().to_string();
+        assert!(
+            error.contains("j.orders") && error.contains("newest") && error.contains("remove it"),
+            "{error}"
+        );
+        std::fs::remove_file(&path).unwrap();
+        std::fs::create_dir(&path).unwrap();
+        assert!(matches!(OrdersFile::open(path), Err(OrdersFileError::Io { .. })));
+        std::fs::remove_dir_all(&directory).unwrap();
+    }
+}
