@@ -70,7 +70,7 @@ mod tests {
     }
 
     #[test]
-    fn val_without_a_time_the_operator_s_word_counts() {
+    fn spec_without_a_time_the_operator_s_word_counts() {
         let mut start = Start::new(false, None);
         assert_eq!(start.waits_for(before(0), CLIMB).as_deref(), Some("MISSION_START"));
         start.ask();
@@ -93,7 +93,7 @@ mod tests {
     }
 
     #[test]
-    fn val_with_a_time_take_off_is_in_time_for_it_whoever_asks() {
+    fn spec_with_a_time_take_off_is_in_time_for_it_whoever_asks() {
         for asked in [false, true] {
             let mut start = Start::new(asked, Some(AT));
             assert!(start.waits_for(None, CLIMB).is_some_and(|text| text.starts_with("UTC")));
@@ -110,7 +110,7 @@ mod tests {
     }
 
     #[test]
-    fn val_a_time_in_the_past_takes_the_operator_s_word() {
+    fn spec_a_time_in_the_past_takes_the_operator_s_word() {
         let mut start = Start::new(false, Some(AT));
         let late = Some(AT + Duration::from_micros(1));
         let text = start.waits_for(late, CLIMB).unwrap();

@@ -58,7 +58,7 @@ fn hold(at: Vector3<f64>, attitude: UnitQuaternion<f64>) -> Target {
 }
 
 #[test]
-fn prop_hold_at_every_tilt_is_centimetres_and_tenths_of_a_degree() {
+fn spec_hold_at_every_tilt_is_centimetres_and_tenths_of_a_degree() {
     let at = Vector3::new(0.0, 0.0, 100.0);
     for (roll, pitch) in [(0.0, 0.0), (30.0, 0.0), (60.0, -45.0), (90.0, 0.0), (0.0, 90.0), (180.0, 0.0)] {
         let attitude =
@@ -81,7 +81,7 @@ fn prop_hold_at_every_tilt_is_centimetres_and_tenths_of_a_degree() {
 }
 
 #[test]
-fn prop_hold_in_gusts() {
+fn spec_hold_in_gusts() {
     let wind = WindConfig { mean_enu_m_s: [6.0, 2.0, 0.0], turbulence_m_s: 12.0 };
     let at = Vector3::new(0.0, 0.0, 100.0);
     let mut rig = Rig::new(Airframe::Omnidirectional, wind);
