@@ -1,7 +1,7 @@
 //! The rigid body against closed forms.
 
 use super::*;
-use crate::vehicle::config::Airframe;
+use crate::vehicle::airframe::Airframe;
 use crate::vehicle::geometry::MAX_ROTORS;
 use crate::vehicle::rotors::{Allocator, Saturation, Wrench};
 
@@ -9,7 +9,7 @@ const DT: f64 = 0.0025;
 const OFF: Throttles = [0.0; MAX_ROTORS];
 
 fn omni() -> Geometry {
-    Geometry::of(Airframe::Omnidirectional)
+    Airframe::Omnidirectional.rotors()
 }
 
 /// The throttles of a force and a torque.
