@@ -164,6 +164,58 @@ fn spec_a_radio_that_restarts_is_off_is_taken_anew_and_its_old_clock_means_nothi
 }
 
 #[test]
+fn spec_a_report_of_before_the_radios_restart_tells_nothing_of_its_clock() {
+    let mut world = World::settled(5);
+    let mut stale = world.radio.report(world.now);
+    world.radio.restart();
+    world.run(ms(600));
+    assert_eq!(world.transmitter.ready(world.now), Ok(()));
+    // The clock that is no more was ahead of the one that is.
+    stale.time_ms = world.radio.clock_ms(world.now).wrapping_add(10_000);
+    assert_eq!((stale.boot, world.radio.boot), (78, 78));
+    let mut told = world.clone();
+    told.hear(&stale);
+    for world in [&mut world, &mut told] {
+        assert_eq!(world.command(0.1, 1, 500), Ok(()));
+    }
+    let expiry = |world: &World| world.commands.last().map(|(_, c)| c.y);
+    assert_eq!(expiry(&told), expiry(&world));
+}
+
+#[test]
+fn spec_a_refusal_of_before_it_was_taken_changes_nothing_when_it_comes_late() {
+    let mut world = World::new(Way::steady(2), Way::steady(2));
+    world.run(ms(3));
+    let (_, refusal) = world.reports.iter().find(|(_, report)| report.answers == 1).cloned().unwrap();
+    assert_eq!(refusal.result, VeilwingRadioResult::VEILWING_RADIO_RESULT_OTHER_SERIES);
+    world.run(ms(500));
+    assert_eq!(world.command(0.1, 1, 500), Ok(()));
+    world.run(ms(10));
+    let before = world.vouched();
+    assert!(before.is_some());
+    world.hear(&refusal);
+    assert_eq!(world.vouched(), before);
+    assert_eq!(world.command(0.1, 1, 500), Ok(()));
+}
+
+#[test]
+fn spec_an_answer_that_contradicts_itself_vouches_for_nothing() {
+    let mut world = World::settled(2);
+    world.back.loss = 1.0;
+    assert_eq!(world.command(0.1, 1, 500), Ok(()));
+    world.run(ms(4));
+    let on = world.radio.on.unwrap();
+    let mut answer = world.radio.report(world.now);
+    (answer.answers_boot, answer.answers) = (78, on.number);
+    for newest in [0, on.number - 1] {
+        world.hear(&VEILWING_RADIO_DATA { newest, ..answer.clone() });
+        assert_eq!(world.vouched(), None, "{newest}");
+    }
+    world.hear(&answer);
+    assert!(world.vouched().is_some());
+}
+
+#[test]
 fn spec_clocks_that_drift_end_in_time_and_hold_what_is_vouched_for() {
     for fast_ppm in [-100, 0, 100] {
         let mut world = World::new(Way::steady(3), Way::steady(3));

@@ -105,6 +105,24 @@ fn spec_what_ends_at_once_or_is_no_power_is_off() {
 }
 
 #[test]
+fn spec_no_power_expires_at_or_before_the_reading_that_it_counts_from() {
+    for (micros, on) in [(1, false), (999, false), (1000, false), (1002, true), (2000, true)] {
+        let mut world = World::settled(1);
+        let reading = world.radio.report(world.now);
+        world.hear(&reading);
+        let before = world.radio.received.len();
+        world.off_by = world.now + Duration::from_micros(micros);
+        assert_eq!(world.transmitter.command(0.1, 1, world.off_by, world.now), Ok(()));
+        world.send();
+        world.run(ms(1));
+        let [sent] = &world.radio.received[before..] else { panic!("{micros}: not one command") };
+        assert_eq!(sent.param1.is_finite(), on, "{micros} us: {sent:?}");
+        let ahead_ms = sent.y.cast_unsigned().wrapping_sub(reading.time_ms) as i32;
+        assert!(!on || ahead_ms > 0, "{micros} us: {ahead_ms} ms");
+    }
+}
+
+#[test]
 fn spec_a_reading_older_than_a_second_is_not_used_and_its_age_is_said() {
     let mut world = World::settled(2);
     world.back.loss = 1.0;
