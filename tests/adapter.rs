@@ -184,7 +184,7 @@ impl World {
 }
 
 #[test]
-fn val_both_faces_fly_where_the_mission_says_and_land() {
+fn spec_both_faces_fly_where_the_mission_says_and_land() {
     for (firmware, actuation) in [
         (Firmware::Px4, Actuation::Pose),
         (Firmware::Px4, Actuation::Position),
@@ -280,7 +280,7 @@ fn turn_to(world: &mut World, (roll_deg, pitch_deg): (f64, f64)) {
 }
 
 #[test]
-fn val_the_simulated_omnicopter_holds_every_attitude_in_calm_and_wind() {
+fn spec_the_simulated_omnicopter_holds_every_attitude_in_calm_and_wind() {
     for windy in [false, true] {
         let mut world = omnicopter(windy, std::f64::consts::FRAC_PI_2);
         for tilt_deg in TOUR_DEG {
@@ -300,7 +300,7 @@ fn val_the_simulated_omnicopter_holds_every_attitude_in_calm_and_wind() {
 }
 
 #[test]
-fn val_without_the_guard_the_land_detector_ends_the_same_flight() {
+fn spec_without_the_guard_the_land_detector_ends_the_same_flight() {
     // Planned level, flown tilted: what a companion without the guard would do.
     let mut world = omnicopter(false, 0.0);
     for tilt_deg in TOUR_DEG {
@@ -311,7 +311,7 @@ fn val_without_the_guard_the_land_detector_ends_the_same_flight() {
 }
 
 #[test]
-fn val_the_radio_does_what_is_commanded_and_no_more() {
+fn spec_the_radio_does_what_is_commanded_and_no_more() {
     for behind_autopilot in [true, false] {
         let vehicle = VehicleConfig { radio_behind_autopilot: behind_autopilot, ..vehicle(Firmware::Px4) };
         let mut world = World::with(vehicle, JitterConfig::default(), settings(Actuation::Pose));

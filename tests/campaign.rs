@@ -44,7 +44,7 @@ fn totals(mut document: Value) -> Value {
 }
 
 #[test]
-fn val_totals_depend_neither_on_threads_nor_on_parts() {
+fn spec_totals_depend_neither_on_threads_nor_on_parts() {
     let run = |more: &[&str]| {
         let common = [MISSION, "--runs", "7", "--seed", "40", "--faults", FAULTS, "--json"];
         document(&[&common, more].concat())
@@ -80,7 +80,7 @@ fn flight(path: &Path) -> Value {
 }
 
 #[test]
-fn val_a_flight_of_a_campaign_is_replayed_by_its_seed_with_full_logs() {
+fn spec_a_flight_of_a_campaign_is_replayed_by_its_seed_with_full_logs() {
     let fly = |name: &str, runs: &str, seed: &str| {
         let out = directory(name);
         let arguments = ["--runs", runs, "--seed", seed, "--faults", FAULTS, "--json", "--out"];
@@ -128,7 +128,7 @@ fn log_times_s(path: &Path) -> Vec<f64> {
 }
 
 #[test]
-fn val_a_full_disk_costs_records_and_a_warning_and_nothing_else() {
+fn spec_a_full_disk_costs_records_and_a_warning_and_nothing_else() {
     let out = directory("full");
     let write = |name: &str, text: &str| {
         let path = out.join(name);
@@ -159,7 +159,7 @@ fn val_a_full_disk_costs_records_and_a_warning_and_nothing_else() {
 }
 
 #[test]
-fn val_an_interrupted_campaign_keeps_what_is_done() {
+fn spec_an_interrupted_campaign_keeps_what_is_done() {
     let mut child = veilwing()
         .args([MISSION, "--runs", "1000000", "--threads", "1", "--json"])
         .env("RUST_LOG", "debug")
@@ -184,7 +184,7 @@ fn val_an_interrupted_campaign_keeps_what_is_done() {
 }
 
 #[test]
-fn val_bad_input_is_refused() {
+fn spec_bad_input_is_refused() {
     let out = directory("bad");
     let write = |name: &str, text: &str| {
         let path = out.join(name);

@@ -180,7 +180,7 @@ fn val_order_of_figure_4a_is_the_papers() {
 }
 
 #[test]
-fn prop_figures_do_not_depend_on_threads_and_are_sound() {
+fn spec_figures_do_not_depend_on_threads_and_are_sound() {
     let one = all(&Settings { threads: 1, ..SETTINGS }, &quiet).unwrap();
     let names: Vec<&str> = one.iter().map(|figure| figure.name).collect();
     assert_eq!(names, ["figure-3", "figure-4a", "figure-4b", "figure-4c"]);
@@ -199,13 +199,13 @@ fn prop_figures_do_not_depend_on_threads_and_are_sound() {
 }
 
 #[test]
-fn val_no_scenarios_are_refused() {
+fn spec_no_scenarios_are_refused() {
     let refused = all(&Settings { scenarios: 0, ..SETTINGS }, &quiet);
     assert_eq!(refused.unwrap_err(), Failure::NoScenarios);
 }
 
 #[test]
-fn val_command_writes_all_files_and_refuses_bad_arguments() {
+fn spec_command_writes_all_files_and_refuses_bad_arguments() {
     let out = Path::new(env!("CARGO_TARGET_TMPDIR")).join("figures");
     let run = |arguments: &[&str]| {
         Command::new(env!("CARGO_BIN_EXE_veilwing")).arg("figures").args(arguments).output().unwrap()

@@ -120,7 +120,7 @@ fn prop_a_million_random_frames_neither_panic_nor_raise_a_power() {
 }
 
 #[test]
-fn val_a_fresh_pair_radiates_and_has_sent_every_kind_of_message_but_orders_and_silences() {
+fn spec_a_fresh_pair_radiates_and_has_sent_every_kind_of_message_but_orders_and_silences() {
     let target = Target::new();
     let ids = |role: Role| -> Vec<u32> {
         target.recorded[role].iter().map(|f| u32::from_le_bytes([f[7], f[8], f[9], 0])).collect()

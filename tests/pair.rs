@@ -30,7 +30,7 @@ fn quiet(seed: u64, slots: usize) -> Case {
 }
 
 #[test]
-fn regress_every_slot_is_served_on_a_good_link() {
+fn spec_every_slot_is_served_on_a_good_link() {
     let seen = world::run(quiet(1, 20));
     assert_eq!(seen.violations, Vec::<String>::new());
     assert_eq!((seen.slots, seen.served), (20, 20));
@@ -58,7 +58,7 @@ fn regress_a_sample_of_the_sweep() {
 
 /// What a failing line prints runs that cell, and running it again is the same flight.
 #[test]
-fn val_a_replay_line_is_its_cell() {
+fn spec_a_replay_line_is_its_cell() {
     for case in sweep::cases(3, 7) {
         let row = sweep::Row { case, seen: world::Seen::default() };
         let line = row.replay();
@@ -77,7 +77,7 @@ fn violated(seen: &world::Seen, invariant: &str) -> bool {
 
 /// A bug put in on purpose must be found, or the observer sees nothing.
 #[test]
-fn regress_a_grant_counted_from_its_receipt_is_found() {
+fn spec_a_grant_counted_from_its_receipt_is_found() {
     let case = Case { loss: 0.3, delay: Duration::from_millis(400), ..quiet(7, 40) };
     assert_eq!(world::run(case).violations, Vec::<String>::new());
     let seen = world::run_with(case, |now_us, message| {
@@ -89,7 +89,7 @@ fn regress_a_grant_counted_from_its_receipt_is_found() {
 }
 
 #[test]
-fn regress_a_lease_that_never_expires_is_found() {
+fn spec_a_lease_that_never_expires_is_found() {
     let case = Case { loss: 0.3, fault: FaultKind::Restart, ..quiet(8, 40) };
     assert_eq!(world::run(case).violations, Vec::<String>::new());
     let forever = Duration::from_secs(60);
@@ -102,7 +102,7 @@ fn regress_a_lease_that_never_expires_is_found() {
 }
 
 #[test]
-fn regress_j_off_before_i_is_found() {
+fn spec_j_off_before_i_is_found() {
     // Where J's clock is ahead of I's, J is done first and must wait for I.
     let found = (9..17).filter(|&seed| {
         let case = Case { delay: Duration::from_millis(20), ..quiet(seed, 10) };
@@ -149,7 +149,7 @@ fn prop_model_a_slot_is_served_when_the_losses_end() {
 }
 
 #[test]
-fn regress_model_finds_the_bugs_put_in_on_purpose() {
+fn spec_model_finds_the_bugs_put_in_on_purpose() {
     use model::Bug;
     for bug in [Bug::LeaseNeverExpires, Bug::JOffBeforeI, Bug::GrantCountedFromReceipt] {
         let explored = model::explore(slot_model(bug));

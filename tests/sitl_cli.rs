@@ -70,7 +70,7 @@ fn assert_protected(document: &Value) {
 }
 
 #[test]
-fn val_a_flight_completes_and_its_document_and_files_are_whole() {
+fn spec_a_flight_completes_and_its_document_and_files_are_whole() {
     let _alone = alone();
     let (code, document, said, out) = fly("sitl-nominal", None);
     assert_eq!(code, Some(0), "{said}\n{document:#}");
@@ -140,17 +140,17 @@ fn a_killed_companion_ends_the_mission(role: &str) {
 }
 
 #[test]
-fn val_killing_companion_i_in_mid_slot_is_safe_and_said() {
+fn spec_killing_companion_i_in_mid_slot_is_safe_and_said() {
     a_killed_companion_ends_the_mission("i");
 }
 
 #[test]
-fn val_killing_companion_j_in_mid_slot_is_safe_and_said() {
+fn spec_killing_companion_j_in_mid_slot_is_safe_and_said() {
     a_killed_companion_ends_the_mission("j");
 }
 
 #[test]
-fn val_a_full_disk_costs_logs_and_a_restarted_companion_does_not_fly_on() {
+fn spec_a_full_disk_costs_logs_and_a_restarted_companion_does_not_fly_on() {
     let _alone = alone();
     let faults = "[[fault]]\nkind = \"disk-full\"\nvehicle = \"i\"\nafter_s = 0\n\
                   [[fault]]\nkind = \"pair-degraded\"\nloss = 0.1\nspread_s = 0.02\nafter_s = 0\n\
@@ -182,7 +182,7 @@ fn started(mission: &str) -> (Child, impl Iterator<Item = String>) {
 }
 
 #[test]
-fn val_a_world_that_is_held_up_owns_what_comes_of_it() {
+fn spec_a_world_that_is_held_up_owns_what_comes_of_it() {
     let _alone = alone();
     let directory = directory("sitl-late");
     let mission = write(&directory, "mission.toml", MISSION);
@@ -211,7 +211,7 @@ fn val_a_world_that_is_held_up_owns_what_comes_of_it() {
 }
 
 #[test]
-fn val_an_interrupt_in_mid_slot_ends_everything_cleanly() {
+fn spec_an_interrupt_in_mid_slot_ends_everything_cleanly() {
     let _alone = alone();
     let directory = directory("sitl-interrupt");
     let mission = write(&directory, "mission.toml", MISSION);
@@ -255,7 +255,7 @@ fn plan(mission: &str, more: &[&str]) -> Value {
 }
 
 #[test]
-fn val_a_plan_is_its_mission_and_seed_whatever_the_threads() {
+fn spec_a_plan_is_its_mission_and_seed_whatever_the_threads() {
     let directory = directory("plan-twice");
     let mission = write(&directory, "mission.toml", MISSION);
     let first = plan(&mission, &[]);
@@ -291,7 +291,7 @@ fn val_evaluate_agrees_with_the_plan_within_four_standard_errors() {
 }
 
 #[test]
-fn val_unusable_arguments_and_files_exit_with_2_and_a_reason() {
+fn spec_unusable_arguments_and_files_exit_with_2_and_a_reason() {
     let directory = directory("unusable");
     let mission = write(&directory, "mission.toml", MISSION);
     let faults = write(&directory, "faults.toml", "[[fault]]\nkind = \"meteor\"\nafter_s = 1.0\n");
@@ -319,7 +319,7 @@ fn val_unusable_arguments_and_files_exit_with_2_and_a_reason() {
 }
 
 #[test]
-fn val_every_help_has_an_example() {
+fn spec_every_help_has_an_example() {
     let help = run(&["--help"]);
     assert_eq!(help.status.code(), Some(0));
     let help = text(&help.stdout);

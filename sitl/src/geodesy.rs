@@ -247,7 +247,7 @@ mod tests {
     }
 
     #[test]
-    fn prop_geodetic_and_back() {
+    fn spec_geodetic_and_back() {
         for enu in [Vector3::new(500.0, -300.0, 120.0), Vector3::new(-4e4, 2e4, 3e3), Vector3::zeros()] {
             let back = PRAGUE.enu(PRAGUE.geodetic(enu));
             assert!((back - enu).norm() < 1e-6, "{back}");

@@ -17,13 +17,13 @@ pub mod world;
 
 pub use frames::{Euler, antenna_axis};
 pub use geodesy::Origin;
+pub use vehicle::airframe::{Airframe, AirframeModel, Body};
 pub use vehicle::airframe_file::AirframeError;
 pub use vehicle::autopilot::SetpointCounters;
 pub use vehicle::config::{
-    Airframe, BatteryConfig, Body, Firmware, PowerForm, Role, SensorConfig, Slip, Traps, VehicleConfig,
-    WindConfig,
+    BatteryConfig, Firmware, PowerForm, Role, SensorConfig, Slip, Traps, VehicleConfig, WindConfig,
 };
-pub use vehicle::geometry::{AirframeModel, Geometry, MAX_ROTORS, Rotor};
+pub use vehicle::geometry::{Geometry, MAX_ROTORS, Rotor};
 pub use vehicle::jitter::{JitterAxes, JitterConfig, JitterModel};
 pub use vehicle::radio_hop::{Manners, Toward};
 pub use vehicle::{Vehicle, VehicleCounters, VehicleSnapshot};

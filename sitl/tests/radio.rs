@@ -21,7 +21,7 @@ fn power_w(f: &Flight) -> Option<f64> {
 }
 
 #[test]
-fn prop_the_radio_states_its_clock_by_itself_in_either_form() {
+fn spec_the_radio_states_its_clock_by_itself_in_either_form() {
     for behind in [true, false] {
         let f = heard(|v| v.radio_behind_autopilot = behind);
         let reports = &f.clients[0].reports;
@@ -36,7 +36,7 @@ fn prop_the_radio_states_its_clock_by_itself_in_either_form() {
 }
 
 #[test]
-fn prop_a_numbered_power_is_answered_by_name_and_ends_by_the_radios_clock() {
+fn spec_a_numbered_power_is_answered_by_name_and_ends_by_the_radios_clock() {
     let mut f = heard(|_| {});
     f.clients[0].numbered(&mut f.world, OFF, 1, 0);
     f.pass(5);
@@ -62,7 +62,7 @@ fn prop_a_numbered_power_is_answered_by_name_and_ends_by_the_radios_clock() {
 }
 
 #[test]
-fn prop_only_the_commander_aboard_is_obeyed() {
+fn spec_only_the_commander_aboard_is_obeyed() {
     let mut f = heard(|_| {});
     let mut stranger = Client::ground_station(0, 0);
     stranger.reports.clone_from(&f.clients[0].reports);
@@ -74,7 +74,7 @@ fn prop_only_the_commander_aboard_is_obeyed() {
 }
 
 #[test]
-fn prop_the_hop_to_the_radio_has_faults_of_its_own_in_each_direction() {
+fn spec_the_hop_to_the_radio_has_faults_of_its_own_in_each_direction() {
     let mut f = heard(|_| {});
     let manners = |f: &mut Flight, toward, manners| {
         f.world.inject(Fault::RadioHop { vehicle: 0, toward, manners });

@@ -85,7 +85,7 @@ mod tests {
     }
 
     #[test]
-    fn val_an_unset_clock_is_no_clock_and_a_step_is_followed() {
+    fn spec_an_unset_clock_is_no_clock_and_a_step_is_followed() {
         let mut estimate = UtcEstimate::default();
         estimate.handle_system_time(12_345_678, Instant::ZERO);
         assert_eq!(estimate.utc(Instant::ZERO), None);

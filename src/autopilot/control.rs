@@ -448,7 +448,7 @@ mod tests {
     }
 
     #[test]
-    fn val_a_mode_that_shows_before_it_was_asked_for_is_not_ours() {
+    fn spec_a_mode_that_shows_before_it_was_asked_for_is_not_ours() {
         let mut flight = Flight::new(Firmware::Px4);
         // Setpoints do not stream yet, so nothing has been asked.
         flight.control.take(Duration::ZERO, &mut flight.bench.context());
@@ -462,7 +462,7 @@ mod tests {
     }
 
     #[test]
-    fn val_another_mode_ends_control_and_all_that_is_asked_for() {
+    fn spec_another_mode_ends_control_and_all_that_is_asked_for() {
         for firmware in [Firmware::Px4, Firmware::ArduPilot] {
             let mut flight = Flight::held(firmware);
             flight.control.disarm(&mut flight.bench.context());
@@ -479,7 +479,7 @@ mod tests {
     }
 
     #[test]
-    fn val_setpoints_go_out_until_the_hand_over_is_acknowledged() {
+    fn spec_setpoints_go_out_until_the_hand_over_is_acknowledged() {
         let mut flight = Flight::held(Firmware::Px4);
         flight.control.hand_over(Mode::Land, &mut flight.bench.context());
         assert!(flight.lets_out());
@@ -491,7 +491,7 @@ mod tests {
     }
 
     #[test]
-    fn val_a_refused_hand_over_falls_back_to_who_flies() {
+    fn spec_a_refused_hand_over_falls_back_to_who_flies() {
         for (mode, held) in [(Mode::Companion, true), (POSCTL, false)] {
             let mut flight = Flight::held(Firmware::Px4);
             flight.control.hand_over(Mode::Land, &mut flight.bench.context());
@@ -505,7 +505,7 @@ mod tests {
     }
 
     #[test]
-    fn val_a_build_without_brake_is_asked_to_loiter_in_its_place() {
+    fn spec_a_build_without_brake_is_asked_to_loiter_in_its_place() {
         let mut flight = Flight::held(Firmware::ArduPilot);
         flight.control.hand_over(Mode::Hold, &mut flight.bench.context());
         flight.answer(Purpose::Mode, MavResult::MAV_RESULT_UNSUPPORTED);
@@ -518,7 +518,7 @@ mod tests {
     }
 
     #[test]
-    fn val_a_climb_keeps_setpoints_from_arducopter_until_its_top() {
+    fn spec_a_climb_keeps_setpoints_from_arducopter_until_its_top() {
         for (firmware, meanwhile) in [(Firmware::Px4, true), (Firmware::ArduPilot, false)] {
             let mut flight = Flight::new(firmware);
             flight.take();
@@ -538,7 +538,7 @@ mod tests {
     }
 
     #[test]
-    fn val_thrust_is_sought_until_the_vehicle_leaves_the_ground() {
+    fn spec_thrust_is_sought_until_the_vehicle_leaves_the_ground() {
         let mut flight = Flight::new(Firmware::Px4);
         flight.bench.settings.actuation = Actuation::ThrustVector;
         flight.take();
@@ -552,7 +552,7 @@ mod tests {
     }
 
     #[test]
-    fn val_a_flight_ends_by_disarming_and_not_by_a_land_detector() {
+    fn spec_a_flight_ends_by_disarming_and_not_by_a_land_detector() {
         let mut flight = Flight::held(Firmware::Px4);
         flight.see(10.0, Landed::OnGround);
         assert_eq!(flight.control.footing(&flight.bench.state), Footing::Airborne);
@@ -562,7 +562,7 @@ mod tests {
     }
 
     #[test]
-    fn val_a_take_off_needs_control_a_place_and_a_height() {
+    fn spec_a_take_off_needs_control_a_place_and_a_height() {
         let mut flight = Flight::held(Firmware::Px4);
         let refused = |flight: &mut Flight, altitude_m: f64| {
             flight.control.take_off(altitude_m, &mut flight.bench.context());

@@ -242,7 +242,7 @@ mod tests {
     }
 
     #[test]
-    fn val_a_wrong_axis_scale_is_a_larger_error() {
+    fn spec_a_wrong_axis_scale_is_a_larger_error() {
         let rms = |thrust_n: [f64; 3]| {
             let mut plant = plant(90.0, 0.0);
             let mut control = PositionControl::new(Settings {
@@ -263,7 +263,7 @@ mod tests {
     }
 
     #[test]
-    fn val_the_integral_stops_at_the_thrust_limit() {
+    fn spec_the_integral_stops_at_the_thrust_limit() {
         let settings = Settings { thrust_limit: 0.35, hover_thrust: 0.34, ..omnicopter() };
         let mut control = PositionControl::new(settings);
         let below = plant(0.0, 0.0).measured;
@@ -275,7 +275,7 @@ mod tests {
     }
 
     #[test]
-    fn val_garbage_in_is_never_garbage_out() {
+    fn spec_garbage_in_is_never_garbage_out() {
         let mut control = PositionControl::new(Settings::default());
         let mut at = plant(0.0, 0.0).measured;
         at.position_enu_m.x = f64::NAN;

@@ -211,7 +211,7 @@ mod tests {
     }
 
     #[test]
-    fn val_a_refusal_is_told_with_the_moment_of_its_reason_and_asked_again() {
+    fn spec_a_refusal_is_told_with_the_moment_of_its_reason_and_asked_again() {
         let (mut bench, mut pursuit) = pursuing(Aim::Arm);
         assert_eq!(bench.sent().len(), 1);
         pursuit.answered(Some(MavResult::MAV_RESULT_DENIED), bench.now);
@@ -233,7 +233,7 @@ mod tests {
     }
 
     #[test]
-    fn val_what_is_unsupported_is_given_up_and_so_is_what_takes_too_long() {
+    fn spec_what_is_unsupported_is_given_up_and_so_is_what_takes_too_long() {
         let (mut bench, mut pursuit) = pursuing(Aim::Mode(Mode::Hold));
         pursuit.answered(Some(MavResult::MAV_RESULT_UNSUPPORTED), bench.now);
         bench.pass(REASON_WITHIN);
@@ -248,7 +248,7 @@ mod tests {
     }
 
     #[test]
-    fn val_an_accepted_take_off_is_not_asked_for_again_and_an_accepted_mode_is() {
+    fn spec_an_accepted_take_off_is_not_asked_for_again_and_an_accepted_mode_is() {
         for (aim, again) in [(Aim::TakeOff { altitude_m: 12.0 }, 0), (Aim::Mode(Mode::Companion), 1)] {
             let (mut bench, mut pursuit) = pursuing(aim);
             let asked = bench.sent();
@@ -262,7 +262,7 @@ mod tests {
     }
 
     #[test]
-    fn val_what_may_not_be_asked_yet_is_looked_at_again_and_says_why_it_failed() {
+    fn spec_what_may_not_be_asked_yet_is_looked_at_again_and_says_why_it_failed() {
         let mut bench = Bench::new(Firmware::Px4);
         let mut pursuit = Pursuit::new(Aim::Mode(Mode::Companion), Duration::from_secs(1), bench.now);
         for _ in 0..5 {
@@ -278,7 +278,7 @@ mod tests {
     }
 
     #[test]
-    fn val_a_take_off_by_setpoints_is_not_commanded() {
+    fn spec_a_take_off_by_setpoints_is_not_commanded() {
         let mut bench = Bench::new(Firmware::Px4);
         let aim = Aim::TakeOff { altitude_m: 12.0 };
         let mut pursuit = Pursuit::new(aim, Duration::from_secs(10), bench.now);

@@ -328,7 +328,7 @@ mod tests {
     }
 
     #[test]
-    fn val_a_pause_within_the_lifetime_is_one_stream_and_a_longer_one_ends_it() {
+    fn spec_a_pause_within_the_lifetime_is_one_stream_and_a_longer_one_ends_it() {
         let mut stream = stream(Actuation::Position);
         let (mut out, around) = (Outbox::default(), around(Footing::Airborne));
         let mut now = Instant::from_start(Duration::from_secs(1));
@@ -346,7 +346,7 @@ mod tests {
     }
 
     #[test]
-    fn val_what_is_not_finite_is_no_setpoint() {
+    fn spec_what_is_not_finite_is_no_setpoint() {
         let mut stream = stream(Actuation::Pose);
         let (mut out, around) = (Outbox::default(), around(Footing::Airborne));
         let mut broken = setpoint(0.0);
@@ -393,7 +393,7 @@ mod tests {
     }
 
     #[test]
-    fn val_a_pose_is_two_targets_or_one_without_a_quaternion() {
+    fn spec_a_pose_is_two_targets_or_one_without_a_quaternion() {
         for (takes_attitude_targets, forms) in [(true, 2), (false, 1)] {
             let around = Surroundings { takes_attitude_targets, ..around(Footing::Airborne) };
             let mut out = Outbox::default();

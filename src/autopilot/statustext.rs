@@ -97,7 +97,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn val_texts_of_every_length_survive_the_chunks() {
+    fn spec_texts_of_every_length_survive_the_chunks() {
         for length in [0, 1, 49, 50, 51, 99, 100, 101, 250] {
             let text: String = ('a'..='z').cycle().take(length).collect();
             let messages = chunks(MavSeverity::MAV_SEVERITY_INFO, &text, 7);
@@ -113,7 +113,7 @@ mod tests {
     }
 
     #[test]
-    fn val_a_lost_chunk_is_marked_and_strange_bytes_do_no_harm() {
+    fn spec_a_lost_chunk_is_marked_and_strange_bytes_do_no_harm() {
         let messages = chunks(MavSeverity::MAV_SEVERITY_INFO, &"x".repeat(120), 3);
         let mut assembly = Assembly::default();
         let MavMessage::STATUSTEXT(first) = &messages[0] else { panic!() };

@@ -24,7 +24,7 @@ use crate::geo::{Attitude, Enu, EnuVelocity, Ned};
 const BOTH: [Firmware; 2] = [Firmware::Px4, Firmware::ArduPilot];
 
 #[test]
-fn val_both_firmwares_take_off_fly_to_a_pose_in_the_missions_frame_and_land() {
+fn spec_both_firmwares_take_off_fly_to_a_pose_in_the_missions_frame_and_land() {
     for firmware in BOTH {
         let mut world = World::new(Fake::new(firmware), |settings| settings.planned_tilt_rad = 0.6);
         world.launch();
@@ -69,7 +69,7 @@ fn val_both_firmwares_take_off_fly_to_a_pose_in_the_missions_frame_and_land() {
 }
 
 #[test]
-fn val_a_setpoint_goes_out_once_at_the_instant_that_it_is_for() {
+fn spec_a_setpoint_goes_out_once_at_the_instant_that_it_is_for() {
     for (actuation, forms) in [(Actuation::Position, 1), (Actuation::Pose, 2), (Actuation::ThrustVector, 1)] {
         let mut fake = Fake::new(Firmware::Px4);
         fake.body = (actuation == Actuation::ThrustVector).then(|| omnicopter::Body::new(Vector3::zeros()));
@@ -105,7 +105,7 @@ fn val_a_setpoint_goes_out_once_at_the_instant_that_it_is_for() {
 }
 
 #[test]
-fn val_setpoints_go_out_at_the_executives_pace_and_never_outlive_it() {
+fn spec_setpoints_go_out_at_the_executives_pace_and_never_outlive_it() {
     let mut world = World::new(Fake::new(Firmware::Px4), |settings| settings.actuation = Actuation::Position);
     world.launch();
     let since = world.now;

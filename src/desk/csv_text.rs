@@ -35,7 +35,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn val_cells_are_quoted_where_they_must_be() {
+    fn spec_cells_are_quoted_where_they_must_be() {
         let mut text = CsvText::new(["a", "b"]);
         text.row(["1,5", ""]);
         text.row(["say \"on\"", "x"]);

@@ -186,7 +186,7 @@ mod tests {
     }
 
     #[test]
-    fn val_the_date_line_and_the_pole_are_no_edges() {
+    fn spec_the_date_line_and_the_pole_are_no_edges() {
         let origin = Geodetic { lat_deg: 10.0, lon_deg: 179.999, alt_m: 0.0 };
         for projection in ALL {
             let point = projection.from_ned(Ned::new(100.0, 500.0, -20.0), origin);

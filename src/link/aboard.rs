@@ -113,7 +113,7 @@ mod tests {
     }
 
     #[test]
-    fn val_the_radio_is_understood_in_either_form_and_everything_else_is_as_before() {
+    fn spec_the_radio_is_understood_in_either_form_and_everything_else_is_as_before() {
         let report = radio::VEILWING_RADIO_DATA {
             time_ms: 0xF000_0001,
             boot: 7,

@@ -131,7 +131,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn val_addresses_read_and_print_the_same() {
+    fn spec_addresses_read_and_print_the_same() {
         for text in [
             "udpin:0.0.0.0:14550",
             "udpout:vehicle-j.local:14600",
@@ -145,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn val_what_is_no_address_is_refused_by_its_part() {
+    fn spec_what_is_no_address_is_refused_by_its_part() {
         for (text, part) in [
             ("", "scheme"),
             ("udp:1.2.3.4:5", "scheme"),

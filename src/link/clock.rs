@@ -203,7 +203,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn val_a_rate_that_is_no_rate_is_refused() {
+    fn spec_a_rate_that_is_no_rate_is_refused() {
         for rate in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e4] {
             assert!(Clock::start(rate).is_err(), "{rate}");
         }
@@ -211,7 +211,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn val_no_sleeper_wakes_early_at_any_rate() {
+    async fn spec_no_sleeper_wakes_early_at_any_rate() {
         for rate in [1.0, 50.0, 0.5] {
             let clock = Clock::start(rate).unwrap();
             for _ in 0..20 {
@@ -223,7 +223,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn val_a_dropped_sleeper_leaves_nothing_behind() {
+    async fn spec_a_dropped_sleeper_leaves_nothing_behind() {
         let clock = Clock::real();
         let first = clock.now() + Duration::from_millis(2);
         tokio::select! {
@@ -238,7 +238,7 @@ mod tests {
     }
 
     #[test]
-    fn val_scaled_utc_is_the_start_plus_the_scaled_time() {
+    fn spec_scaled_utc_is_the_start_plus_the_scaled_time() {
         let clock = Clock::start(100.0).unwrap();
         let before = clock.now();
         let utc_us = clock.utc().unix_us;

@@ -166,7 +166,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn val_every_reason_has_its_own_count_and_name() {
+    fn spec_every_reason_has_its_own_count_and_name() {
         let mut counters = Counters { received: 2, received_bytes: 42, ..Counters::default() };
         for (index, &reason) in Rejection::ALL.iter().enumerate() {
             for _ in 0..=index {

@@ -239,7 +239,7 @@ mod tests {
     }
 
     #[test]
-    fn val_every_pair_message_fits_a_tunnel_whole() {
+    fn prop_every_pair_message_fits_a_tunnel_whole() {
         let mut sizes = Vec::new();
         for &id in wire::MavMessage::all_ids() {
             let message = longest(id).unwrap();
@@ -259,7 +259,7 @@ mod tests {
     }
 
     #[test]
-    fn val_what_is_not_one_sound_frame_is_refused() {
+    fn spec_what_is_not_one_sound_frame_is_refused() {
         let message = longest(42_104).unwrap();
         let envelope = Envelope::new(Form::Tunnel { to_system: 2 }, (1, 191), 7, message);
         let mut good = [0; 255];

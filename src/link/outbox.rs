@@ -71,7 +71,7 @@ mod tests {
     }
 
     #[test]
-    fn val_the_oldest_frame_gives_way_but_not_one_half_out() {
+    fn spec_the_oldest_frame_gives_way_but_not_one_half_out() {
         let mut outbox = Outbox::default();
         let capacity = u8::try_from(CAPACITY).unwrap();
         for sequence in 0..capacity {

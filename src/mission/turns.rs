@@ -69,7 +69,7 @@ mod tests {
     }
 
     #[test]
-    fn val_the_second_leaves_when_the_first_has_arrived_and_is_later_by_the_wait() {
+    fn spec_the_second_leaves_when_the_first_has_arrived_and_is_later_by_the_wait() {
         let first = way(0.0);
         let arrives_s = first.duration().as_secs_f64();
         let second = way(arrives_s + 2.0);
@@ -102,7 +102,7 @@ mod tests {
     }
 
     #[test]
-    fn val_each_departure_from_rest_is_asked_for_and_each_leg_in_between_is_not() {
+    fn spec_each_departure_from_rest_is_asked_for_and_each_leg_in_between_is_not() {
         let start = Start { position_enu_m: Enu::zeros(), attitude: Attitude::level() };
         let mut way = Trajectory::rest(&start);
         way.fly(&[Enu::new(10.0, 0.0, 0.0), Enu::new(10.0, 10.0, 0.0)], &LIMITS);

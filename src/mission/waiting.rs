@@ -60,7 +60,7 @@ mod tests {
     }
 
     #[test]
-    fn val_one_line_a_change_and_none_for_what_passes_at_once() {
+    fn spec_one_line_a_change_and_none_for_what_passes_at_once() {
         let mut waiting = Waiting::default();
         let heard = [
             (0, "plan, peer", None),
@@ -79,7 +79,7 @@ mod tests {
     }
 
     #[test]
-    fn val_what_stays_is_told_again_every_half_minute() {
+    fn spec_what_stays_is_told_again_every_half_minute() {
         let mut waiting = Waiting::default();
         assert_eq!(waiting.again(at(0)), None);
         let again = (0..1000).filter(|k| {
@@ -90,7 +90,7 @@ mod tests {
     }
 
     #[test]
-    fn val_what_never_settles_is_told_every_five_seconds() {
+    fn spec_what_never_settles_is_told_every_five_seconds() {
         let mut waiting = Waiting::default();
         let told = (0..300).filter(|k| waiting.news(&format!("{k} Hz"), at(k * 100)).is_some()).count();
         assert_eq!(told, 5);

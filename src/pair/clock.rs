@@ -111,7 +111,7 @@ mod tests {
     }
 
     #[test]
-    fn val_contradictions_are_ignored() {
+    fn spec_contradictions_are_ignored() {
         let mut filter = ClockFilter::default();
         exchange(&mut filter, [10, 0, 5, 3]);
         exchange(&mut filter, [0, 10, 5, 20]);
@@ -120,7 +120,7 @@ mod tests {
     }
 
     #[test]
-    fn val_an_answer_to_no_request_is_ignored() {
+    fn spec_an_answer_to_no_request_is_ignored() {
         let mut filter = ClockFilter::default();
         filter.take(0, 10, 10, 20);
         assert_eq!(filter.offset(), None);
@@ -136,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn val_a_step_of_the_peer_s_clock_replaces_what_was_measured_before_it() {
+    fn spec_a_step_of_the_peer_s_clock_replaces_what_was_measured_before_it() {
         let mut filter = ClockFilter::default();
         exchange(&mut filter, [0, 1_000, 1_000, 2_000]);
         // Ten seconds ahead since, seen through a slower exchange.

@@ -105,7 +105,7 @@ mod tests {
     }
 
     #[test]
-    fn val_lease_counts_from_the_request_whatever_the_delay() {
+    fn spec_lease_counts_from_the_request_whatever_the_delay() {
         let mut holder = Holder::default();
         assert!(holder.take(at(1000), Duration::from_millis(400), at(1300)));
         assert_eq!(holder.held(at(1399)), Some(at(1400)));
@@ -116,14 +116,14 @@ mod tests {
     }
 
     #[test]
-    fn val_grant_from_the_future_is_refused() {
+    fn spec_grant_from_the_future_is_refused() {
         let mut holder = Holder::default();
         assert!(!holder.take(at(2000), Duration::from_millis(400), at(1000)));
         assert_eq!(holder.held(at(1000)), None);
     }
 
     #[test]
-    fn val_older_grant_does_not_shorten() {
+    fn spec_older_grant_does_not_shorten() {
         let mut holder = Holder::default();
         holder.take(at(1000), Duration::from_millis(400), at(1010));
         holder.take(at(900), Duration::from_millis(100), at(1020));
@@ -131,7 +131,7 @@ mod tests {
     }
 
     #[test]
-    fn val_grant_for_a_request_given_up_is_refused() {
+    fn spec_grant_for_a_request_given_up_is_refused() {
         let mut holder = Holder::default();
         holder.give_up(at(1000));
         assert!(!holder.take(at(1000), Duration::from_millis(400), at(1010)));
@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn val_a_word_from_before_the_grant_returns_nothing() {
+    fn spec_a_word_from_before_the_grant_returns_nothing() {
         let mut book = Book::default();
         book.grant(700, at(1500), Duration::from_secs(1), at(9000), at(1000)).unwrap();
         book.returned(699);
@@ -149,7 +149,7 @@ mod tests {
     }
 
     #[test]
-    fn val_after_a_restart_of_i_its_clock_counts_anew() {
+    fn spec_after_a_restart_of_i_its_clock_counts_anew() {
         let mut book = Book::default();
         book.grant(9_000_000, at(1500), Duration::from_secs(1), at(9000), at(1000)).unwrap();
         book.new_boot();
@@ -160,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn val_grant_ends_before_own_transmitter_and_slot() {
+    fn spec_grant_ends_before_own_transmitter_and_slot() {
         let mut book = Book::default();
         let long = Duration::from_secs(1);
         let granted = book.grant(1, at(1500), long, at(9000), at(1000)).unwrap();

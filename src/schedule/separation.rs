@@ -167,7 +167,7 @@ mod tests {
     }
 
     #[test]
-    fn val_clearance_is_full_away_from_tight_ends() {
+    fn spec_clearance_is_full_away_from_tight_ends() {
         let (i, j) = (e(0., 0., 0.), e(5., 0., 0.));
         let clearance = Clearance::new(7.0, &[(PerVehicle { i: Some(i), j: Some(j) }, 5.0)]);
         let beside = |far: f64| (vec![i, e(0., far, 0.)], vec![j, e(5., far, 0.)]);

@@ -218,7 +218,7 @@ mod tests {
     }
 
     #[test]
-    fn val_openings_are_rounded_up_to_a_tenth() {
+    fn spec_openings_are_rounded_up_to_a_tenth() {
         for (t_s, expected_s) in [(0.0, 0.0), (0.1, 0.1), (0.100_000_001, 0.2), (17.03, 17.1)] {
             assert_eq!(rounded_up(S(t_s)), S(expected_s));
         }
@@ -226,7 +226,7 @@ mod tests {
     }
 
     #[test]
-    fn val_the_shortest_order_and_the_nearest_candidate() {
+    fn spec_the_shortest_order_and_the_nearest_candidate() {
         let users = [vec![poses(300.0)], vec![poses(100.0)], vec![poses(-400.0), poses(200.0)]];
         let users_of =
             |table: &Table| table.entries.iter().map(|e| (e.user_index, e.candidate)).collect::<Vec<_>>();

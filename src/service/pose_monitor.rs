@@ -199,7 +199,7 @@ mod tests {
     }
 
     #[test]
-    fn val_unknown_until_both_are_fed() {
+    fn spec_unknown_until_both_are_fed() {
         let mut monitor = PoseMonitor::new(pose(), Tolerance::for_jitter(0.0));
         assert_eq!(monitor.check(), Err(Off::Unknown));
         monitor.position(pose().position_enu_m);
@@ -209,7 +209,7 @@ mod tests {
     }
 
     #[test]
-    fn val_position_beyond_a_metre_is_off() {
+    fn spec_position_beyond_a_metre_is_off() {
         let mut monitor = PoseMonitor::new(pose(), Tolerance::for_jitter(0.0));
         monitor.attitude(&pose().attitude(), at(0));
         monitor.position(pose().position_enu_m + Vector3::new(0.0, 0.0, 0.99));
@@ -254,7 +254,7 @@ mod tests {
     }
 
     #[test]
-    fn val_jitter_as_planned_is_never_taken_for_a_loss() {
+    fn prop_jitter_as_planned_is_never_taken_for_a_loss() {
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(1);
         for std_deg in [0.0, 1.0, 2.0, 5.0, 10.0] {
             let tolerance = Tolerance::for_jitter(f64::to_radians(std_deg));
@@ -284,7 +284,7 @@ mod tests {
     }
 
     #[test]
-    fn val_a_real_loss_is_found_within_s4_whatever_the_jitter() {
+    fn prop_a_real_loss_is_found_within_s4_whatever_the_jitter() {
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(2);
         for (std_deg, turned_deg) in [(0.0, 6.9), (1.0, 9.2), (2.0, 11.5), (5.0, 25.3), (10.0, 48.0)] {
             let n = 1000;
@@ -296,7 +296,7 @@ mod tests {
     }
 
     #[test]
-    fn val_a_small_loss_that_stays_is_found_by_the_slow_filter() {
+    fn prop_a_small_loss_that_stays_is_found_by_the_slow_filter() {
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(3);
         for std_deg in [0.0, 2.0, 5.0, 10.0] {
             let slightly_deg = (3.0 + std_deg) * 4.0 / 3.0;
@@ -310,7 +310,7 @@ mod tests {
     }
 
     #[test]
-    fn val_small_step_is_seen_within_100_ms() {
+    fn spec_small_step_is_seen_within_100_ms() {
         let mut monitor = PoseMonitor::new(pose(), Tolerance::for_jitter(2f64.to_radians()));
         monitor.position(pose().position_enu_m);
         (0..50).for_each(|k| monitor.attitude(&pose().attitude(), at(RATE_MS * k)));
@@ -323,7 +323,7 @@ mod tests {
     }
 
     #[test]
-    fn val_a_pose_that_is_reached_is_held_soon_after() {
+    fn spec_a_pose_that_is_reached_is_held_soon_after() {
         let mut monitor = PoseMonitor::new(pose(), Tolerance::for_jitter(10f64.to_radians()));
         monitor.position(pose().position_enu_m);
         let before = Attitude::from_euler(0.9 - 1.5, -0.3, 0.0);

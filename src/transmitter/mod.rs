@@ -124,8 +124,8 @@ impl Transmitter {
         }
     }
 
-    /// Commands this power in watts, or renews it, so that the radio is off by `off_by` unless it is renewed; what ends
-    /// within a millisecond is off, as is a power that is not above zero.
+    /// Commands this power in watts, or renews it, so that the radio is off by `off_by` unless it is renewed. A power
+    /// that is not above zero is off, and what ends within a millisecond may be: expiries are whole ones, rounded down.
     ///
     /// # Errors
     /// Why there is no command that certainly ends in time: it is told to be silent then.

@@ -262,10 +262,9 @@ impl Numbered {
         use VeilwingRadioResult as Is;
         match report.result {
             Is::VEILWING_RADIO_RESULT_ACCEPTED => {
-                // A copy of an answer may be older than what is known to have come after it.
-                let newest = report.newest == sent.number && sent.number == self.newest_taken;
+                // A late answer names a command that is forgotten by now.
                 if let Asked::On { power_w, slot, expires } = sent.asked
-                    && newest
+                    && report.newest == sent.number
                     && report.power_mdbm != OFF
                     && matches!(self.wanted, Wanted::On { .. })
                 {

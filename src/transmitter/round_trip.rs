@@ -50,7 +50,7 @@ mod tests {
     }
 
     #[test]
-    fn val_one_stall_changes_nothing_and_every_value_ages_out() {
+    fn spec_one_stall_changes_nothing_and_every_value_ages_out() {
         let mut trips = RoundTrips::default();
         assert_eq!(trips.median(at(0)), None);
         trips.add(at(0), at(900));

@@ -24,14 +24,14 @@ fn never_takes_off(mut flight: Flight, complaint: &str) {
 }
 
 #[test]
-fn val_another_mission_on_the_other_vehicle_never_takes_off() {
+fn spec_another_mission_on_the_other_vehicle_never_takes_off() {
     let other = yard().under(|m| m.tdma.slot_s = 5.5);
     let given = PerVehicle { i: yard().clone(), j: other };
     never_takes_off(Flight::new(Setup { given, ..Setup::default() }), "flies another mission");
 }
 
 #[test]
-fn val_another_plan_on_the_other_vehicle_never_takes_off() {
+fn spec_another_plan_on_the_other_vehicle_never_takes_off() {
     let mut other = yard().clone();
     other.plan.slots[1].plan.vehicles.j.tx_power_w *= 1.0 - f64::EPSILON;
     other.plan = Plan::new(other.plan.slots);
@@ -41,7 +41,7 @@ fn val_another_plan_on_the_other_vehicle_never_takes_off() {
 }
 
 #[test]
-fn val_without_authority_a_real_transmitter_never_radiates() {
+fn spec_without_authority_a_real_transmitter_never_radiates() {
     let mut flight = Flight::new(Setup { simulated: false, ..Setup::default() });
     flight.until(|flight| flight.now > Duration::from_secs(120));
     assert!(flight.log.on_air.is_empty(), "{}", flight.story());
@@ -62,7 +62,7 @@ fn result(flight: &Flight, role: Role, command: MavCmd) -> Option<MavResult> {
 }
 
 #[test]
-fn val_either_companion_starts_both() {
+fn spec_either_companion_starts_both() {
     for told in Role::BOTH {
         let mut flight = Flight::new(Setup { start_unasked: false, ..Setup::default() });
         flight.pass(Duration::from_secs(30));
@@ -82,7 +82,7 @@ fn val_either_companion_starts_both() {
 }
 
 #[test]
-fn val_what_cannot_be_obeyed_is_not_accepted() {
+fn spec_what_cannot_be_obeyed_is_not_accepted() {
     let mut flight = Flight::new(Setup { start_unasked: false, ..Setup::default() });
     flight.pass(Duration::from_secs(10));
     // Nothing is paused.
@@ -118,17 +118,17 @@ fn ordered_in_mid_slot(command: MavCmd) {
 }
 
 #[test]
-fn val_radio_kill_silences_both_and_brings_them_home() {
+fn spec_radio_kill_silences_both_and_brings_them_home() {
     ordered_in_mid_slot(MavCmd::MAV_CMD_USER_2);
 }
 
 #[test]
-fn val_an_ordered_return_silences_both_and_brings_them_home() {
+fn spec_an_ordered_return_silences_both_and_brings_them_home() {
     ordered_in_mid_slot(MavCmd::MAV_CMD_NAV_RETURN_TO_LAUNCH);
 }
 
 #[test]
-fn val_a_radio_kill_before_the_start_lasts() {
+fn spec_a_radio_kill_before_the_start_lasts() {
     let mut flight = Flight::new(Setup { start_unasked: false, ..Setup::default() });
     flight.pass(Duration::from_secs(10));
     flight.command(Role::J, MavCmd::MAV_CMD_USER_2);
@@ -161,7 +161,7 @@ fn prop_a_lossy_slow_repeating_pair_link_costs_time_on_the_air_and_nothing_else(
 }
 
 #[test]
-fn prop_a_pair_link_too_slow_for_leases_is_safe_and_says_that_slots_go_unserved() {
+fn spec_a_pair_link_too_slow_for_leases_is_safe_and_says_that_slots_go_unserved() {
     // There and back in 480 ms: a grant is counted from its request (S1), so nothing is left of 500 ms when it
     // arrives, less the margins of the jammer's own lease.
     let pair =
@@ -175,7 +175,7 @@ fn prop_a_pair_link_too_slow_for_leases_is_safe_and_says_that_slots_go_unserved(
 }
 
 #[test]
-fn val_a_companion_told_to_end_in_mid_slot_ends_silent_and_in_order() {
+fn spec_a_companion_told_to_end_in_mid_slot_ends_silent_and_in_order() {
     for told in Role::BOTH {
         let mut flight = Flight::new(Setup::default());
         assert!(flight.until(|flight| flight.radiating() == [true, true]), "{}", flight.story());

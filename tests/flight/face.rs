@@ -200,7 +200,7 @@ fn val_the_live_figures_are_what_the_world_measures() {
 }
 
 #[test]
-fn val_parameters_are_listed_read_and_written_within_their_limits() {
+fn spec_parameters_are_listed_read_and_written_within_their_limits() {
     let mut watched = Watched::new(false);
     watched.pass(Duration::from_secs(15));
     for (role, number) in [(Role::I, 0.0), (Role::J, 1.0)] {
@@ -249,7 +249,7 @@ fn val_parameters_are_listed_read_and_written_within_their_limits() {
 }
 
 #[test]
-fn val_who_we_are_is_told_on_request_and_what_we_cannot_do_is_unsupported() {
+fn spec_who_we_are_is_told_on_request_and_what_we_cannot_do_is_unsupported() {
     let mut watched = Watched::new(false);
     watched.pass(Duration::from_secs(15));
     let said = watched.command(Role::J, MavCmd::MAV_CMD_REQUEST_MESSAGE, 396.0);
@@ -280,7 +280,7 @@ fn val_who_we_are_is_told_on_request_and_what_we_cannot_do_is_unsupported() {
 }
 
 #[test]
-fn val_the_heartbeat_tells_the_truth() {
+fn spec_the_heartbeat_tells_the_truth() {
     let status = |watched: &Watched, role: Role| {
         let last = watched.station.heard.iter().rev().find_map(|(_, who, m)| match m {
             MavMessage::HEARTBEAT(m) if *who == role => Some(m),

@@ -67,17 +67,17 @@ fn dies_at_ten_points(dead: Role) {
 }
 
 #[test]
-fn val_death_of_companion_i_in_a_slot_is_safe() {
+fn spec_death_of_companion_i_in_a_slot_is_safe() {
     dies_at_ten_points(Role::I);
 }
 
 #[test]
-fn val_death_of_companion_j_in_a_slot_is_safe() {
+fn spec_death_of_companion_j_in_a_slot_is_safe() {
     dies_at_ten_points(Role::J);
 }
 
 #[test]
-fn val_loss_of_an_autopilot_link_silences_both() {
+fn spec_loss_of_an_autopilot_link_silences_both() {
     for role in Role::BOTH {
         let mut flight = in_mid_slot(Setup::default());
         let at = flight.now;
@@ -104,7 +104,7 @@ fn val_loss_of_an_autopilot_link_silences_both() {
 
 /// Neither has armed yet, so that no pilot and no landing will ever end it.
 #[test]
-fn val_a_surrender_on_the_ground_ends_the_companion() {
+fn spec_a_surrender_on_the_ground_ends_the_companion() {
     let mut flight = Flight::new(Setup::default());
     let both_take_control = |flight: &Flight| {
         Role::BOTH.into_iter().all(|role| flight.said(role, "preflight passed, taking off").is_some())
@@ -127,7 +127,7 @@ fn val_a_surrender_on_the_ground_ends_the_companion() {
 }
 
 #[test]
-fn val_loss_of_the_pair_link_silences_both() {
+fn spec_loss_of_the_pair_link_silences_both() {
     for cut in [vec![Role::I], vec![Role::J], vec![Role::I, Role::J]] {
         let mut flight = in_mid_slot(Setup::default());
         let at = flight.now;
@@ -164,7 +164,7 @@ fn reaction(flight: &Flight, role: Role, since: Duration, shows: impl Fn(&MavMes
 }
 
 #[test]
-fn val_the_pilot_wins() {
+fn spec_the_pilot_wins() {
     for role in Role::BOTH {
         let mut flight = in_mid_slot(Setup::default());
         let at = flight.now;
@@ -195,7 +195,7 @@ fn val_the_pilot_wins() {
 }
 
 #[test]
-fn val_a_failing_estimate_silences_both() {
+fn spec_a_failing_estimate_silences_both() {
     for role in Role::BOTH {
         let mut flight = in_mid_slot(Setup::default());
         let at = flight.now;
@@ -226,7 +226,7 @@ fn val_a_failing_estimate_silences_both() {
 }
 
 #[test]
-fn val_a_companion_that_restarts_in_flight_does_not_fly_on() {
+fn spec_a_companion_that_restarts_in_flight_does_not_fly_on() {
     for role in Role::BOTH {
         let mut flight = in_mid_slot(Setup::default());
         let at = flight.now;
@@ -248,7 +248,7 @@ fn val_a_companion_that_restarts_in_flight_does_not_fly_on() {
 }
 
 #[test]
-fn val_a_companion_that_freezes_leaves_nobody_unprotected() {
+fn spec_a_companion_that_freezes_leaves_nobody_unprotected() {
     for role in Role::BOTH {
         for frozen in [Duration::from_millis(300), Duration::from_secs(3), Duration::from_secs(20)] {
             let mut flight = in_mid_slot(Setup::default());

@@ -49,7 +49,7 @@ fn assert_served(report: &FlightReport, position_m: f64) {
 }
 
 #[test]
-fn val_a_conventional_mission_is_flown_by_position_targets() {
+fn spec_a_conventional_mission_is_flown_by_position_targets() {
     let conventional = yard().mission.changed(|m| {
         m.vehicles.i.airframe = Airframe::Conventional;
         m.vehicles.j.airframe = Airframe::Conventional;
@@ -68,7 +68,7 @@ fn val_a_conventional_mission_is_flown_by_position_targets() {
 }
 
 #[test]
-fn val_one_vehicle_by_thrust_vector_and_the_other_by_pose() {
+fn spec_one_vehicle_by_thrust_vector_and_the_other_by_pose() {
     let yard = yard();
     let (thrust, pose) = (Actuation::ThrustVector, Actuation::Pose);
     for actuations in [PerVehicle { i: thrust, j: pose }, PerVehicle { i: pose, j: thrust }] {

@@ -27,7 +27,7 @@ fn failures(slip: Option<(Role, Slip)>) -> Vec<&'static str> {
 }
 
 #[test]
-fn prop_a_wrong_sign_a_swapped_frame_and_radians_for_degrees_each_fail_the_plain_flight() {
+fn spec_a_wrong_sign_a_swapped_frame_and_radians_for_degrees_each_fail_the_plain_flight() {
     assert_eq!(failures(None), Vec::<&str>::new());
     for slip in [Slip::RollSign, Slip::SwappedAxes, Slip::RadiansForDegrees] {
         for role in Role::BOTH {

@@ -27,7 +27,7 @@ fn val_a_flight_serves_every_slot_as_planned() {
 }
 
 #[test]
-fn val_a_flight_is_its_seed_bit_for_bit() {
+fn spec_a_flight_is_its_seed_bit_for_bit() {
     let fly = |seed| {
         let pair = Path { loss: 0.1, duplication: 0.1, ..Path::GOOD };
         let mut flight = Flight::new(Setup { seed, pair, ..Setup::default() });

@@ -24,7 +24,7 @@ fn times(flight: &Flight, text: &str) -> usize {
 }
 
 #[test]
-fn val_a_warning_is_told_once_a_failure_again_and_again_and_neither_once_it_is_put_right() {
+fn spec_a_warning_is_told_once_a_failure_again_and_again_and_neither_once_it_is_put_right() {
     let mut flight = Flight::new(Setup::default());
     set(&mut flight, "FD_FAIL_R", 60);
     set(&mut flight, "NAV_DLL_ACT", 2);

@@ -8,7 +8,7 @@ use crate::reaction_table::{Base, table};
 use veilwing::role::Role;
 
 #[test]
-fn val_every_fault_is_answered_within_s4_at_every_phase_of_a_slot() {
+fn spec_every_fault_is_answered_within_s4_at_every_phase_of_a_slot() {
     let planned = yard();
     let vehicle = vehicle(&planned.mission, Role::I).unwrap();
     let given = Given { mission: planned.mission.clone(), plan: planned.plan.clone(), vehicle };

@@ -109,7 +109,7 @@ fn boot_offset(boot_ms: u32, at: Duration) -> Duration {
 }
 
 #[test]
-fn val_each_setpoint_of_a_transit_is_the_trajectory_at_its_own_time() {
+fn spec_each_setpoint_of_a_transit_is_the_trajectory_at_its_own_time() {
     let planned = yard();
     let given = PerVehicle::from_fn(|role| {
         let (mission, plan) = (planned.mission.clone(), planned.plan.clone());

@@ -123,7 +123,7 @@ async fn run_world(
 }
 
 #[test]
-fn val_a_pair_with_signed_autopilot_links_completes_its_mission() {
+fn spec_a_pair_with_signed_autopilot_links_completes_its_mission() {
     let directory = Path::new(env!("CARGO_TARGET_TMPDIR")).join("signed-flight");
     // There is none at the first run; timestamps of an earlier one are not this one's.
     let _ = std::fs::remove_dir_all(&directory);

@@ -42,7 +42,7 @@ fn first_on(flight: &Flight) -> Duration {
 }
 
 #[test]
-fn val_the_first_transit_begins_at_the_given_time_whoever_asks_for_more() {
+fn spec_the_first_transit_begins_at_the_given_time_whoever_asks_for_more() {
     let at = Duration::from_secs(75);
     let mut first = Vec::new();
     for start_unasked in [false, true] {
@@ -76,7 +76,7 @@ fn val_the_first_transit_begins_at_the_given_time_whoever_asks_for_more() {
 }
 
 #[test]
-fn val_a_start_in_the_past_waits_for_the_operator_and_says_so() {
+fn spec_a_start_in_the_past_waits_for_the_operator_and_says_so() {
     for told in Role::BOTH {
         let mut flight = Flight::new(setup((11, 59, 0), false));
         flight.pass(Duration::from_secs(30));
@@ -91,7 +91,7 @@ fn val_a_start_in_the_past_waits_for_the_operator_and_says_so() {
 }
 
 #[test]
-fn val_a_companion_that_comes_late_joins() {
+fn spec_a_companion_that_comes_late_joins() {
     for late in Role::BOTH {
         let mut flight = Flight::new(Setup::default());
         flight.kill(late);
@@ -105,7 +105,7 @@ fn val_a_companion_that_comes_late_joins() {
 }
 
 #[test]
-fn val_a_companion_that_starts_again_on_the_ground_joins_again() {
+fn spec_a_companion_that_starts_again_on_the_ground_joins_again() {
     for again in Role::BOTH {
         let mut flight = Flight::new(Setup { start_unasked: false, ..Setup::default() });
         flight.pass(Duration::from_secs(15));

@@ -11,7 +11,7 @@ use crate::harness::*;
 const THROUGH: PerVehicle<bool> = PerVehicle { i: true, j: true };
 
 #[test]
-fn val_a_flight_through_tunnel_is_the_flight_without_it() {
+fn spec_a_flight_through_tunnel_is_the_flight_without_it() {
     let fly = |tunnel| {
         let pair = Path { loss: 0.2, duplication: 0.2, delay: Duration::from_millis(30), ..Path::GOOD };
         let mut flight = Flight::new(Setup { tunnel, pair, ..Setup::default() });
@@ -27,7 +27,7 @@ fn val_a_flight_through_tunnel_is_the_flight_without_it() {
 }
 
 #[test]
-fn val_two_forms_of_one_link_never_take_off_and_are_counted() {
+fn spec_two_forms_of_one_link_never_take_off_and_are_counted() {
     for plain in Role::BOTH {
         let mut tunnel = THROUGH;
         tunnel[plain] = false;

@@ -45,7 +45,7 @@ fn x(flight: &Flight, role: Role) -> f64 {
 }
 
 #[test]
-fn val_vehicles_that_exchange_places_take_turns_and_come_home_one_by_one() {
+fn spec_vehicles_that_exchange_places_take_turns_and_come_home_one_by_one() {
     let mut flight = Flight::new(setup());
     assert!(flight.until(|flight| flight.said(Role::I, "slot 1 for bravo: agreed").is_some()));
     // At no time do both move along the line between their places.
@@ -63,7 +63,7 @@ fn val_vehicles_that_exchange_places_take_turns_and_come_home_one_by_one() {
 }
 
 #[test]
-fn val_a_vehicle_that_hears_nothing_of_the_other_does_not_set_off() {
+fn spec_a_vehicle_that_hears_nothing_of_the_other_does_not_set_off() {
     let mut flight = Flight::new(setup());
     assert!(flight.until(|flight| flight.said(Role::I, "slot 1 for bravo: agreed").is_some()));
     // Whoever goes second does so when it hears that the first has arrived: not while it is deaf.

@@ -46,7 +46,7 @@ fn val_frames_are_written_as_pymavlink_writes_them() {
 }
 
 #[test]
-fn val_each_component_has_its_own_sequence_and_it_wraps() {
+fn spec_each_component_has_its_own_sequence_and_it_wraps() {
     let mut encoder = Encoder::default();
     for round in 0..600_u32 {
         for from in [(1, 191), (1, 68), (2, 191)] {
@@ -57,7 +57,7 @@ fn val_each_component_has_its_own_sequence_and_it_wraps() {
 }
 
 #[test]
-fn val_an_unknown_enum_value_does_not_lose_the_heartbeat() {
+fn spec_an_unknown_enum_value_does_not_lose_the_heartbeat() {
     let frame = decode(&bytes(HEARTBEAT_UNKNOWN)).0[0].parse::<M>().unwrap();
     let M::HEARTBEAT(heartbeat) = &frame.message else { panic!("{frame:?}") };
     assert!(frame.neutralised);
@@ -70,7 +70,7 @@ fn val_an_unknown_enum_value_does_not_lose_the_heartbeat() {
 }
 
 #[test]
-fn val_every_neutral_field_is_where_the_table_says() {
+fn spec_every_neutral_field_is_where_the_table_says() {
     // One byte at a time is set to a value that no enum has; whatever is then refused as an unknown enum
     // value must not be one of those that read as neutral.
     for (id, length, neutral) in
@@ -89,7 +89,7 @@ fn val_every_neutral_field_is_where_the_table_says() {
 }
 
 #[test]
-fn val_an_unknown_enum_value_that_matters_loses_the_message() {
+fn spec_an_unknown_enum_value_that_matters_loses_the_message() {
     let frame = decode(&bytes(COMMAND_ACK_UNKNOWN)).0[0];
     assert_eq!(frame.parse::<M>(), Err(Rejection::UnknownEnum));
 }
@@ -109,7 +109,7 @@ fn frame_v2(id: u32, flags: u8, payload: &[u8]) -> Vec<u8> {
 }
 
 #[test]
-fn val_each_malformation_is_counted_by_its_reason() {
+fn spec_each_malformation_is_counted_by_its_reason() {
     let good = bytes(HEARTBEAT_V2);
     let mut bad_crc = good.clone();
     *bad_crc.last_mut().unwrap() ^= 1;
@@ -130,7 +130,7 @@ fn val_each_malformation_is_counted_by_its_reason() {
 }
 
 #[test]
-fn val_a_32_bit_system_id_is_read() {
+fn spec_a_32_bit_system_id_is_read() {
     let (frames, _) = decode(&frame_v2(0, 2, &[1, 2, 3, 4, 2, 12, 81, 4, 3]));
     let frame = frames[0].parse::<M>().unwrap();
     assert_eq!(frame.header.system_id, 0x0100_0001);
@@ -138,7 +138,7 @@ fn val_a_32_bit_system_id_is_read() {
 }
 
 #[test]
-fn val_no_frame_of_the_dialect_is_too_long_or_refused() {
+fn prop_no_frame_of_the_dialect_is_too_long_or_refused() {
     // Every message, all zeros and unsigned: the smallest payload; then its MAVLink 1 form.
     for &id in M::all_ids() {
         let message = <M as mavlink::Message>::default_message_from_id(id).unwrap();
@@ -154,7 +154,7 @@ fn val_no_frame_of_the_dialect_is_too_long_or_refused() {
 }
 
 #[test]
-fn val_noise_does_not_hold_up_the_frame_behind_it() {
+fn spec_noise_does_not_hold_up_the_frame_behind_it() {
     // A stream, so nothing says that the noise is over: a start marker in it must be seen through at once.
     for noise in [
         vec![0xFD, 0xFF, 0xFF],

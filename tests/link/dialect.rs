@@ -8,7 +8,7 @@ use crate::tlog::directory;
 
 /// `tests/stranger/read_tlog.py --definitions message_definitions/veilwing.xml` reads the log that this leaves.
 #[tokio::test]
-async fn val_the_pairs_own_dialect_goes_over_a_link_and_into_a_log() {
+async fn prop_the_pairs_own_dialect_goes_over_a_link_and_into_a_log() {
     let path = directory("tlog-pair").join("pair.tlog");
     let (a, b) = MemoryEnd::pair();
     let tlog = Some(TlogWriter::create(&path).unwrap());

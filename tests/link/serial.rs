@@ -31,7 +31,7 @@ async fn open_serial(path: &Path) -> Link<M> {
 }
 
 #[tokio::test]
-async fn val_a_line_full_of_noise_still_carries_every_frame() {
+async fn prop_a_line_full_of_noise_still_carries_every_frame() {
     let path = directory("serial-noise").join("tty");
     let mut far = line_at(&path);
     let mut link = open_serial(&path).await;
@@ -69,7 +69,7 @@ async fn val_a_line_full_of_noise_still_carries_every_frame() {
 }
 
 #[tokio::test]
-async fn val_a_line_unplugged_and_plugged_in_again_goes_on() {
+async fn spec_a_line_unplugged_and_plugged_in_again_goes_on() {
     let path = directory("serial-unplug").join("tty");
     let mut far = line_at(&path);
     let mut link = open_serial(&path).await;
@@ -94,7 +94,7 @@ async fn val_a_line_unplugged_and_plugged_in_again_goes_on() {
 }
 
 #[tokio::test]
-async fn val_a_device_not_there_yet_is_waited_for() {
+async fn spec_a_device_not_there_yet_is_waited_for() {
     let path = directory("serial-late").join("tty");
     let mut link = open_serial(&path).await;
     assert!(!link.is_connected());

@@ -72,7 +72,7 @@ fn val_signatures_are_those_of_pymavlink() {
 }
 
 #[test]
-fn val_what_is_not_proven_is_refused_by_its_reason() {
+fn spec_what_is_not_proven_is_refused_by_its_reason() {
     let directory = directory("signing-refused");
     let mut signing = open_at(&directory.join("state"), SIGNED_UNIX_US - SECOND);
     let now = utc(SIGNED_UNIX_US);
@@ -102,7 +102,7 @@ fn val_what_is_not_proven_is_refused_by_its_reason() {
 }
 
 #[test]
-fn val_a_stream_may_start_a_minute_behind_and_not_before_this_run() {
+fn spec_a_stream_may_start_a_minute_behind_and_not_before_this_run() {
     let directory = directory("signing-start");
     let start = SIGNED_UNIX_US;
     let mut signing = open_at(&directory.join("state"), start);
@@ -121,7 +121,7 @@ fn val_a_stream_may_start_a_minute_behind_and_not_before_this_run() {
 }
 
 #[test]
-fn val_nothing_is_replayed_after_a_restart_or_a_crash() {
+fn spec_nothing_is_replayed_after_a_restart_or_a_crash() {
     let directory = directory("signing-restart");
     let (state, copy) = (directory.join("state"), directory.join("crashed"));
     let start = SIGNED_UNIX_US - SECOND;
@@ -146,7 +146,7 @@ fn val_nothing_is_replayed_after_a_restart_or_a_crash() {
 }
 
 #[test]
-fn val_after_a_clean_restart_the_next_frame_is_welcome() {
+fn spec_after_a_clean_restart_the_next_frame_is_welcome() {
     let directory = directory("signing-clean");
     let state = directory.join("state");
     let mut signing = open_at(&state, SIGNED_UNIX_US - SECOND);
@@ -180,7 +180,7 @@ fn prop_no_timestamp_is_used_twice_through_crashes_and_clocks_that_jump_back() {
 }
 
 #[test]
-fn val_a_peer_far_ahead_is_heard_once_its_time_is_on_record() {
+fn spec_a_peer_far_ahead_is_heard_once_its_time_is_on_record() {
     let directory = directory("signing-ahead");
     let state = directory.join("state");
     let mut signing = open_at(&state, SIGNED_UNIX_US);
@@ -199,7 +199,7 @@ fn val_a_peer_far_ahead_is_heard_once_its_time_is_on_record() {
 }
 
 #[test]
-fn val_a_disk_that_fails_does_not_silence_the_link() {
+fn spec_a_disk_that_fails_does_not_silence_the_link() {
     let directory = directory("signing-disk");
     let home = directory.join("home");
     std::fs::create_dir(&home).unwrap();
@@ -214,7 +214,7 @@ fn val_a_disk_that_fails_does_not_silence_the_link() {
 }
 
 #[test]
-fn val_one_record_serves_one_link_and_a_damaged_one_none() {
+fn spec_one_record_serves_one_link_and_a_damaged_one_none() {
     let state = directory("signing-record").join("state");
     let first = open_at(&state, SIGNED_UNIX_US);
     let second = Signing::open(config(state.clone()), utc(SIGNED_UNIX_US));
@@ -228,7 +228,7 @@ fn val_one_record_serves_one_link_and_a_damaged_one_none() {
 }
 
 #[test]
-fn val_a_key_file_is_the_owners_and_holds_a_key() {
+fn spec_a_key_file_is_the_owners_and_holds_a_key() {
     let path = directory("signing-key").join("key");
     let hex: String = KEY.iter().map(|byte| format!("{byte:02X}")).collect();
     let write = |content: &[u8], mode: u32| {

@@ -111,7 +111,7 @@ fn prop_a_million_hostile_datagrams_do_no_harm() {
 
 /// Not a test of speed, but the place that prints it.
 #[test]
-fn regress_decoding_speed_is_printed() {
+fn spec_decoding_speed_is_printed() {
     let mut encoder = Encoder::default();
     let stream: Vec<u8> =
         (0..1000).flat_map(|mode| encoder.encode((1, 1), &heartbeat(mode)).raw_bytes().to_vec()).collect();

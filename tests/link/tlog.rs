@@ -39,7 +39,7 @@ fn val_a_record_is_a_big_endian_stamp_and_the_frame_unsigned() {
 }
 
 #[tokio::test]
-async fn val_a_link_logs_both_directions_and_no_signature() {
+async fn spec_a_link_logs_both_directions_and_no_signature() {
     let directory = directory("tlog-link");
     let config = |name: &str, tlog| LinkConfig {
         name: name.to_owned(),
@@ -76,7 +76,7 @@ async fn val_a_link_logs_both_directions_and_no_signature() {
 }
 
 #[test]
-fn val_a_full_disk_costs_records_and_nothing_else() {
+fn spec_a_full_disk_costs_records_and_nothing_else() {
     // Whatever is written to /dev/full finds no space left.
     let writer = TlogWriter::create("/dev/full".as_ref()).unwrap();
     let frame = raw(HEARTBEAT_V2);
@@ -90,7 +90,7 @@ fn val_a_full_disk_costs_records_and_nothing_else() {
 }
 
 #[test]
-fn val_a_log_cut_off_reads_up_to_the_cut() {
+fn prop_a_log_cut_off_reads_up_to_the_cut() {
     let whole = bytes(&format!("0000000000000001{HEARTBEAT_V2}0000000000000002{HEARTBEAT_SIGNED}"));
     let first = 8 + bytes(HEARTBEAT_V2).len();
     for length in 0..=whole.len() {
@@ -108,7 +108,7 @@ fn val_a_log_cut_off_reads_up_to_the_cut() {
 }
 
 #[test]
-fn val_a_damaged_log_ends_with_the_place() {
+fn spec_a_damaged_log_ends_with_the_place() {
     let mut log = bytes(&format!("0000000000000001{HEARTBEAT_V2}"));
     let offset_of_damage = log.len() as u64;
     log.write_all(&[7; 40]).unwrap();

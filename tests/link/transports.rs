@@ -27,7 +27,7 @@ async fn drive_until(link: &mut Link<M>, done: impl Fn(&Link<M>) -> bool) {
 }
 
 #[tokio::test]
-async fn val_udp_carries_frames_both_ways_over_ipv4_and_ipv6() {
+async fn spec_udp_carries_frames_both_ways_over_ipv4_and_ipv6() {
     for host in ["127.0.0.1", "::1", "localhost"] {
         let at = |port| HostPort { host: host.to_owned(), port };
         let mut server = open(LinkAddress::UdpIn(at(0))).await;
@@ -52,7 +52,7 @@ async fn val_udp_carries_frames_both_ways_over_ipv4_and_ipv6() {
 }
 
 #[tokio::test]
-async fn val_an_address_in_use_is_an_error_with_the_address() {
+async fn spec_an_address_in_use_is_an_error_with_the_address() {
     let first = open(LinkAddress::UdpIn(loopback(0))).await;
     let address = LinkAddress::UdpIn(loopback(first.local_address().unwrap().port()));
     let second = Link::<M>::open(address.clone(), LinkConfig::default(), Clock::real()).await;
@@ -60,7 +60,7 @@ async fn val_an_address_in_use_is_an_error_with_the_address() {
 }
 
 #[tokio::test]
-async fn val_a_udp_peer_that_is_not_up_yet_is_no_fault() {
+async fn spec_a_udp_peer_that_is_not_up_yet_is_no_fault() {
     // An address of its own, so that no other test can be given the port.
     let host = "127.0.0.77";
     let port = UdpSocket::bind((host, 0)).await.unwrap().local_addr().unwrap().port();
@@ -85,7 +85,7 @@ async fn val_a_udp_peer_that_is_not_up_yet_is_no_fault() {
 }
 
 #[tokio::test]
-async fn val_a_udp_peer_that_comes_back_from_another_port_is_found_after_its_silence() {
+async fn spec_a_udp_peer_that_comes_back_from_another_port_is_found_after_its_silence() {
     let (mut link, clock) = open_fast(LinkAddress::UdpIn(loopback(0))).await;
     let to = link.local_address().unwrap();
     for mode in 0..5 {
@@ -106,7 +106,7 @@ async fn val_a_udp_peer_that_comes_back_from_another_port_is_found_after_its_sil
 }
 
 #[tokio::test]
-async fn val_a_tcp_client_reconnects_whenever_the_server_hangs_up() {
+async fn spec_a_tcp_client_reconnects_whenever_the_server_hangs_up() {
     let server = TcpListener::bind("127.0.0.1:0").await.unwrap();
     let (mut link, _) = open_fast(LinkAddress::TcpOut(loopback(server.local_addr().unwrap().port()))).await;
     for mode in 0..5 {
@@ -135,7 +135,7 @@ async fn val_a_tcp_client_reconnects_whenever_the_server_hangs_up() {
 }
 
 #[tokio::test]
-async fn val_a_tcp_server_that_refuses_is_tried_again() {
+async fn spec_a_tcp_server_that_refuses_is_tried_again() {
     let address = TcpListener::bind("127.0.0.78:0").await.unwrap().local_addr().unwrap();
     let to = HostPort { host: address.ip().to_string(), port: address.port() };
     let (mut link, _) = open_fast(LinkAddress::TcpOut(to)).await;
@@ -151,7 +151,7 @@ async fn val_a_tcp_server_that_refuses_is_tried_again() {
 }
 
 #[tokio::test]
-async fn val_a_silent_tcp_server_is_given_up_and_connected_anew() {
+async fn spec_a_silent_tcp_server_is_given_up_and_connected_anew() {
     let server = TcpListener::bind("127.0.0.1:0").await.unwrap();
     let (mut link, _) = open_fast(LinkAddress::TcpOut(loopback(server.local_addr().unwrap().port()))).await;
     let (_silent, _) = server.accept().await.unwrap();
@@ -169,7 +169,7 @@ async fn val_a_silent_tcp_server_is_given_up_and_connected_anew() {
 }
 
 #[tokio::test]
-async fn val_a_tcp_peer_is_served_however_many_slow_ones_there_are() {
+async fn spec_a_tcp_peer_is_served_however_many_slow_ones_there_are() {
     let mut link = open(LinkAddress::TcpIn(loopback(0))).await;
     let to = link.local_address().unwrap();
     // Twenty connections that start a frame and never end it, and twenty that only say nothing.
@@ -211,7 +211,7 @@ async fn val_a_tcp_peer_is_served_however_many_slow_ones_there_are() {
 }
 
 #[tokio::test]
-async fn val_a_tcp_peer_that_does_not_read_costs_frames_and_no_wait() {
+async fn spec_a_tcp_peer_that_does_not_read_costs_frames_and_no_wait() {
     let server = TcpListener::bind("127.0.0.1:0").await.unwrap();
     let mut link = open(LinkAddress::TcpOut(loopback(server.local_addr().unwrap().port()))).await;
     let (mut stream, _) = server.accept().await.unwrap();

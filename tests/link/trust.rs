@@ -85,7 +85,7 @@ fn hostile(directory: &Path, peer: &mut Peer, forger: &mut Peer, seen: &[u8]) ->
 }
 
 #[tokio::test]
-async fn val_each_hostile_frame_is_counted_by_its_reason_and_changes_nothing() {
+async fn spec_each_hostile_frame_is_counted_by_its_reason_and_changes_nothing() {
     let directory = directory("trust-memory");
     let clock = Clock::real();
     let (near, far) = MemoryEnd::pair();
@@ -110,7 +110,7 @@ async fn val_each_hostile_frame_is_counted_by_its_reason_and_changes_nothing() {
 }
 
 #[tokio::test]
-async fn val_nothing_is_replayed_to_a_restarted_link() {
+async fn spec_nothing_is_replayed_to_a_restarted_link() {
     let directory = directory("trust-restart");
     let clock = Clock::real();
     let mut peer = Peer::new(&directory, "peer", KEY, &clock);
@@ -132,7 +132,7 @@ async fn val_nothing_is_replayed_to_a_restarted_link() {
 }
 
 #[tokio::test]
-async fn val_no_hostile_datagram_teaches_an_address_or_takes_one_away() {
+async fn spec_no_hostile_datagram_teaches_an_address_or_takes_one_away() {
     let directory = directory("trust-udp");
     let clock = Clock::real();
     let mut peer = Peer::new(&directory, "peer", KEY, &clock);
@@ -188,7 +188,7 @@ async fn val_no_hostile_datagram_teaches_an_address_or_takes_one_away() {
 }
 
 #[tokio::test]
-async fn val_a_ground_station_behind_the_autopilot_is_heard_but_is_not_the_peer() {
+async fn spec_a_ground_station_behind_the_autopilot_is_heard_but_is_not_the_peer() {
     let foreign = |mode| {
         let raw = Encoder::default().encode((255, 190), &heartbeat(mode));
         raw.raw_bytes().to_vec()
@@ -210,7 +210,7 @@ async fn val_a_ground_station_behind_the_autopilot_is_heard_but_is_not_the_peer(
 }
 
 #[tokio::test]
-async fn val_a_flood_of_junk_loses_no_frame_of_the_peers() {
+async fn prop_a_flood_of_junk_loses_no_frame_of_the_peers() {
     let mut link = open(LinkAddress::UdpIn(loopback(0))).await;
     let to = link.local_address().unwrap();
     let friend = UdpSocket::bind("127.0.0.1:0").await.unwrap();
@@ -234,7 +234,7 @@ async fn val_a_flood_of_junk_loses_no_frame_of_the_peers() {
 
 /// `cargo test --test link starve -- --nocapture` prints how late a 50 Hz deadline was under the flood.
 #[tokio::test]
-async fn val_a_flood_does_not_starve_the_event_loop() {
+async fn spec_a_flood_does_not_starve_the_event_loop() {
     for known in [false, true] {
         let clock = Clock::real();
         let config = LinkConfig { peer_system: Some(1), ..LinkConfig::default() };

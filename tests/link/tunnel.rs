@@ -89,7 +89,7 @@ fn val_tunnel_is_that_of_the_common_dialect() {
 }
 
 #[tokio::test]
-async fn val_both_forms_carry_every_message_over_udp_signed() {
+async fn prop_both_forms_carry_every_message_over_udp_signed() {
     for (form, back) in [(Form::Plain, Form::Plain), (THROUGH, Form::Tunnel { to_system: 2 })] {
         let directory = directory("tunnel-udp");
         let config = |name: &str, peer| LinkConfig {
@@ -123,7 +123,7 @@ async fn val_both_forms_carry_every_message_over_udp_signed() {
 }
 
 #[tokio::test]
-async fn val_the_other_form_is_turned_away_and_teaches_no_address() {
+async fn spec_the_other_form_is_turned_away_and_teaches_no_address() {
     for (form, other) in [(Form::Plain, THROUGH), (THROUGH, Form::Plain)] {
         let config = LinkConfig { name: "pair".to_owned(), peer_system: Some(2), ..LinkConfig::default() };
         let mut link =
@@ -147,7 +147,7 @@ async fn val_the_other_form_is_turned_away_and_teaches_no_address() {
 }
 
 #[tokio::test]
-async fn val_what_is_in_a_tunnel_and_not_ours_is_counted_and_changes_nothing() {
+async fn spec_what_is_in_a_tunnel_and_not_ours_is_counted_and_changes_nothing() {
     let (mut link, far) = link(THROUGH, None);
     let good = frame(THROUGH, 2, commit(1));
     let inside = &good[15..good.len() - 2];
@@ -201,7 +201,7 @@ async fn prop_random_payloads_in_sound_tunnels_are_all_turned_away() {
 }
 
 #[tokio::test]
-async fn val_an_unsigned_tunnel_is_turned_away_where_a_key_is_configured() {
+async fn spec_an_unsigned_tunnel_is_turned_away_where_a_key_is_configured() {
     let directory = directory("tunnel-unsigned");
     let signing = |name: &str| SigningConfig {
         key: Key::new(KEY),

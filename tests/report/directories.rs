@@ -10,7 +10,7 @@ use crate::text;
 const MISSION: &str = include_str!("../flight/yard.toml");
 
 #[test]
-fn val_directories_without_a_flight_are_refused_with_reason() {
+fn spec_directories_without_a_flight_are_refused_with_reason() {
     let directory = directory("report-bad");
     let report = |wanted: &str| {
         let output = veilwing(&["report", directory.to_str().unwrap()]).output().unwrap();
@@ -46,7 +46,7 @@ fn val_directories_without_a_flight_are_refused_with_reason() {
 /// One flight of two real companions, J's killed: recorded, reported by the simulator, by `report`, and from the
 /// telemetry logs alone.
 #[test]
-fn val_a_flown_fault_is_reported_from_the_record_and_from_telemetry() {
+fn spec_a_flown_fault_is_reported_from_the_record_and_from_telemetry() {
     let directory = directory("report-flown");
     let mission = directory.join("mission.toml");
     std::fs::write(&mission, MISSION).unwrap();

@@ -24,7 +24,7 @@ fn text(bytes: &[u8]) -> String {
 }
 
 #[test]
-fn val_the_story_of_a_fault_has_its_times_and_reasons() {
+fn spec_the_story_of_a_fault_has_its_times_and_reasons() {
     let seen = sound(&html(&flight()));
     for fact in [
         "Not completed: 0 of 2 slots served in full, 1 in part; no invariant broken.",
@@ -55,7 +55,7 @@ fn val_the_story_of_a_fault_has_its_times_and_reasons() {
 }
 
 #[test]
-fn val_a_warning_given_again_and_again_is_told_once() {
+fn spec_a_warning_given_again_and_again_is_told_once() {
     let mut flown = flight();
     let said = "its autopilot link is stale";
     for at_s in (0..20).map(|k| 14.5 + 0.1 * f64::from(k)).chain([30.0]) {
@@ -68,7 +68,7 @@ fn val_a_warning_given_again_and_again_is_told_once() {
 }
 
 #[test]
-fn val_violations_and_completion_head_the_page() {
+fn spec_violations_and_completion_head_the_page() {
     let mut broken = flight();
     broken.events.push(Event {
         code: Some("S1".into()),
@@ -127,7 +127,7 @@ fn val_violations_and_completion_head_the_page() {
 }
 
 #[test]
-fn val_text_from_files_cannot_become_markup() {
+fn spec_text_from_files_cannot_become_markup() {
     let nasty = "</title><script>alert(1)</script>&amp;\u{0}\u{7}\"'";
     let mut timeline = flight();
     timeline.scene.mission = nasty.into();
@@ -146,7 +146,7 @@ fn val_text_from_files_cannot_become_markup() {
 }
 
 #[test]
-fn val_sparse_flights_make_sound_pages() {
+fn spec_sparse_flights_make_sound_pages() {
     let whole = flight();
     let telemetry = |mut timeline: Timeline| {
         timeline.scene.source = Source::Telemetry;
@@ -188,7 +188,7 @@ fn val_sparse_flights_make_sound_pages() {
 }
 
 #[test]
-fn val_a_stored_flight_loads_and_reports_alike() {
+fn spec_a_stored_flight_loads_and_reports_alike() {
     let directory = directory("report-store");
     store(&directory, &flight()).unwrap();
     let loaded = load(&directory).unwrap();

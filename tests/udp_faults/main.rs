@@ -14,7 +14,7 @@ mod relay;
 use std::path::Path;
 
 #[test]
-fn val_faults_over_real_udp_in_transit_and_on_the_air_are_safe() {
+fn spec_faults_over_real_udp_in_transit_and_on_the_air_are_safe() {
     let speed = std::env::var("UDP_FAULTS_SPEED").ok().and_then(|speed| speed.parse().ok());
     let setup = flights::Setup {
         program: env!("CARGO_BIN_EXE_veilwing").into(),

@@ -3,9 +3,8 @@
 use serde::Deserialize;
 use thiserror::Error;
 
-use super::config::{Airframe, Body, VehicleConfig};
-use super::geometry::{AirframeModel, Geometry, Rotor};
-use crate::Role;
+use super::airframe::{Airframe, AirframeModel, Body};
+use super::geometry::{Geometry, Rotor};
 
 /// Why a file describes no airframe.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
@@ -97,9 +96,7 @@ impl AirframeModel {
                 curve: read.curve,
             },
         };
-        let mut vehicle = VehicleConfig::new(Role::I);
-        vehicle.fly(model.clone());
-        match vehicle.fault() {
+        match model.fault() {
             None => Ok(model),
             Some((what, value)) => Err(AirframeError::Value {
                 file: file.to_owned(),

@@ -2,9 +2,9 @@
 
 use nalgebra::Vector3;
 
+use super::airframe::{Airframe, AirframeModel, Body};
 pub use super::autopilot::slip::Slip;
-use super::geometry::{AirframeModel, Geometry};
-use super::rotors;
+use super::geometry::Geometry;
 pub use super::traps::Traps;
 
 /// Which vehicle of the pair this is; a vehicle alone is `I`.
@@ -35,41 +35,6 @@ pub enum Firmware {
     Px4,
     /// GUIDED, take-off by command, parameters cast to float.
     ArduCopter,
-}
-
-/// What the rotors can do.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Airframe {
-    /// Force and torque in every direction: attitude and position are independent.
-    #[default]
-    Omnidirectional,
-    /// A multirotor with parallel rotors: thrust along the body's z alone, so it tilts to move and its attitude
-    /// targets are ignored.
-    Conventional,
-}
-
-/// Mass and drag of the rigid body.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Body {
-    /// Kilograms.
-    pub mass_kg: f64,
-    /// Principal moments about the body's axes.
-    pub inertia_kg_m2: [f64; 3],
-    /// Drag: force = this times the square of the air speed.
-    pub drag_n_s2_per_m2: f64,
-    /// Where drag acts, from the centre of mass, body axes: wind turns the vehicle as well as pushing it.
-    pub pressure_offset_m: [f64; 3],
-}
-
-impl Default for Body {
-    fn default() -> Self {
-        Self {
-            mass_kg: 2.0,
-            inertia_kg_m2: [0.045, 0.045, 0.06],
-            drag_n_s2_per_m2: 0.04,
-            pressure_offset_m: [0.0, 0.0, 0.02],
-        }
-    }
 }
 
 /// Mean wind and Dryden turbulence (MIL-F-8785C, low altitude).
@@ -205,38 +170,19 @@ impl VehicleConfig {
 
     /// The rotors that it has.
     pub(crate) fn rotors(&self) -> Geometry {
-        self.geometry.clone().unwrap_or_else(|| Geometry::of(self.airframe))
+        self.geometry.clone().unwrap_or_else(|| self.airframe.rotors())
     }
 
     pub(crate) fn home(&self) -> Vector3<f64> {
         Vector3::from(self.home_enu_m)
     }
 
-    /// Too few directions of force and torque for this kind of airframe.
-    fn uncontrolled(&self) -> Option<(&'static str, f64)> {
-        let (name, needed) = match self.airframe {
-            Airframe::Omnidirectional => ("geometry: directions of force and torque, of the 6 needed", 6),
-            Airframe::Conventional => ("geometry: directions of force and torque, of the 4 needed", 4),
-        };
-        let rank = rotors::rank(&self.rotors());
-        (rank < needed).then_some((name, rank as f64))
-    }
-
     /// The first value that cannot be flown, if any.
     pub(crate) fn fault(&self) -> Option<(&'static str, f64)> {
-        let body = &self.body;
-        let positive = [
-            ("body.mass_kg", body.mass_kg),
-            ("body.inertia_kg_m2[0]", body.inertia_kg_m2[0]),
-            ("body.inertia_kg_m2[1]", body.inertia_kg_m2[1]),
-            ("body.inertia_kg_m2[2]", body.inertia_kg_m2[2]),
-            ("battery.endurance_s", self.battery.endurance_s),
-        ];
         let mut finite = vec![
             ("heading_rad", self.heading_rad),
             ("ready_after_s", self.ready_after_s),
             ("transmitter_max_dbm", self.transmitter_max_dbm),
-            ("body.drag_n_s2_per_m2", body.drag_n_s2_per_m2),
             ("wind.turbulence_m_s", self.wind.turbulence_m_s),
             ("sensors.position_std_m", self.sensors.position_std_m),
             ("sensors.velocity_std_m_s", self.sensors.velocity_std_m_s),
@@ -244,15 +190,13 @@ impl VehicleConfig {
             ("sensors.lag_s", self.sensors.lag_s),
             ("battery.initial", self.battery.initial),
         ];
-        finite.extend(body.pressure_offset_m.map(|v| ("body.pressure_offset_m", v)));
         finite.extend(self.home_enu_m.map(|v| ("home_enu_m", v)));
         finite.extend(self.local_origin_offset_enu_m.map(|v| ("local_origin_offset_enu_m", v)));
         finite.extend(self.wind.mean_enu_m_s.map(|v| ("wind.mean_enu_m_s", v)));
-        positive
-            .into_iter()
-            .find(|(_, v)| !(v.is_finite() && *v > 0.0))
-            .or_else(|| finite.into_iter().find(|(_, v)| !v.is_finite()))
-            .or_else(|| self.rotors().fault())
-            .or_else(|| self.uncontrolled())
+        let endurance_s = self.battery.endurance_s;
+        let drained =
+            (!(endurance_s.is_finite() && endurance_s > 0.0)).then_some(("battery.endurance_s", endurance_s));
+        let model = AirframeModel { airframe: self.airframe, body: self.body, geometry: self.rotors() };
+        drained.or_else(|| finite.into_iter().find(|(_, v)| !v.is_finite())).or_else(|| model.fault())
     }
 }

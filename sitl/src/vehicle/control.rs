@@ -3,7 +3,7 @@
 
 use nalgebra::{Rotation3, UnitQuaternion, Vector3};
 
-use super::config::{Airframe, Body};
+use super::airframe::{Airframe, Body};
 use super::dynamics::GRAVITY_M_S2;
 use super::geometry::Geometry;
 use super::rotors::{Allocator, Saturation, Throttles, Wrench};

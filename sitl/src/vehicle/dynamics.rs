@@ -2,7 +2,7 @@
 
 use nalgebra::{UnitQuaternion, Vector3};
 
-use super::config::Body;
+use super::airframe::Body;
 use super::geometry::Geometry;
 use super::rotors::{Rotors, Throttles};
 use crate::frames::heading_rad;

@@ -1,6 +1,4 @@
-//! Where the rotors sit, which way they push, and what the airframe around them weighs.
-
-use super::config::{Airframe, Body};
+//! Where the rotors sit and which way they push.
 
 /// No airframe has more rotors (PX4's CA_ROTOR parameters end here too).
 pub const MAX_ROTORS: usize = 12;
@@ -33,18 +31,9 @@ pub struct Geometry {
 }
 
 impl Geometry {
-    /// The geometry that an airframe has unless it is given another.
-    #[must_use]
-    pub fn of(airframe: Airframe) -> Self {
-        match airframe {
-            Airframe::Omnidirectional => Self::tilted_eight(),
-            Airframe::Conventional => Self::level_four(),
-        }
-    }
-
     /// Eight reversible rotors on the corners of a cube, their axes tilted so that force and torque go in every
     /// direction: the arrangement of the omnidirectional vehicle of Brescianini and D'Andrea (ICRA 2016).
-    fn tilted_eight() -> Self {
+    pub(crate) fn tilted_eight() -> Self {
         const CORNER_M: f64 = 0.144_35;
         // 1/2 + 1/sqrt(12), 1/2 - 1/sqrt(12) and 1/sqrt(3).
         const LONG: f64 = 0.788_675_134_594_813;
@@ -74,7 +63,7 @@ impl Geometry {
     }
 
     /// A quadrotor in X: level thrust axes, so that it leans to move.
-    fn level_four() -> Self {
+    pub(crate) fn level_four() -> Self {
         const ARM_M: f64 = 0.18;
         let rotor = |x: f64, y: f64, moment_m: f64| Rotor {
             position_flu_m: [x * ARM_M, y * ARM_M, 0.0],
@@ -120,24 +109,5 @@ impl Geometry {
                 place.map(|v| ("geometry: position_flu_m", v))
             }
         })
-    }
-}
-
-/// An airframe with all that makes it fly.
-#[derive(Debug, Clone, PartialEq)]
-pub struct AirframeModel {
-    /// What the rotors can do.
-    pub airframe: Airframe,
-    /// Mass, inertia, drag.
-    pub body: Body,
-    /// The rotors.
-    pub geometry: Geometry,
-}
-
-impl AirframeModel {
-    /// The one that an airframe has unless a file says otherwise.
-    #[must_use]
-    pub fn of(airframe: Airframe) -> Self {
-        Self { airframe, body: Body::default(), geometry: Geometry::of(airframe) }
     }
 }

@@ -1,5 +1,6 @@
 //! One software vehicle: body, autopilot face, transmitter and router.
 
+pub mod airframe;
 pub mod airframe_file;
 pub mod autopilot;
 mod companion_link;

@@ -217,7 +217,7 @@ mod tests {
     }
 
     #[test]
-    fn val_px4_integers_ride_as_their_bits() {
+    fn spec_px4_integers_ride_as_their_bits() {
         let mut p = Parameters::of_firmware(Firmware::Px4);
         let index = p.index_of("MAV_TYPE").unwrap();
         assert_eq!(p.message(index).unwrap().param_value.to_bits(), 14);
@@ -233,7 +233,7 @@ mod tests {
     }
 
     #[test]
-    fn val_arducopter_integers_are_cast() {
+    fn spec_arducopter_integers_are_cast() {
         let mut p = Parameters::of_firmware(Firmware::ArduCopter);
         let index = p.index_of("RTL_ALT").unwrap();
         assert_eq!(p.message(index).unwrap().param_value, 3000.0);

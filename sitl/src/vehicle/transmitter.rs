@@ -228,7 +228,7 @@ mod tests {
     }
 
     #[test]
-    fn val_once_commands_are_numbered_no_others_are_taken() {
+    fn spec_once_commands_are_numbered_no_others_are_taken() {
         let mut tx = transmitter(27.0);
         let first = power(20.0, 1, 100);
         assert_eq!(tx.form_of(PowerForm::Second, &first), PowerForm::First);

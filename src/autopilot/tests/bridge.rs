@@ -32,7 +32,7 @@ fn switches(world: &World) -> Vec<f32> {
 }
 
 #[test]
-fn val_offsets_follow_the_agreed_switch_at_20_hz_and_no_faster() {
+fn spec_offsets_follow_the_agreed_switch_at_20_hz_and_no_faster() {
     let mut world = rolling(|_| {});
     let on = |(_, m): &(_, MavMessage)| matches!(m, MavMessage::COMMAND_LONG(c) if c.command == MavCmd::MAV_CMD_USER_5);
     let angles = |m: &MavMessage| match m {
@@ -53,7 +53,7 @@ fn val_offsets_follow_the_agreed_switch_at_20_hz_and_no_faster() {
 }
 
 #[test]
-fn val_a_script_that_is_gone_is_told_once_and_asked_again() {
+fn spec_a_script_that_is_gone_is_told_once_and_asked_again() {
     let mut world = rolling(|fake| fake.without_bridge = true);
     world.run(5.0);
     // A stock autopilot answers, and knows nothing of it.
@@ -65,7 +65,7 @@ fn val_a_script_that_is_gone_is_told_once_and_asked_again() {
 }
 
 #[test]
-fn val_offsets_without_an_answer_are_told_within_a_second() {
+fn spec_offsets_without_an_answer_are_told_within_a_second() {
     let mut world = rolling(|_| {});
     world.run(3.0);
     world.fake.mute_bridge = true;
@@ -81,7 +81,7 @@ fn val_offsets_without_an_answer_are_told_within_a_second() {
 }
 
 #[test]
-fn val_a_script_that_went_level_by_itself_is_switched_on_again_while_we_are_in_control() {
+fn spec_a_script_that_went_level_by_itself_is_switched_on_again_while_we_are_in_control() {
     let mut world = rolling(|_| {});
     world.run(3.0);
     // Restarted by itself, say.
@@ -94,7 +94,7 @@ fn val_a_script_that_went_level_by_itself_is_switched_on_again_while_we_are_in_c
 }
 
 #[test]
-fn val_after_the_pilot_took_over_nothing_is_asked_of_the_script() {
+fn spec_after_the_pilot_took_over_nothing_is_asked_of_the_script() {
     let mut world = rolling(|_| {});
     world.run(3.0);
     world.fake.custom_mode = 5;

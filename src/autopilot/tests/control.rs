@@ -3,7 +3,7 @@
 use super::*;
 
 #[test]
-fn val_the_pilot_wins_at_the_very_heartbeat_and_nothing_resumes_unasked() {
+fn spec_the_pilot_wins_at_the_very_heartbeat_and_nothing_resumes_unasked() {
     for firmware in BOTH {
         let mut world = World::new(Fake::new(firmware), |settings| settings.planned_tilt_rad = 0.6);
         world.launch();
@@ -37,7 +37,7 @@ fn val_the_pilot_wins_at_the_very_heartbeat_and_nothing_resumes_unasked() {
 }
 
 #[test]
-fn val_a_mode_that_is_acknowledged_but_not_entered_is_refused_and_never_retried_after() {
+fn spec_a_mode_that_is_acknowledged_but_not_entered_is_refused_and_never_retried_after() {
     for firmware in BOTH {
         let mut fake = Fake::new(firmware);
         fake.set_mode = Manners::PayLipService;
@@ -60,7 +60,7 @@ fn val_a_mode_that_is_acknowledged_but_not_entered_is_refused_and_never_retried_
 }
 
 #[test]
-fn val_refused_arming_is_reported_with_its_reason_and_asked_again_until_ready() {
+fn spec_refused_arming_is_reported_with_its_reason_and_asked_again_until_ready() {
     for firmware in BOTH {
         let mut fake = Fake::new(firmware);
         let reason = "Arming denied: heading estimate invalid";
@@ -82,7 +82,7 @@ fn val_refused_arming_is_reported_with_its_reason_and_asked_again_until_ready() 
 }
 
 #[test]
-fn val_arming_that_never_comes_ends_in_a_refusal() {
+fn spec_arming_that_never_comes_ends_in_a_refusal() {
     let mut fake = Fake::new(Firmware::Px4);
     fake.arming = Manners::Refuse(MavResult::MAV_RESULT_DENIED, "Arming denied: safety switch");
     let mut world = World::new(fake, |_| {});
@@ -98,7 +98,7 @@ fn val_arming_that_never_comes_ends_in_a_refusal() {
 }
 
 #[test]
-fn val_an_unsupported_command_is_not_asked_again() {
+fn spec_an_unsupported_command_is_not_asked_again() {
     let mut fake = Fake::new(Firmware::ArduPilot);
     fake.set_mode = Manners::Refuse(MavResult::MAV_RESULT_UNSUPPORTED, "no");
     let mut world = World::new(fake, |_| {});
@@ -110,7 +110,7 @@ fn val_an_unsupported_command_is_not_asked_again() {
 }
 
 #[test]
-fn val_unanswered_commands_are_repeated_with_rising_confirmation() {
+fn spec_unanswered_commands_are_repeated_with_rising_confirmation() {
     let mut fake = Fake::new(Firmware::ArduPilot);
     fake.set_mode = Manners::Ignore;
     let mut world = World::new(fake, |_| {});
@@ -125,7 +125,7 @@ fn val_unanswered_commands_are_repeated_with_rising_confirmation() {
 }
 
 #[test]
-fn val_a_takeoff_that_is_acknowledged_but_not_flown_is_refused() {
+fn spec_a_takeoff_that_is_acknowledged_but_not_flown_is_refused() {
     let mut fake = Fake::new(Firmware::ArduPilot);
     fake.takeoff = Manners::PayLipService;
     let mut world = World::new(fake, |_| {});
@@ -141,7 +141,7 @@ fn val_a_takeoff_that_is_acknowledged_but_not_flown_is_refused() {
 }
 
 #[test]
-fn val_acknowledgements_to_others_end_nothing_of_ours() {
+fn spec_acknowledgements_to_others_end_nothing_of_ours() {
     let mut fake = Fake::new(Firmware::ArduPilot);
     fake.arming = Manners::Ignore;
     let mut world = World::new(fake, |_| {});
@@ -168,7 +168,7 @@ fn val_acknowledgements_to_others_end_nothing_of_ours() {
 }
 
 #[test]
-fn val_in_progress_extends_the_wait_and_nothing_is_repeated() {
+fn spec_in_progress_extends_the_wait_and_nothing_is_repeated() {
     let mut fake = Fake::new(Firmware::ArduPilot);
     fake.arming = Manners::TakeTime(3000);
     let mut world = World::new(fake, |_| {});
@@ -181,7 +181,7 @@ fn val_in_progress_extends_the_wait_and_nothing_is_repeated() {
 }
 
 #[test]
-fn val_a_repeated_mode_command_never_takes_the_mode_back_from_the_pilot() {
+fn spec_a_repeated_mode_command_never_takes_the_mode_back_from_the_pilot() {
     for firmware in BOTH {
         let mut fake = Fake::new(firmware);
         // Done, but the answer is lost: the command would be repeated.
@@ -201,7 +201,7 @@ fn val_a_repeated_mode_command_never_takes_the_mode_back_from_the_pilot() {
 }
 
 #[test]
-fn val_a_pilot_who_acts_while_the_mode_is_being_taken_in_flight_wins() {
+fn spec_a_pilot_who_acts_while_the_mode_is_being_taken_in_flight_wins() {
     let mut world = World::new(Fake::new(Firmware::Px4), |settings| settings.planned_tilt_rad = 0.3);
     world.launch();
     world.fake.custom_mode = PX4_POSCTL;
@@ -220,7 +220,7 @@ fn val_a_pilot_who_acts_while_the_mode_is_being_taken_in_flight_wins() {
 }
 
 #[test]
-fn val_modes_that_flap_on_the_ground_do_not_stop_the_taking() {
+fn spec_modes_that_flap_on_the_ground_do_not_stop_the_taking() {
     let mut world = World::new(Fake::new(Firmware::Px4), |_| {});
     world.connect();
     world.fake.set_mode = Manners::Refuse(MavResult::MAV_RESULT_TEMPORARILY_REJECTED, "not yet");
@@ -237,7 +237,7 @@ fn val_modes_that_flap_on_the_ground_do_not_stop_the_taking() {
 }
 
 #[test]
-fn val_a_refused_landing_leaves_the_vehicle_held_by_the_companion() {
+fn spec_a_refused_landing_leaves_the_vehicle_held_by_the_companion() {
     for firmware in BOTH {
         let mut world = World::new(Fake::new(firmware), |settings| settings.planned_tilt_rad = 0.3);
         world.launch();
@@ -254,7 +254,7 @@ fn val_a_refused_landing_leaves_the_vehicle_held_by_the_companion() {
 }
 
 #[test]
-fn val_a_companion_that_restarts_in_flight_takes_control_again_when_asked() {
+fn spec_a_companion_that_restarts_in_flight_takes_control_again_when_asked() {
     for firmware in BOTH {
         let mut world = World::new(Fake::new(firmware), |settings| settings.planned_tilt_rad = 0.3);
         world.launch();

@@ -3,7 +3,7 @@
 use super::*;
 
 #[test]
-fn val_preflight_names_parameter_value_and_remedy_and_silence_is_not_known() {
+fn spec_preflight_names_parameter_value_and_remedy_and_silence_is_not_known() {
     let find = |world: &World, name: &str| {
         world.autopilot.preflight(world.now).into_iter().find(|check| check.name == name).unwrap()
     };
@@ -36,7 +36,7 @@ fn val_preflight_names_parameter_value_and_remedy_and_silence_is_not_known() {
 }
 
 #[test]
-fn val_thrust_vector_is_refused_on_arducopter_with_the_reason() {
+fn spec_thrust_vector_is_refused_on_arducopter_with_the_reason() {
     let mut world =
         World::new(Fake::new(Firmware::ArduPilot), |settings| settings.actuation = Actuation::ThrustVector);
     world.connect();
@@ -48,7 +48,7 @@ fn val_thrust_vector_is_refused_on_arducopter_with_the_reason() {
 }
 
 #[test]
-fn val_the_land_detector_is_off_before_the_vehicle_tilts_and_back_before_it_lands() {
+fn spec_the_land_detector_is_off_before_the_vehicle_tilts_and_back_before_it_lands() {
     let parameter = |world: &World| world.fake.parameters["LNDMC_Z_VEL_MAX"].0;
     let mut world = World::new(Fake::new(Firmware::Px4), |_| {});
     world.launch();
@@ -70,7 +70,7 @@ fn val_the_land_detector_is_off_before_the_vehicle_tilts_and_back_before_it_land
 }
 
 #[test]
-fn val_no_tilt_while_the_land_detector_may_still_disarm() {
+fn spec_no_tilt_while_the_land_detector_may_still_disarm() {
     let mut world = World::new(Fake::new(Firmware::Px4), |_| {});
     world.launch();
     // From now on the write is never confirmed.
@@ -94,7 +94,7 @@ fn val_no_tilt_while_the_land_detector_may_still_disarm() {
 }
 
 #[test]
-fn val_arducopter_without_brake_is_asked_to_loiter() {
+fn spec_arducopter_without_brake_is_asked_to_loiter() {
     let mut world = World::new(Fake::new(Firmware::ArduPilot), |_| {});
     world.fake.missing_mode = Some(17);
     world.launch();
@@ -106,7 +106,7 @@ fn val_arducopter_without_brake_is_asked_to_loiter() {
 }
 
 #[test]
-fn val_arducopter_gets_no_setpoint_before_it_is_airborne() {
+fn spec_arducopter_gets_no_setpoint_before_it_is_airborne() {
     let mut world = World::new(Fake::new(Firmware::ArduPilot), |_| {});
     world.connect();
     world.autopilot.take_control(world.now);
@@ -122,7 +122,7 @@ fn val_arducopter_gets_no_setpoint_before_it_is_airborne() {
 }
 
 #[test]
-fn val_a_6dof_frame_without_its_bridge_is_named_and_offsets_are_off_for_the_landing() {
+fn spec_a_6dof_frame_without_its_bridge_is_named_and_offsets_are_off_for_the_landing() {
     let mut world = World::new(Fake::new(Firmware::ArduPilot), |settings| settings.planned_tilt_rad = 0.6);
     let bridge = |world: &World| {
         world.autopilot.preflight(world.now).into_iter().find(|check| check.name == "bridge script").unwrap()

@@ -3,7 +3,7 @@
 use super::*;
 
 #[test]
-fn val_a_lost_link_ends_control_and_its_return_does_not_bring_it_back() {
+fn spec_a_lost_link_ends_control_and_its_return_does_not_bring_it_back() {
     let mut world = World::new(Fake::new(Firmware::Px4), |settings| settings.planned_tilt_rad = 0.6);
     world.launch();
     world.cut = true;
@@ -29,7 +29,7 @@ fn val_a_lost_link_ends_control_and_its_return_does_not_bring_it_back() {
 }
 
 #[test]
-fn val_telemetry_without_heartbeats_is_a_lost_link() {
+fn spec_telemetry_without_heartbeats_is_a_lost_link() {
     let mut world = World::new(Fake::new(Firmware::ArduPilot), |_| {});
     world.connect();
     let heartbeat = |m: &MavMessage| matches!(m, MavMessage::HEARTBEAT(_));
@@ -45,7 +45,7 @@ fn val_telemetry_without_heartbeats_is_a_lost_link() {
 }
 
 #[test]
-fn val_a_restart_in_flight_is_seen_and_everything_is_learnt_anew() {
+fn spec_a_restart_in_flight_is_seen_and_everything_is_learnt_anew() {
     for firmware in BOTH {
         let mut world = World::new(Fake::new(firmware), |settings| settings.planned_tilt_rad = 0.6);
         world.launch();
@@ -70,7 +70,7 @@ fn val_a_restart_in_flight_is_seen_and_everything_is_learnt_anew() {
 }
 
 #[test]
-fn val_a_changed_system_id_is_another_autopilot_not_ours() {
+fn spec_a_changed_system_id_is_another_autopilot_not_ours() {
     let mut world = World::new(Fake::new(Firmware::Px4), |settings| settings.planned_tilt_rad = 0.6);
     world.launch();
     world.fake.address = (7, 1);
@@ -82,7 +82,7 @@ fn val_a_changed_system_id_is_another_autopilot_not_ours() {
 }
 
 #[test]
-fn val_two_autopilots_are_refused_unless_one_is_named() {
+fn spec_two_autopilots_are_refused_unless_one_is_named() {
     let beat = |world: &mut World, from, autopilot, mavtype| {
         let heartbeat = HEARTBEAT_DATA {
             custom_mode: 0,
@@ -128,7 +128,7 @@ fn val_two_autopilots_are_refused_unless_one_is_named() {
 }
 
 #[test]
-fn val_the_only_autopilot_is_found_without_a_name_whatever_its_component_id() {
+fn spec_the_only_autopilot_is_found_without_a_name_whatever_its_component_id() {
     let mut fake = Fake::new(Firmware::ArduPilot);
     fake.address = (42, 17);
     let mut world = World::new(fake, |settings| settings.autopilot_system = None);
@@ -139,7 +139,7 @@ fn val_the_only_autopilot_is_found_without_a_name_whatever_its_component_id() {
 }
 
 #[test]
-fn val_the_wrong_firmware_is_not_taken() {
+fn spec_the_wrong_firmware_is_not_taken() {
     let mut world =
         World::new(Fake::new(Firmware::Px4), |settings| settings.firmware = FirmwareChoice::ArduPilot);
     world.run(5.0);
@@ -148,7 +148,7 @@ fn val_the_wrong_firmware_is_not_taken() {
 }
 
 #[test]
-fn val_estimator_faults_are_reported_once_from_each_kind_of_evidence() {
+fn spec_estimator_faults_are_reported_once_from_each_kind_of_evidence() {
     let mut world = World::new(Fake::new(Firmware::Px4), |settings| settings.planned_tilt_rad = 0.6);
     world.launch();
     assert_eq!(world.count(|event| matches!(event, Event::EstimatorFailure(_))), 0);
@@ -194,7 +194,7 @@ fn val_estimator_faults_are_reported_once_from_each_kind_of_evidence() {
 }
 
 #[test]
-fn val_slow_and_even_telemetry_warns_and_crawling_telemetry_fails() {
+fn spec_slow_and_even_telemetry_warns_and_crawling_telemetry_fails() {
     for (slowness, verdict) in [(1.2, None), (2.0, Some(Verdict::Warn)), (4.0, Some(Verdict::Fail))] {
         let mut fake = Fake::new(Firmware::Px4);
         fake.slowness = slowness;
@@ -210,7 +210,7 @@ fn val_slow_and_even_telemetry_warns_and_crawling_telemetry_fails() {
 }
 
 #[test]
-fn val_streams_that_do_not_come_are_asked_for_again_and_named_in_the_preflight() {
+fn spec_streams_that_do_not_come_are_asked_for_again_and_named_in_the_preflight() {
     let mut fake = Fake::new(Firmware::Px4);
     fake.mute = vec![31];
     let mut world = World::new(fake, |_| {});
@@ -234,7 +234,7 @@ fn val_streams_that_do_not_come_are_asked_for_again_and_named_in_the_preflight()
 }
 
 #[test]
-fn val_utc_comes_from_system_time() {
+fn spec_utc_comes_from_system_time() {
     let mut world = World::new(Fake::new(Firmware::Px4), |_| {});
     assert_eq!(world.autopilot.utc(world.now), None);
     world.connect();
@@ -244,7 +244,7 @@ fn val_utc_comes_from_system_time() {
 }
 
 #[test]
-fn val_a_rate_above_the_loop_is_refused_and_asked_for_again_at_half() {
+fn spec_a_rate_above_the_loop_is_refused_and_asked_for_again_at_half() {
     let mut fake = Fake::new(Firmware::ArduPilot);
     fake.fastest_hz = 60.0;
     let mut world = World::new(fake, |settings| settings.rate_hz = 100.0);

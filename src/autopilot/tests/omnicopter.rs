@@ -149,7 +149,7 @@ fn errors(world: &mut World, seconds: f64) -> (f64, f64, f64) {
 }
 
 #[test]
-fn val_thrust_vector_holds_every_attitude_in_calm_and_wind() {
+fn spec_thrust_vector_holds_every_attitude_in_calm_and_wind() {
     for wind_m_s in [0.0, 4.0] {
         let mut world = airborne(Vector3::new(-0.6, 0.8, 0.0) * wind_m_s);
         world.run(15.0);
@@ -172,7 +172,7 @@ fn val_thrust_vector_holds_every_attitude_in_calm_and_wind() {
 }
 
 #[test]
-fn val_the_land_detector_is_survived_with_the_guard_and_not_without() {
+fn spec_the_land_detector_is_survived_with_the_guard_and_not_without() {
     for guarded in [true, false] {
         let mut world = airborne(Vector3::zeros());
         if !guarded {
@@ -190,7 +190,7 @@ fn val_the_land_detector_is_survived_with_the_guard_and_not_without() {
 }
 
 #[test]
-fn val_a_take_off_finds_its_own_hover_thrust_and_does_not_leap() {
+fn spec_a_take_off_finds_its_own_hover_thrust_and_does_not_leap() {
     let mut fake = Fake::new(Firmware::Px4);
     fake.body = Some(Body::new(Vector3::zeros()));
     let mut world = World::new(fake, |settings| {

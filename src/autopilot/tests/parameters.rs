@@ -7,7 +7,7 @@ fn find(world: &World, name: &str) -> crate::preflight::Check {
 }
 
 #[test]
-fn val_nothing_passes_before_the_parameters_are_read() {
+fn spec_nothing_passes_before_the_parameters_are_read() {
     let mut world =
         World::new(Fake::new(Firmware::Px4), |settings| settings.actuation = Actuation::ThrustVector);
     world.until(10.0, |event| matches!(event, Event::Discovered { .. }));
@@ -19,7 +19,7 @@ fn val_nothing_passes_before_the_parameters_are_read() {
 }
 
 #[test]
-fn val_what_is_put_right_on_the_ground_is_seen() {
+fn spec_what_is_put_right_on_the_ground_is_seen() {
     let mut fake = Fake::new(Firmware::Px4);
     fake.parameters.insert("FD_FAIL_R".into(), int(60, Firmware::Px4));
     fake.parameters.remove("COM_OF_LOSS_T");
@@ -41,7 +41,7 @@ fn val_what_is_put_right_on_the_ground_is_seen() {
 }
 
 #[test]
-fn val_in_flight_no_parameter_is_asked_for() {
+fn spec_in_flight_no_parameter_is_asked_for() {
     let mut world = World::new(Fake::new(Firmware::Px4), |_| {});
     world.launch();
     let reads = |world: &World| {

@@ -47,7 +47,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn val_parts_cover_every_flight_once() {
+    fn prop_parts_cover_every_flight_once() {
         for of in 1..=7u64 {
             let parts = (1..=of).map(|index| format!("{index}/{of}").parse::<Shard>().unwrap());
             let mut all: Vec<u64> = parts.flat_map(|part| part.runs(20)).collect();
@@ -57,7 +57,7 @@ mod tests {
     }
 
     #[test]
-    fn val_bad_parts_are_refused() {
+    fn spec_bad_parts_are_refused() {
         for text in ["0/3", "4/3", "1", "a/b", "1/0", "-1/3", "1/3/5"] {
             assert!(text.parse::<Shard>().is_err(), "{text}");
         }

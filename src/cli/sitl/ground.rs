@@ -50,7 +50,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn val_only_an_address_to_send_to_is_taken() {
+    fn spec_only_an_address_to_send_to_is_taken() {
         assert_eq!(parse_ground_station("udpout:[::1]:14550").map(|at| at.port), Ok(14550));
         for (bad, says) in [("udpin:0.0.0.0:14550", "only udpout"), ("14550", "udpout:127.0.0.1:14550")] {
             assert!(parse_ground_station(bad).is_err_and(|error| error.contains(says)), "{bad}");

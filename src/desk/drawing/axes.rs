@@ -100,7 +100,7 @@ mod tests {
     }
 
     #[test]
-    fn val_ticks_are_round() {
+    fn spec_ticks_are_round() {
         assert_eq!(step(30.0, 6.0), 5.0);
         assert_eq!(step(0.25, 5.0), 0.05);
         assert_eq!(ticks([-12.0, 27.0], 10.0), [-10.0, 0.0, 10.0, 20.0]);

@@ -86,7 +86,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn val_labels_keep_clear_of_each_other_and_of_lines() {
+    fn spec_labels_keep_clear_of_each_other_and_of_lines() {
         let mut labels = Labels::new((0.0, 0.0), (200.0, 200.0), TEXT_PT);
         labels.avoid_line((0.0, 100.0), (200.0, 100.0));
         let first = labels.place((100.0, 100.0), "I, 80 m");
@@ -97,7 +97,7 @@ mod tests {
     }
 
     #[test]
-    fn val_labels_stay_in_the_frame() {
+    fn spec_labels_stay_in_the_frame() {
         let mut labels = Labels::new((0.0, 0.0), (100.0, 100.0), TEXT_PT);
         let (x, y) = labels.place((99.0, 1.0), "corner");
         assert!(x + text_width("corner", TEXT_PT) / 2.0 <= 100.0 && y - TEXT_PT / 2.0 >= 0.0);

@@ -331,14 +331,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn val_numbers_are_short_and_never_negative_zero() {
+    fn spec_numbers_are_short_and_never_negative_zero() {
         assert_eq!(number(1.0 / 3.0), "0.33");
         assert_eq!(number(-0.001), "0");
         assert_eq!(number(252.0), "252");
     }
 
     #[test]
-    fn val_text_is_escaped() {
+    fn spec_text_is_escaped() {
         let mut svg = Svg::new(10.0, 10.0, "a < b & c", "");
         svg.text((1.0, 1.0), Anchor::Start, "\"R\" > 0");
         let document = svg.finish();

@@ -80,7 +80,7 @@ mod tests {
     use crate::units::Watts;
 
     #[test]
-    fn val_the_companions_notices_are_known_by_their_words() {
+    fn spec_the_companions_notices_are_known_by_their_words() {
         let silent = |why| Notice::Silent(why);
         let waiting = Notice::Waiting { text: "no GPS; no home".into(), again: false };
         for (notice, said) in [
@@ -103,7 +103,7 @@ mod tests {
     }
 
     #[test]
-    fn val_a_faults_length_is_its_last_word() {
+    fn spec_a_faults_length_is_its_last_word() {
         assert_eq!(lasting("pair link cut for 2.500 s"), Some("2.500 s"));
         assert_eq!(lasting("pair link cut"), None);
     }

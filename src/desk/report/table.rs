@@ -294,7 +294,7 @@ mod tests {
     }
 
     #[test]
-    fn val_a_table_reads_as_it_was_written() {
+    fn spec_a_table_reads_as_it_was_written() {
         let text = write(&samples(), 2);
         let (read_back, eavesdroppers) = read(&text).unwrap();
         assert_eq!(eavesdroppers, 2);
@@ -313,7 +313,7 @@ mod tests {
     }
 
     #[test]
-    fn val_damaged_tables_name_line_and_column() {
+    fn spec_damaged_tables_name_line_and_column() {
         let good = write(&samples(), 2);
         let damage = |from: &str, to: &str| read(&good.replacen(from, to, 1)).unwrap_err().to_string();
         assert!(damage("at_s", "time").contains("line 1: column 1"));

@@ -111,7 +111,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn val_spans_and_counts() {
+    fn spec_spans_and_counts() {
         assert_eq!(span(0.355), "355 ms");
         assert_eq!(span(0.9999), "1.00 s");
         assert_eq!((count(1, "slot"), count(0, "slot")), ("1 slot".into(), "0 slots".into()));

@@ -40,7 +40,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn val_a_full_disk_loses_records_and_says_so_once() {
+    fn spec_a_full_disk_loses_records_and_says_so_once() {
         let mut disk = Disk::default();
         assert_eq!(disk.write(), (true, None));
         disk.full = true;

@@ -88,7 +88,7 @@ mod tests {
     }
 
     #[test]
-    fn val_a_broken_transmitter_excuses_its_own_emission_and_nothing_else() {
+    fn spec_a_broken_transmitter_excuses_its_own_emission_and_nothing_else() {
         let broken = |role| {
             let fault = Fault {
                 kind: FaultKind::TransmitterStuck,
@@ -124,7 +124,7 @@ mod tests {
     }
 
     #[test]
-    fn val_a_late_world_excuses_what_depends_on_time_near_its_lateness_and_nothing_else() {
+    fn spec_a_late_world_excuses_what_depends_on_time_near_its_lateness_and_nothing_else() {
         let late = |from_s: u64, by_ms: u64| Late {
             from: Duration::from_secs(from_s),
             by: Duration::from_millis(by_ms),

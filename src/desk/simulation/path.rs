@@ -117,7 +117,7 @@ mod tests {
     }
 
     #[test]
-    fn val_a_good_path_delays_and_nothing_else() {
+    fn spec_a_good_path_delays_and_nothing_else() {
         let expected: Vec<_> = (0..50u32).map(|k| ((k + 1) * MS, k as u8)).collect();
         assert_eq!(arrivals(Path::GOOD, 50), expected);
         assert_eq!(arrivals(Path::CUT, 50), []);
@@ -133,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn val_a_spread_lets_datagrams_overtake_one_another() {
+    fn spec_a_spread_lets_datagrams_overtake_one_another() {
         let all = arrivals(Path { spread: 10 * MS, ..Path::GOOD }, 100);
         assert!(all.windows(2).any(|pair| pair[0].1 > pair[1].1));
         assert!(all.iter().all(|(at, k)| {
@@ -143,7 +143,7 @@ mod tests {
     }
 
     #[test]
-    fn val_a_full_socket_refuses_what_comes_later() {
+    fn spec_a_full_socket_refuses_what_comes_later() {
         let mut pipe = Pipe::new(Path::GOOD, 5, 0);
         (0..10).for_each(|k| {
             pipe.send(&[k], u32::from(k) * MS);

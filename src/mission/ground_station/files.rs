@@ -59,7 +59,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn val_what_is_not_there_is_refused_and_answers_are_not_answered() {
+    fn spec_what_is_not_there_is_refused_and_answers_are_not_answered() {
         let ask = |opcode| {
             let mut request = [0; 251];
             request[..4].copy_from_slice(&[0xFF, 0x01, 9, opcode]);

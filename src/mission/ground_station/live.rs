@@ -170,7 +170,7 @@ mod tests {
     }
 
     #[test]
-    fn val_names_fit_and_come_round() {
+    fn spec_names_fit_and_come_round() {
         let figures =
             Figures { rate_bps: 2e6, user_sinr: 100.0, eavesdropper_sinr: vec![0.0; 99], own_power_w: 0.5 };
         let all: Vec<_> = (0..).map_while(|index| figures.named(index)).collect();

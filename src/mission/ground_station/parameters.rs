@@ -216,7 +216,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn val_names_are_unique_and_fit_the_wire() {
+    fn spec_names_are_unique_and_fit_the_wire() {
         for (index, parameter) in TABLE.iter().enumerate() {
             assert!(parameter.name.len() <= 16 && parameter.name.starts_with("VW_"), "{}", parameter.name);
             assert_eq!(index_of(parameter.name), Some(index));

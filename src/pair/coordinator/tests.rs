@@ -79,7 +79,7 @@ fn pair() -> (Coordinator, Coordinator) {
 }
 
 #[test]
-fn val_a_dead_boot_s_late_hello_changes_nothing_and_a_new_boot_is_believed() {
+fn spec_a_dead_boot_s_late_hello_changes_nothing_and_a_new_boot_is_believed() {
     let (mut i, mut j) = pair();
     i.acquaintance.due = at(2000);
     i.handle_timeout(at(2000));
@@ -106,7 +106,7 @@ fn val_a_dead_boot_s_late_hello_changes_nothing_and_a_new_boot_is_believed() {
 }
 
 #[test]
-fn val_both_commit_and_i_only_when_j_has_said_so() {
+fn spec_both_commit_and_i_only_when_j_has_said_so() {
     let (mut i, mut j) = pair();
     i.propose(0, utc(6000), at(2000));
     i.handle_timeout(at(2000));
@@ -120,7 +120,7 @@ fn val_both_commit_and_i_only_when_j_has_said_so() {
 }
 
 #[test]
-fn val_a_delayed_commit_commits_nobody() {
+fn spec_a_delayed_commit_commits_nobody() {
     let (mut i, mut j) = pair();
     i.propose(0, utc(6000), at(2000));
     i.handle_timeout(at(2000));
@@ -137,7 +137,7 @@ fn val_a_delayed_commit_commits_nobody() {
 }
 
 #[test]
-fn val_only_the_very_next_slot_is_accepted() {
+fn spec_only_the_very_next_slot_is_accepted() {
     let (mut i, mut j) = pair();
     i.propose(1, utc(6000), at(2000));
     run(&mut i, &mut j, 2000);
@@ -145,7 +145,7 @@ fn val_only_the_very_next_slot_is_accepted() {
 }
 
 #[test]
-fn val_a_step_of_utc_voids_what_was_compared() {
+fn spec_a_step_of_utc_voids_what_was_compared() {
     let (mut i, mut j) = pair();
     i.set_utc(Some(utc(9000)), at(2000));
     i.propose(0, utc(13_000), at(2000));
@@ -164,7 +164,7 @@ fn val_a_step_of_utc_voids_what_was_compared() {
 }
 
 #[test]
-fn val_j_committed_alone_says_so() {
+fn spec_j_committed_alone_says_so() {
     let (mut i, mut j) = pair();
     i.propose(0, utc(6000), at(2000));
     i.handle_timeout(at(2000));

@@ -114,7 +114,7 @@ fn between(a: Instant, b: Instant) -> i64 {
 
 /// What two clocks may differ by after so many microseconds, rounded up.
 fn drift(span: i64) -> i64 {
-    (span.saturating_mul(DRIFT_PPM) / 1_000_000).saturating_add(1)
+    span.saturating_mul(DRIFT_PPM).saturating_add(999_999) / 1_000_000
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 use super::*;
 
 #[test]
-fn val_a_companion_that_starts_tells_the_radio_off_and_learns_that_it_expires() {
+fn spec_a_companion_that_starts_tells_the_radio_off_and_learns_that_it_expires() {
     let mut world = World::new(steady(7));
     world.radio.on = Some((20.0, 1, Instant::from_start(Duration::from_secs(100))));
     assert_eq!(world.transmitter.supports_expiry(), None);
@@ -57,7 +57,7 @@ fn val_power_and_expiry_on_the_wire_are_rounded_down_and_the_lease_counts_from_t
 }
 
 #[test]
-fn val_what_expires_at_once_or_is_no_power_is_off() {
+fn spec_what_expires_at_once_or_is_no_power_is_off() {
     for (power_w, ahead) in [(0.1, 0), (0.1, 999), (0.0, 500_000), (-1.0, 500_000), (f64::NAN, 500_000)] {
         let mut world = World::new(steady(1));
         world.run(ms(50));
@@ -70,7 +70,7 @@ fn val_what_expires_at_once_or_is_no_power_is_off() {
 }
 
 #[test]
-fn val_off_is_sent_in_the_same_call_and_repeated_until_confirmed() {
+fn spec_off_is_sent_in_the_same_call_and_repeated_until_confirmed() {
     let mut world = World::new(steady(3));
     world.run(ms(50));
     world.transmitter.set(0.1, 1, world.now + ms(500), world.now).unwrap();
@@ -115,7 +115,7 @@ fn offs_unanswered(transmitter: &mut Transmitter, off_at: Instant, spans: &[u64]
 }
 
 #[test]
-fn val_off_is_repeated_fast_within_the_reaction_time_then_slower() {
+fn spec_off_is_repeated_fast_within_the_reaction_time_then_slower() {
     // Within 100 ms, to 200 ms, to 2 s, and 2 s more.
     let spans = [100, 100, 1800, 2000];
     let now = Instant::from_start(Duration::from_secs(9));
@@ -140,7 +140,7 @@ fn val_off_is_repeated_fast_within_the_reaction_time_then_slower() {
 }
 
 #[test]
-fn val_three_offs_in_a_row_may_be_lost_within_the_reaction_time() {
+fn spec_three_offs_in_a_row_may_be_lost_within_the_reaction_time() {
     for lost in 0..=3 {
         let (way, mut sent) = (ms(8), 0);
         // On, its answer, then the offs.
@@ -163,7 +163,7 @@ fn val_three_offs_in_a_row_may_be_lost_within_the_reaction_time() {
 }
 
 #[test]
-fn val_a_late_acknowledgement_never_lengthens_a_lease() {
+fn spec_a_late_acknowledgement_never_lengthens_a_lease() {
     let mut world = World::new(steady(1));
     world.run(ms(50));
     let ack = |result_param2| {
@@ -261,7 +261,7 @@ fn prop_over_a_bad_wire_the_lease_is_never_longer_than_the_radios_and_off_is_off
 }
 
 #[test]
-fn val_a_radio_that_does_not_know_the_command_is_named_in_the_preflight() {
+fn spec_a_radio_that_does_not_know_the_command_is_named_in_the_preflight() {
     let mut world = World::new(steady(2));
     world.radio.refuses = Some(MavResult::MAV_RESULT_UNSUPPORTED);
     world.run(ms(100));
@@ -278,7 +278,7 @@ fn val_a_radio_that_does_not_know_the_command_is_named_in_the_preflight() {
 }
 
 #[test]
-fn val_a_silent_radio_is_told_off_again_when_it_is_back() {
+fn spec_a_silent_radio_is_told_off_again_when_it_is_back() {
     let mut world = World::new(steady(2));
     world.run(ms(100));
     let told = world.radio.received.len();
@@ -303,7 +303,7 @@ fn val_a_silent_radio_is_told_off_again_when_it_is_back() {
 }
 
 #[test]
-fn val_strangers_and_answers_to_others_change_nothing() {
+fn spec_strangers_and_answers_to_others_change_nothing() {
     let mut world = World::new(Vec::new);
     let ack = |target| COMMAND_ACK_DATA {
         command: MavCmd::MAV_CMD_USER_1,

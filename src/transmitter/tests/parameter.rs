@@ -3,7 +3,7 @@
 use super::*;
 
 #[test]
-fn val_a_level_table_gives_the_strongest_level_within_the_power_and_is_turned_off_by_us() {
+fn spec_a_level_table_gives_the_strongest_level_within_the_power_and_is_turned_off_by_us() {
     let levels = [(1.0, 0.01), (2.0, 0.025), (5.0, 0.1)].map(|(value, power_w)| Level { value, power_w });
     let mut transmitter = by_parameter(Unit::Levels(levels.to_vec()), Protocol::Classic);
     assert_eq!(transmitter.supports_expiry(), Some(false));
@@ -94,7 +94,7 @@ fn val_extended_parameters_carry_their_own_type_and_unit() {
 }
 
 #[test]
-fn val_an_adopted_system_is_the_one_commanded_and_the_first_word_is_off() {
+fn spec_an_adopted_system_is_the_one_commanded_and_the_first_word_is_off() {
     let now = Instant::from_start(Duration::from_secs(5));
     let settings = Settings {
         own: OWN,

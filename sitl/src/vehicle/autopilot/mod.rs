@@ -39,7 +39,8 @@ use mavlink::dialects::ardupilotmega::*;
 use nalgebra::{UnitQuaternion, Vector3};
 
 use super::COMPANION_LINK;
-use super::config::{Airframe, Firmware, Traps, VehicleConfig};
+use super::airframe::Airframe;
+use super::config::{Firmware, Traps, VehicleConfig};
 use super::dynamics::GRAVITY_M_S2;
 use super::parameters::Parameters;
 use super::rotors::Allocator;

@@ -326,7 +326,7 @@ mod tests {
     }
 
     #[test]
-    fn val_global_target_is_the_same_point() {
+    fn spec_global_target_is_the_same_point() {
         let (mut o, f) = (Offboard::default(), frame());
         let point = f.geodetic(Vector3::new(50.0, -30.0, 90.0));
         let (lat_int, lon_int, _) = point.to_wire();

@@ -6,7 +6,8 @@ use nalgebra::{UnitQuaternion, Vector3};
 
 use super::modes::Mode;
 use super::{Autopilot, Sensed};
-use crate::vehicle::config::{Airframe, Firmware};
+use crate::vehicle::airframe::Airframe;
+use crate::vehicle::config::Firmware;
 
 fn f32x3(v: Vector3<f64>) -> [f32; 3] {
     [v.x as f32, v.y as f32, v.z as f32]

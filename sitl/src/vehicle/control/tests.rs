@@ -28,7 +28,7 @@ struct Rig {
 
 impl Rig {
     fn new(airframe: Airframe, wind: WindConfig) -> Self {
-        let geometry = Geometry::of(airframe);
+        let geometry = airframe.rotors();
         let mut body = Dynamics::new(Body::default(), &geometry, Vector3::zeros(), 0.0);
         body.position_enu_m.z = 100.0;
         body.on_ground = false;
@@ -58,7 +58,7 @@ fn hold(at: Vector3<f64>, attitude: UnitQuaternion<f64>) -> Target {
 }
 
 #[test]
-fn prop_hold_at_every_tilt_is_centimetres_and_tenths_of_a_degree() {
+fn spec_hold_at_every_tilt_is_centimetres_and_tenths_of_a_degree() {
     let at = Vector3::new(0.0, 0.0, 100.0);
     for (roll, pitch) in [(0.0, 0.0), (30.0, 0.0), (60.0, -45.0), (90.0, 0.0), (0.0, 90.0), (180.0, 0.0)] {
         let attitude =
@@ -81,7 +81,7 @@ fn prop_hold_at_every_tilt_is_centimetres_and_tenths_of_a_degree() {
 }
 
 #[test]
-fn prop_hold_in_gusts() {
+fn spec_hold_in_gusts() {
     let wind = WindConfig { mean_enu_m_s: [6.0, 2.0, 0.0], turbulence_m_s: 12.0 };
     let at = Vector3::new(0.0, 0.0, 100.0);
     let mut rig = Rig::new(Airframe::Omnidirectional, wind);
@@ -145,7 +145,7 @@ fn val_thrust_units_are_forces_along_the_bodys_axes() {
     let model = Body { drag_n_s2_per_m2: 0.0, ..Body::default() };
     for (axis, newtons) in [(0, 25.1 * 16.0 / 3.0), (1, 25.1 * 16.0 / 3.0), (2, 25.1 * 8.0 / 3f64.sqrt())] {
         let mut rig = Rig::new(Airframe::Omnidirectional, WindConfig::default());
-        rig.body = Dynamics::new(model, &Geometry::of(Airframe::Omnidirectional), Vector3::zeros(), 0.0);
+        rig.body = Dynamics::new(model, &Airframe::Omnidirectional.rotors(), Vector3::zeros(), 0.0);
         rig.body.position_enu_m.z = 1000.0;
         rig.body.on_ground = false;
         let mut thrust_flu = Vector3::zeros();
@@ -175,7 +175,7 @@ fn spec_a_steady_torque_leaves_no_attitude_error() {
         Airframe::Omnidirectional,
         WindConfig { mean_enu_m_s: [10.0, 0.0, 0.0], ..WindConfig::default() },
     );
-    rig.body = Dynamics::new(model, &Geometry::of(Airframe::Omnidirectional), Vector3::zeros(), 0.0);
+    rig.body = Dynamics::new(model, &Airframe::Omnidirectional.rotors(), Vector3::zeros(), 0.0);
     rig.body.position_enu_m.z = 100.0;
     rig.body.on_ground = false;
     let target = hold(Vector3::new(0.0, 0.0, 100.0), UnitQuaternion::identity());

@@ -1,7 +1,7 @@
 //! The rigid body against closed forms.
 
 use super::*;
-use crate::vehicle::config::Airframe;
+use crate::vehicle::airframe::Airframe;
 use crate::vehicle::geometry::MAX_ROTORS;
 use crate::vehicle::rotors::{Allocator, Saturation, Wrench};
 
@@ -9,7 +9,7 @@ const DT: f64 = 0.0025;
 const OFF: Throttles = [0.0; MAX_ROTORS];
 
 fn omni() -> Geometry {
-    Geometry::of(Airframe::Omnidirectional)
+    Airframe::Omnidirectional.rotors()
 }
 
 /// The throttles of a force and a torque.
@@ -145,7 +145,7 @@ fn val_wind_pushes_and_turns() {
 }
 
 #[test]
-fn val_ground_carries_holds_and_levels() {
+fn spec_ground_carries_holds_and_levels() {
     let mut d = Dynamics::new(Body::default(), &omni(), Vector3::new(5.0, 6.0, 2.0), 0.7);
     let side = throttles(Vector3::new(20.0, 0.0, 10.0), Vector3::new(1.0, 0.0, 0.0));
     for _ in 0..400 {

@@ -1,10 +1,10 @@
 //! Allocation against the effectiveness that it inverts, saturation, lag and curves.
 
 use super::*;
-use crate::vehicle::config::Airframe;
+use crate::vehicle::airframe::Airframe;
 
 fn omni() -> Geometry {
-    Geometry::of(Airframe::Omnidirectional)
+    Airframe::Omnidirectional.rotors()
 }
 
 /// What rotors without a lag give.
@@ -25,7 +25,7 @@ fn val_units_are_those_of_the_real_programs_omnicopter() {
     assert!((units.y - units.x).abs() < 1e-9);
     assert!((units.z - 25.1 * 8.0 / 3f64.sqrt()).abs() < 1e-6 && (units.z - 115.9).abs() < 0.1, "{units}");
     // A level quadrotor has no sideways thrust, and its z is all rotors together.
-    let quad = *Allocator::new(&Geometry::of(Airframe::Conventional)).unit_n();
+    let quad = *Allocator::new(&Airframe::Conventional.rotors()).unit_n();
     assert!((quad - Vector3::repeat(90.0)).norm() < 1e-9, "{quad}");
 }
 
@@ -72,7 +72,7 @@ fn val_saturated_forces_keep_their_direction_and_leave_room_for_torque() {
 
 #[test]
 fn val_a_quadrotor_pushes_up_alone() {
-    let quad = Geometry::of(Airframe::Conventional);
+    let quad = Airframe::Conventional.rotors();
     let allocator = Allocator::new(&quad);
     let wanted = Wrench { force_n: Vector3::new(10.0, -5.0, 40.0), torque_nm: Vector3::new(0.3, -0.2, 0.1) };
     let real = given(&quad, &allocator.allocate(&wanted, Saturation::Scale));
@@ -137,5 +137,5 @@ fn spec_geometries_that_cannot_be_are_named() {
     let mut weak = omni();
     weak.rotors[7].thrust_n = f64::NAN;
     assert!(weak.fault().is_some_and(|(what, v)| what == "geometry: thrust_n" && v.is_nan()));
-    assert!(omni().fault().is_none() && Geometry::of(Airframe::Conventional).fault().is_none());
+    assert!(omni().fault().is_none() && Airframe::Conventional.rotors().fault().is_none());
 }

@@ -253,7 +253,7 @@ mod tests {
     }
 
     #[test]
-    fn val_a_power_ends_when_the_radios_own_clock_shows_its_expiry() {
+    fn spec_a_power_ends_when_the_radios_own_clock_shows_its_expiry() {
         let mut tx = transmitter();
         let on = command(&tx, 1, 26.5, 500);
         let answer = give(&mut tx, &on);
@@ -270,7 +270,7 @@ mod tests {
     }
 
     #[test]
-    fn val_what_is_not_newer_is_answered_and_changes_nothing() {
+    fn spec_what_is_not_newer_is_answered_and_changes_nothing() {
         let mut tx = transmitter();
         let (on, off) = (command(&tx, 1, 20.0, 500), command(&tx, 2, f32::NEG_INFINITY, 0));
         assert_eq!(give(&mut tx, &off).outcome, Outcome::Accepted);
@@ -284,7 +284,7 @@ mod tests {
     }
 
     #[test]
-    fn val_a_new_boot_needs_the_present_series_and_finds_the_radio_off() {
+    fn spec_a_new_boot_needs_the_present_series_and_finds_the_radio_off() {
         let mut tx = transmitter();
         let first = command(&tx, 5, 20.0, 500);
         assert_eq!(give(&mut tx, &first).outcome, Outcome::Accepted);
@@ -303,7 +303,7 @@ mod tests {
     }
 
     #[test]
-    fn val_what_cannot_be_carried_out_takes_its_number_alone() {
+    fn spec_what_cannot_be_carried_out_takes_its_number_alone() {
         let mut tx = transmitter();
         let on = command(&tx, 1, 20.0, 500);
         give(&mut tx, &on);
@@ -322,7 +322,7 @@ mod tests {
     }
 
     #[test]
-    fn val_nobody_but_the_commander_is_heard_and_no_field_may_be_no_number() {
+    fn spec_nobody_but_the_commander_is_heard_and_no_field_may_be_no_number() {
         let mut tx = transmitter();
         let on = command(&tx, 1, 20.0, 500);
         give(&mut tx, &on);
@@ -342,7 +342,7 @@ mod tests {
     }
 
     #[test]
-    fn val_the_clock_wraps_and_the_series_is_another_each_time() {
+    fn spec_the_clock_wraps_and_the_series_is_another_each_time() {
         let mut tx = transmitter();
         tx.numbered.clock.began_us = (f64::from(u32::MAX) - 123_456.0 - 100.0) * 1e3;
         let on = command(&tx, 1, 20.0, 400);

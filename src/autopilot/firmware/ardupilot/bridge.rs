@@ -203,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn val_without_control_the_script_is_not_asked() {
+    fn spec_without_control_the_script_is_not_asked() {
         let mut bench = Bench::new(Firmware::ArduPilot);
         let mut bridge = Bridge::default();
         bridge.drive(tilted(), false, &mut bench.context());
@@ -214,7 +214,7 @@ mod tests {
     }
 
     #[test]
-    fn val_offsets_keep_their_interval_and_silence_is_told_once() {
+    fn spec_offsets_keep_their_interval_and_silence_is_told_once() {
         let (mut bench, mut bridge) = agreed();
         let mut sent = 0;
         for _ in 0..100 {
@@ -232,7 +232,7 @@ mod tests {
     }
 
     #[test]
-    fn val_a_script_gone_level_is_switched_on_again_after_a_second() {
+    fn spec_a_script_gone_level_is_switched_on_again_after_a_second() {
         let (mut bench, mut bridge) = agreed();
         bridge.drive(tilted(), true, &mut bench.context());
         bridge.offset_answered(&ack(MavResult::MAV_RESULT_TEMPORARILY_REJECTED), &mut bench.context());
@@ -246,7 +246,7 @@ mod tests {
     }
 
     #[test]
-    fn val_levelled_or_forgotten_no_offset_goes_out_and_the_order_to_go_level_stands() {
+    fn spec_levelled_or_forgotten_no_offset_goes_out_and_the_order_to_go_level_stands() {
         let (mut bench, mut bridge) = agreed();
         bridge.level(&mut bench.commands);
         // Its answer is none to a switching on.

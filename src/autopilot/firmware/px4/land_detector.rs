@@ -106,7 +106,7 @@ mod tests {
     }
 
     #[test]
-    fn val_the_detector_is_off_before_a_tilt_and_put_back_once_it_is_safe() {
+    fn spec_the_detector_is_off_before_a_tilt_and_put_back_once_it_is_safe() {
         let mut bench = Bench::new(0.4);
         assert!(!LandDetectorGuard::allows_tilt(&bench.parameters));
         bench.guard.advance(true, false, &mut bench.parameters);
@@ -122,14 +122,14 @@ mod tests {
     }
 
     #[test]
-    fn val_a_detector_found_off_is_put_back_to_the_default() {
+    fn spec_a_detector_found_off_is_put_back_to_the_default() {
         let mut bench = Bench::new(0.0);
         bench.guard.advance(false, true, &mut bench.parameters);
         assert_eq!(bench.written(), Some(0.25));
     }
 
     #[test]
-    fn val_level_plans_need_no_guard() {
+    fn spec_level_plans_need_no_guard() {
         let mut settings = crate::autopilot::context::tests::settings();
         for (actuation, tilt_rad, needed) in [
             (Actuation::Pose, 0.3, false),

@@ -143,7 +143,7 @@ pub(in crate::autopilot) mod tests {
     }
 
     #[test]
-    fn val_a_flat_multirotor_has_no_thrust_sideways() {
+    fn spec_a_flat_multirotor_has_no_thrust_sideways() {
         let mut flat = rotors(6.5);
         flat.iter_mut().for_each(|rotor| rotor.axis = -Vector3::z());
         assert_eq!(scales(&flat), None);

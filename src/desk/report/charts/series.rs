@@ -277,7 +277,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn val_smoothing_is_a_mean_and_respects_gaps() {
+    fn spec_smoothing_is_a_mean_and_respects_gaps() {
         let mut points: Points =
             (0..100).map(|k| (f64::from(k) * 0.1, Some(if k % 2 == 0 { 1.0 } else { 3.0 }))).collect();
         points[50].1 = None;

@@ -190,7 +190,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn val_decimation_keeps_extremes_and_gaps() {
+    fn spec_decimation_keeps_extremes_and_gaps() {
         let axes = Axes { corner: (0.0, 0.0), size: (100.0, 100.0), x: [0.0, 100.0], y: [0.0, 1.0] };
         let mut points: Vec<(f64, Option<f64>)> =
             (0..10_000).map(|k| (f64::from(k) * 0.01, Some(0.5))).collect();

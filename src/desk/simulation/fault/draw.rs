@@ -123,7 +123,7 @@ mod tests {
     }
 
     #[test]
-    fn val_what_is_fixed_is_not_drawn() {
+    fn spec_what_is_fixed_is_not_drawn() {
         let text =
             "[[fault]]\nkind = \"wind-step\"\nvehicle = \"j\"\nslot = 2\nafter_s = 1.5\nspeed_m_s = 7\n";
         for seed in 0..20 {

@@ -255,7 +255,7 @@ mod tests {
     }
 
     #[test]
-    fn val_every_kind_has_a_name_of_its_own_and_is_in_the_example() {
+    fn spec_every_kind_has_a_name_of_its_own_and_is_in_the_example() {
         let example = include_str!("../../../../config/faults.toml");
         let laws = laws(example);
         let names: std::collections::BTreeSet<_> = FaultKind::ALL.iter().map(|kind| kind.name()).collect();
@@ -268,7 +268,7 @@ mod tests {
     }
 
     #[test]
-    fn val_a_fixed_fault_and_a_law_read() {
+    fn spec_a_fixed_fault_and_a_law_read() {
         let laws = laws(
             "[[fault]]\nkind = \"companion-kill\"\nvehicle = \"j\"\nslot = 1\nafter_s = 4.0\n\
              [[fault]]\nkind = \"pair-degraded\"\nrate_per_hour = 30\nduration_s = [1, 2.5]\nloss = [0.1, 0.4]\n",
@@ -300,7 +300,7 @@ mod tests {
     }
 
     #[test]
-    fn val_what_is_wrong_with_a_fault_is_said_with_its_place() {
+    fn spec_what_is_wrong_with_a_fault_is_said_with_its_place() {
         let fault = |more: &str| format!("[[fault]]\n{more}\n");
         let cases = [
             (fault("kind = \"meteor\""), "f.toml:2:8: `kind` is \"meteor\""),

@@ -112,7 +112,7 @@ mod tests {
     }
 
     #[test]
-    fn val_faults_begin_and_end_in_time_and_a_cut_outdoes_a_bad_link() {
+    fn spec_faults_begin_and_end_in_time_and_a_cut_outdoes_a_bad_link() {
         let cut = fault(FaultKind::PairLoss, 2, Some(3));
         let bad = fault(FaultKind::PairDegraded, 3, None);
         let mut schedule = Schedule::new(vec![bad.clone(), cut.clone()]);

@@ -3,7 +3,7 @@
 use super::*;
 
 #[test]
-fn val_a_late_answer_does_not_confirm_another_command() {
+fn regress_a_late_answer_does_not_confirm_another_command() {
     let mut world = World::settled(2);
     assert_eq!(world.command(0.1, 1, 500), Ok(()));
     let (_, first) = world.commands.last().cloned().unwrap();
@@ -28,7 +28,7 @@ fn val_a_late_answer_does_not_confirm_another_command() {
 }
 
 #[test]
-fn val_copies_and_overtaken_commands_change_nothing() {
+fn regress_copies_and_overtaken_commands_change_nothing() {
     let mut world = World::settled(2);
     assert_eq!(world.command(0.1, 1, 500), Ok(()));
     let on = world.commands.clone();
@@ -51,7 +51,7 @@ fn val_copies_and_overtaken_commands_change_nothing() {
 }
 
 #[test]
-fn val_answers_repeated_after_the_commands_are_cut_vouch_for_nothing_more() {
+fn regress_answers_repeated_after_the_commands_are_cut_vouch_for_nothing_more() {
     let mut world = World::settled(2);
     assert_eq!(world.command(0.1, 1, 500), Ok(()));
     world.run(ms(3));
@@ -73,7 +73,7 @@ fn val_answers_repeated_after_the_commands_are_cut_vouch_for_nothing_more() {
 }
 
 #[test]
-fn val_a_constant_delay_of_half_a_second_costs_service_and_never_protection() {
+fn regress_a_constant_delay_of_half_a_second_costs_service_and_never_protection() {
     let mut world = World::settled(500);
     assert!(matches!(world.transmitter.ready(world.now), Err(NotReady::TooSlow { .. })));
     // The world asserts at each step that what is commanded is off in time.
@@ -98,7 +98,7 @@ fn val_a_constant_delay_of_half_a_second_costs_service_and_never_protection() {
 }
 
 #[test]
-fn val_a_stall_at_the_start_is_forgotten() {
+fn regress_a_stall_at_the_start_is_forgotten() {
     let mut world = World::new(Way::steady(5), Way::steady(5));
     (world.there.frozen_until, world.back.frozen_until) = (world.now + ms(900), world.now + ms(950));
     world.run(ms(960));
@@ -111,7 +111,7 @@ fn val_a_stall_at_the_start_is_forgotten() {
 }
 
 #[test]
-fn val_what_a_dead_boot_sent_is_refused_once_the_living_one_is_taken() {
+fn spec_what_a_dead_boot_sent_is_refused_once_the_living_one_is_taken() {
     for heard_before in [true, false] {
         let mut world = World::settled(2);
         if !heard_before {
@@ -143,7 +143,7 @@ fn val_what_a_dead_boot_sent_is_refused_once_the_living_one_is_taken() {
 }
 
 #[test]
-fn val_a_radio_that_restarts_is_off_is_taken_anew_and_its_old_clock_means_nothing() {
+fn spec_a_radio_that_restarts_is_off_is_taken_anew_and_its_old_clock_means_nothing() {
     let mut world = World::settled(5);
     assert_eq!(world.command(0.1, 1, 500), Ok(()));
     world.run(ms(30));
@@ -164,7 +164,59 @@ fn val_a_radio_that_restarts_is_off_is_taken_anew_and_its_old_clock_means_nothin
 }
 
 #[test]
-fn val_clocks_that_drift_end_in_time_and_hold_what_is_vouched_for() {
+fn spec_a_report_of_before_the_radios_restart_tells_nothing_of_its_clock() {
+    let mut world = World::settled(5);
+    let mut stale = world.radio.report(world.now);
+    world.radio.restart();
+    world.run(ms(600));
+    assert_eq!(world.transmitter.ready(world.now), Ok(()));
+    // The clock that is no more was ahead of the one that is.
+    stale.time_ms = world.radio.clock_ms(world.now).wrapping_add(10_000);
+    assert_eq!((stale.boot, world.radio.boot), (78, 78));
+    let mut told = world.clone();
+    told.hear(&stale);
+    for world in [&mut world, &mut told] {
+        assert_eq!(world.command(0.1, 1, 500), Ok(()));
+    }
+    let expiry = |world: &World| world.commands.last().map(|(_, c)| c.y);
+    assert_eq!(expiry(&told), expiry(&world));
+}
+
+#[test]
+fn spec_a_refusal_of_before_it_was_taken_changes_nothing_when_it_comes_late() {
+    let mut world = World::new(Way::steady(2), Way::steady(2));
+    world.run(ms(3));
+    let (_, refusal) = world.reports.iter().find(|(_, report)| report.answers == 1).cloned().unwrap();
+    assert_eq!(refusal.result, VeilwingRadioResult::VEILWING_RADIO_RESULT_OTHER_SERIES);
+    world.run(ms(500));
+    assert_eq!(world.command(0.1, 1, 500), Ok(()));
+    world.run(ms(10));
+    let before = world.vouched();
+    assert!(before.is_some());
+    world.hear(&refusal);
+    assert_eq!(world.vouched(), before);
+    assert_eq!(world.command(0.1, 1, 500), Ok(()));
+}
+
+#[test]
+fn spec_an_answer_that_contradicts_itself_vouches_for_nothing() {
+    let mut world = World::settled(2);
+    world.back.loss = 1.0;
+    assert_eq!(world.command(0.1, 1, 500), Ok(()));
+    world.run(ms(4));
+    let on = world.radio.on.unwrap();
+    let mut answer = world.radio.report(world.now);
+    (answer.answers_boot, answer.answers) = (78, on.number);
+    for newest in [0, on.number - 1] {
+        world.hear(&VEILWING_RADIO_DATA { newest, ..answer.clone() });
+        assert_eq!(world.vouched(), None, "{newest}");
+    }
+    world.hear(&answer);
+    assert!(world.vouched().is_some());
+}
+
+#[test]
+fn spec_clocks_that_drift_end_in_time_and_hold_what_is_vouched_for() {
     for fast_ppm in [-100, 0, 100] {
         let mut world = World::new(Way::steady(3), Way::steady(3));
         world.radio.fast_ppm = fast_ppm;
@@ -189,7 +241,7 @@ fn val_clocks_that_drift_end_in_time_and_hold_what_is_vouched_for() {
 }
 
 #[test]
-fn val_the_clock_wraps_in_the_middle_of_a_slot() {
+fn spec_the_clock_wraps_in_the_middle_of_a_slot() {
     let mut world = World::new(Way::steady(3), Way::steady(3));
     // In 1.2 s: 2^32 ms.
     let true_us = i64::try_from(world.now.since_start().as_micros()).unwrap();
@@ -205,7 +257,7 @@ fn val_the_clock_wraps_in_the_middle_of_a_slot() {
 }
 
 #[test]
-fn val_numbers_that_are_used_up_begin_a_boot_of_their_own() {
+fn spec_numbers_that_are_used_up_begin_a_boot_of_their_own() {
     let mut world = World::settled(2);
     let Driver::Numbered(numbered) = &mut world.transmitter.driver else { panic!("a numbered radio") };
     numbered.commands.skip_to(WHOLE - 20);

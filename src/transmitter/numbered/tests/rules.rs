@@ -4,7 +4,7 @@ use super::*;
 use crate::preflight::Verdict;
 
 #[test]
-fn val_a_companion_that_starts_is_taken_and_the_radio_is_off_by_its_own_clock() {
+fn spec_a_companion_that_starts_is_taken_and_the_radio_is_off_by_its_own_clock() {
     let mut world = World::new(Way::steady(7), Way::steady(7));
     // A former boot left it on.
     world.radio.boot = 5;
@@ -59,7 +59,7 @@ fn val_what_is_on_the_wire_is_rounded_down_numbered_and_on_the_radios_clock() {
 }
 
 #[test]
-fn val_off_goes_out_in_the_same_call_and_again_until_it_is_confirmed() {
+fn spec_off_goes_out_in_the_same_call_and_again_until_it_is_confirmed() {
     let mut world = World::settled(3);
     assert_eq!(world.command(0.1, 1, 500), Ok(()));
     world.run(ms(50));
@@ -77,7 +77,7 @@ fn val_off_goes_out_in_the_same_call_and_again_until_it_is_confirmed() {
 }
 
 #[test]
-fn val_without_an_answer_it_is_off_when_every_expiry_is_past_and_not_before() {
+fn spec_without_an_answer_it_is_off_when_every_expiry_is_past_and_not_before() {
     let mut world = World::settled(3);
     assert_eq!(world.command(0.1, 1, 300), Ok(()));
     world.run(ms(50));
@@ -90,7 +90,7 @@ fn val_without_an_answer_it_is_off_when_every_expiry_is_past_and_not_before() {
 }
 
 #[test]
-fn val_what_ends_at_once_or_is_no_power_is_off() {
+fn spec_what_ends_at_once_or_is_no_power_is_off() {
     for (power_w, for_ms) in [(0.1, 0), (0.0, 500), (-1.0, 500), (f64::NAN, 500), (f64::INFINITY, 500)] {
         let mut world = World::settled(1);
         let before = world.radio.received.len();
@@ -105,7 +105,25 @@ fn val_what_ends_at_once_or_is_no_power_is_off() {
 }
 
 #[test]
-fn val_a_reading_older_than_a_second_is_not_used_and_its_age_is_said() {
+fn spec_no_power_expires_at_or_before_the_reading_that_it_counts_from() {
+    for (micros, on) in [(1, false), (999, false), (1000, false), (1002, true), (2000, true)] {
+        let mut world = World::settled(1);
+        let reading = world.radio.report(world.now);
+        world.hear(&reading);
+        let before = world.radio.received.len();
+        world.off_by = world.now + Duration::from_micros(micros);
+        assert_eq!(world.transmitter.command(0.1, 1, world.off_by, world.now), Ok(()));
+        world.send();
+        world.run(ms(1));
+        let [sent] = &world.radio.received[before..] else { panic!("{micros}: not one command") };
+        assert_eq!(sent.param1.is_finite(), on, "{micros} us: {sent:?}");
+        let ahead_ms = sent.y.cast_unsigned().wrapping_sub(reading.time_ms) as i32;
+        assert!(!on || ahead_ms > 0, "{micros} us: {ahead_ms} ms");
+    }
+}
+
+#[test]
+fn spec_a_reading_older_than_a_second_is_not_used_and_its_age_is_said() {
     let mut world = World::settled(2);
     world.back.loss = 1.0;
     world.run(ms(780));
@@ -121,7 +139,7 @@ fn val_a_reading_older_than_a_second_is_not_used_and_its_age_is_said() {
 }
 
 #[test]
-fn val_a_radio_too_far_away_is_refused_beforehand_with_the_number() {
+fn spec_a_radio_too_far_away_is_refused_beforehand_with_the_number() {
     let mut world = World::settled(200);
     let Err(NotReady::TooSlow { round_trip, longest }) = world.transmitter.ready(world.now) else {
         panic!("{:?}", world.transmitter.ready(world.now))
@@ -142,7 +160,7 @@ fn val_a_radio_too_far_away_is_refused_beforehand_with_the_number() {
 }
 
 #[test]
-fn val_a_refusal_vouches_for_nothing_and_what_was_in_force_goes_on() {
+fn spec_a_refusal_vouches_for_nothing_and_what_was_in_force_goes_on() {
     let mut world = World::settled(2);
     assert_eq!(world.command(0.1, 1, 500), Ok(()));
     world.run(ms(20));
@@ -160,7 +178,7 @@ fn val_a_refusal_vouches_for_nothing_and_what_was_in_force_goes_on() {
 }
 
 #[test]
-fn val_a_power_asked_for_anew_is_vouched_for_when_it_is_answered() {
+fn spec_a_power_asked_for_anew_is_vouched_for_when_it_is_answered() {
     let mut world = World::settled(5);
     assert_eq!(world.command(0.1, 1, 500), Ok(()));
     world.run(ms(20));
@@ -176,7 +194,7 @@ fn val_a_power_asked_for_anew_is_vouched_for_when_it_is_answered() {
 }
 
 #[test]
-fn val_a_radio_of_the_first_form_is_named_in_the_preflight() {
+fn spec_a_radio_of_the_first_form_is_named_in_the_preflight() {
     let mut transmitter = transmitter(1, Instant::ZERO);
     let ack = MavMessage::COMMAND_ACK(COMMAND_ACK_DATA {
         command: MavCmd::MAV_CMD_USER_1,
@@ -193,7 +211,7 @@ fn val_a_radio_of_the_first_form_is_named_in_the_preflight() {
 }
 
 #[test]
-fn val_strangers_and_words_to_others_change_nothing() {
+fn spec_strangers_and_words_to_others_change_nothing() {
     let mut world = World::new(Way { loss: 1.0, ..Way::steady(1) }, Way::steady(1));
     let mut report = world.radio.report(world.now);
     (report.boot, report.newest) = (78, 1);
