@@ -276,6 +276,9 @@ impl Orders {
     /// The peer's companion restarted: what it stood by is void.
     pub fn new_boot(&mut self) {
         self.peer.start = 0;
+        if let Some((_, stood_by)) = &mut self.flying {
+            *stood_by = false;
+        }
     }
 
     /// A START that was pending too long is none.

@@ -165,11 +165,20 @@ impl Flight {
     }
 
     pub fn command_with(&mut self, role: Role, command: MavCmd, param1: f32) {
+        self.command_to((1 + index(role) as u8, 191), role, command, param1);
+    }
+
+    /// The same, addressed to all.
+    pub fn command_all(&mut self, role: Role, command: MavCmd, param1: f32) {
+        self.command_to((0, 0), role, command, param1);
+    }
+
+    fn command_to(&mut self, to: (u8, u8), role: Role, command: MavCmd, param1: f32) {
         let message = MavMessage::COMMAND_LONG(COMMAND_LONG_DATA {
             command,
             param1,
-            target_system: 1 + index(role) as u8,
-            target_component: 191,
+            target_system: to.0,
+            target_component: to.1,
             ..COMMAND_LONG_DATA::DEFAULT
         });
         let frame = self.station.encode((255, 190), &message);

@@ -11,6 +11,8 @@ mod harness;
 mod kinds;
 mod mutations;
 mod nominal;
+mod orders;
+mod orders_table;
 mod preflight;
 mod reaction;
 mod reaction_table;
