@@ -170,6 +170,11 @@ pub enum Notice {
     /// The end of a pause.
     #[error("going on by the operator's order")]
     GoingOn,
+    /// A command of a system that is no operator.
+    #[error(
+        "commands of system {0} are refused: it is no operator; list it in [operators] system_ids, or sign the autopilot's link"
+    )]
+    NoOperator(u8),
     /// A parameter that stays as it is.
     #[error("{0}")]
     ParameterRefused(ParameterRefusal),
@@ -216,6 +221,7 @@ impl Notice {
             | Self::Unready { .. }
             | Self::PeerSilent { .. }
             | Self::PeerGone(..)
+            | Self::NoOperator(_)
             | Self::ParameterRefused(_)
             | Self::LosingLog => MavSeverity::MAV_SEVERITY_WARNING,
             Self::NoWayHome(_)
