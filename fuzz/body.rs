@@ -77,6 +77,7 @@ impl Companion {
             kind: Kind::Leased { command: 31010 },
             boot: 1 + role as u32,
             longest_round_trip: LEASE,
+            system_is_given: false,
             first_off_after: Duration::ZERO,
         };
         let settings = Settings {

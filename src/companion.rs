@@ -33,6 +33,8 @@ pub struct Companion {
     pub transmitter: Transmitter,
     /// Link to the autopilot.
     pub autopilot: (LinkAddress, LinkConfig),
+    /// Link to the transmitter, if it has one of its own.
+    pub radio: Option<(LinkAddress, LinkConfig)>,
     /// Link to the other companion.
     pub pair: (LinkAddress, LinkConfig, Form),
     /// Keeps the operator's orders for the next process; `None`: there is none.
@@ -61,6 +63,10 @@ impl Companion {
         let role = self.settings.role;
         let mut autopilot: Link<Aboard> =
             Link::open(self.autopilot.0, self.autopilot.1, clock.clone()).await?;
+        let mut radio: Option<Link<Aboard>> = match self.radio {
+            Some((address, config)) => Some(Link::open(address, config, clock.clone()).await?),
+            None => None,
+        };
         let mut pair = PairLink::open(self.pair.0, self.pair.1, self.pair.2, clock.clone()).await?;
         let mut executive = Executive::new(self.settings, self.transmitter, clock.now());
         let mut planning = Some(start_planning(self.planner));
@@ -76,6 +82,11 @@ impl Companion {
                     Outgoing::Autopilot(message) => {
                         autopilot.send(executive.own(), &Aboard::Common(*message))
                     }
+                    Outgoing::Radio(message) => {
+                        if let Some(radio) = &mut radio {
+                            radio.send(executive.own(), &Aboard::Common(*message));
+                        }
+                    }
                     Outgoing::Pair(message) => pair.send(executive.own(), &message),
                 }
             }
@@ -85,6 +96,12 @@ impl Companion {
             if let Some(outcome) = executive.outcome(clock.now()) {
                 debug!("autopilot link: {}", autopilot.counters());
                 debug!("pair link: {}", pair.counters());
+                if let Some(radio) = &radio {
+                    debug!("transmitter link: {}", radio.counters());
+                }
+                for (system, count) in executive.refused_commands() {
+                    debug!(system, count, "commands of a system that is no operator were refused");
+                }
                 return Ok(outcome);
             }
             let (deadline, why) = executive.poll_timeout();
@@ -98,11 +115,12 @@ impl Companion {
                 () = clock.sleep_until(deadline) => {
                     tracing::trace!(why, "timeout");
                     if clock.now() > deadline + WOKEN_LATE {
-                        take_waiting(&mut executive, &mut autopilot, &mut pair, &clock).await;
+                        take_waiting(&mut executive, (&mut autopilot, &mut radio, &mut pair), &clock).await;
                     }
                     executive.handle_timeout(clock.now());
                 }
                 frame = autopilot.recv() => hear(&mut executive, &frame, &clock),
+                frame = heard(&mut radio) => hear_radio(&mut executive, &frame, &clock),
                 frame = pair.recv() => executive.handle_pair(&frame.message, clock.now()),
                 plan = planned(&mut planning) => executive.handle_plan(plan.map_err(CompanionError::Plan)?),
             }
@@ -118,18 +136,34 @@ fn hear(executive: &mut Executive, frame: &Frame<Aboard>, clock: &Clock) {
     }
 }
 
+/// Takes what has come over the radio's own link.
+fn hear_radio(executive: &mut Executive, frame: &Frame<Aboard>, clock: &Clock) {
+    match &frame.message {
+        Aboard::Common(message) => executive.handle_radio_link(frame.header, message, clock.now()),
+        Aboard::Radio(message) => executive.handle_report(frame.header, message.message(), clock.now()),
+    }
+}
+
+/// The next frame of a link; never completes where there is none.
+async fn heard(link: &mut Option<Link<Aboard>>) -> Frame<Aboard> {
+    match link {
+        Some(link) => link.recv().await,
+        None => std::future::pending().await,
+    }
+}
+
 /// Takes what has arrived meanwhile. A process that slept too long must not call state lost that waits at its door; a
 /// bounded number, so that a flood cannot hold up a setpoint here either.
 async fn take_waiting(
     executive: &mut Executive,
-    autopilot: &mut Link<Aboard>,
-    pair: &mut PairLink,
+    (autopilot, radio, pair): (&mut Link<Aboard>, &mut Option<Link<Aboard>>, &mut PairLink),
     clock: &Clock,
 ) {
     for _ in 0..MOST_WAITING {
         tokio::select! {
             biased;
             frame = autopilot.recv() => hear(executive, &frame, clock),
+            frame = heard(radio) => hear_radio(executive, &frame, clock),
             frame = pair.recv() => executive.handle_pair(&frame.message, clock.now()),
             () = std::future::ready(()) => break,
         }

@@ -73,6 +73,7 @@ impl World {
                     kind: transmitter::Kind::Numbered { command: 31010 },
                     boot: 4,
                     longest_round_trip: Duration::from_millis(300),
+                    system_is_given: false,
                     first_off_after: Duration::ZERO,
                 },
                 Instant::ZERO,

@@ -46,10 +46,10 @@ pub fn run(args: &Args) -> Exit {
                 if let Some(mission) = &mission {
                     tell(vehicle.check_against(mission));
                 }
-                if let Some(Err(error)) = vehicle.key_file.as_deref().map(Key::load) {
-                    let help =
-                        "write 64 hexadecimal digits, 32 random bytes, into it; the same on both vehicles";
-                    tell(vehicle.error_at("pair.key_file", error.to_string(), help.to_owned()));
+                for (setting, path) in vehicle.key_files() {
+                    let Err(error) = Key::load(path) else { continue };
+                    let help = "write 64 hexadecimal digits, 32 random bytes, into it; the same at the link's other end";
+                    tell(vehicle.error_at(setting, error.to_string(), help.to_owned()));
                 }
                 if let Some((other, _)) = vehicles.iter().find(|(_, other)| other.role == vehicle.role) {
                     let message = format!("{} is vehicle {} too", other.display(), vehicle.role);

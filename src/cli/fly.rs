@@ -1,6 +1,6 @@
 //! `veilwing fly`: the companion of one vehicle, what runs onboard.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use rustix::process::{Signal, getpid, kill_process};
 use tokio::signal::unix::{SignalKind, signal};
@@ -11,6 +11,7 @@ use crate::companion::settings::{allow_for_clock_rate, pair_form, settings, tran
 use crate::config::file::usable_directory;
 use crate::config::{Mission, Vehicle};
 use crate::link::clock::Clock;
+use crate::link::signing::RADIO_STATUS_ID;
 use crate::link::{Key, LinkConfig, SigningConfig, TlogWriter};
 use crate::mission::Outcome;
 use crate::planning;
@@ -18,8 +19,9 @@ use crate::transmitter::Transmitter;
 
 use super::{Exit, interrupt, load_mission};
 
-/// Names of the two links, in logs and file names.
+/// Names of the links, in logs and file names.
 const AUTOPILOT: &str = "autopilot";
+const RADIO: &str = "transmitter";
 const PAIR: &str = "pair";
 
 /// Run the companion of one vehicle, beside its autopilot.
@@ -99,21 +101,13 @@ fn companion(args: &Args, mission: Mission, vehicle: &Vehicle, clock: &Clock) ->
     usable_directory(&vehicle.log_dir).map_err(|error| format!("[log] dir: {error}"))?;
     let role = vehicle.role;
     let name = role.to_string().to_lowercase();
-    let link = |to: &str, peer_system, signing| -> Result<LinkConfig, String> {
+    let link = |to: &str, peer_system, key_file: Option<&Path>| -> Result<LinkConfig, String> {
+        let signing = key_file.map(|path| signing(path, to, vehicle)).transpose()?;
         let path = vehicle.log_dir.join(format!("{name}-{to}.tlog"));
         let tlog = TlogWriter::create(&path).map_err(|error| error.to_string())?;
         // Ground stations speak through the autopilot; nobody speaks through the peer.
         let accept_foreign = to == AUTOPILOT;
         Ok(LinkConfig { name: to.into(), peer_system, accept_foreign, signing, tlog: Some(tlog) })
-    };
-    let pair_signing = match &vehicle.key_file {
-        Some(path) => Some(SigningConfig {
-            key: Key::load(path).map_err(|error| error.to_string())?,
-            link_id: 0,
-            state_file: vehicle.log_dir.join(format!("{name}-{PAIR}.signing")),
-            unsigned_allowed: Vec::new(),
-        }),
-        None => None,
     };
     let boot_id = boot_id(clock);
     let mut settings = settings(&mission, vehicle, boot_id, args.start);
@@ -121,17 +115,44 @@ fn companion(args: &Args, mission: Mission, vehicle: &Vehicle, clock: &Clock) ->
         OrdersFile::open(orders_file::path(&vehicle.log_dir, role)).map_err(|error| error.to_string())?;
     settings.pair.orders = kept;
     allow_for_clock_rate(&mut settings, args.clock_rate);
+    let (autopilot, radio) = (&vehicle.autopilot, &vehicle.transmitter);
+    let radio_system = radio.system_id.or(autopilot.system_id);
+    let radio_link = match &radio.link {
+        Some(address) => Some((address.clone(), link(RADIO, radio_system, radio.key_file.as_deref())?)),
+        None => None,
+    };
     Ok(Companion {
-        autopilot: (vehicle.autopilot.link.clone(), link(AUTOPILOT, vehicle.autopilot.system_id, None)?),
+        autopilot: (
+            autopilot.link.clone(),
+            link(AUTOPILOT, autopilot.system_id, autopilot.key_file.as_deref())?,
+        ),
+        radio: radio_link,
         pair: (
             vehicle.pair_link.clone(),
-            link(PAIR, vehicle.pair_peer_system, pair_signing)?,
+            link(PAIR, vehicle.pair_peer_system, vehicle.key_file.as_deref())?,
             pair_form(vehicle),
         ),
         transmitter: Transmitter::new(transmitter_settings(vehicle, boot_id), clock.now()),
         orders: Some(orders),
         settings,
         planner: Box::new(move || planning::plan(&mission).map_err(|error| error.to_string())),
+    })
+}
+
+/// How the link called `to` signs. Each has a record of timestamps of its own, and a link id: with one key on several
+/// links, what is recorded on one is still of another stream on the others.
+fn signing(key_file: &Path, to: &str, vehicle: &Vehicle) -> Result<SigningConfig, String> {
+    let name = vehicle.role.to_string().to_lowercase();
+    Ok(SigningConfig {
+        key: Key::load(key_file).map_err(|error| error.to_string())?,
+        link_id: match to {
+            AUTOPILOT => 1,
+            RADIO => 2,
+            _ => 0,
+        },
+        state_file: vehicle.log_dir.join(format!("{name}-{to}.signing")),
+        // SiK radios put their own into the stream, and have no key.
+        unsigned_allowed: if to == AUTOPILOT { vec![RADIO_STATUS_ID] } else { Vec::new() },
     })
 }
 

@@ -3,10 +3,11 @@
 use std::time::Duration;
 
 use crate::autopilot;
-use crate::config::{Mission, Transmitter, Vehicle};
+use crate::config::{ExposedLink, Mission, Transmitter, Vehicle};
 use crate::link::Form;
-use crate::mission::{Scene, Settings};
+use crate::mission::{Operators, Scene, Settings};
 use crate::pair::{self, Record};
+use crate::preflight::{Check, Verdict, check};
 use crate::role::{PerVehicle, Role};
 use crate::service::Ceilings;
 use crate::transmitter;
@@ -60,7 +61,14 @@ pub fn settings(mission: &Mission, vehicle: &Vehicle, boot_id: u32, start_unaske
             mission_w: mission.power_ceiling(role).0,
             vehicle_w: vehicle.limits.max_power_w.unwrap_or(f64::INFINITY),
         },
-        emission_authorised: vehicle.transmitter.simulated || mission.emission.is_some(),
+        emission_authorised: vehicle.transmitter.simulated
+            || (mission.emission.is_some() && vehicle.exposed_links().is_empty()),
+        link_checks: link_checks(vehicle),
+        radio_apart: vehicle.transmitter.link.is_some(),
+        operators: match vehicle.autopilot.key_file {
+            Some(_) => Operators::Proven,
+            None => Operators::Systems(vehicle.operators.clone()),
+        },
         scene: Scene {
             users_enu_m: mission.users.iter().map(|user| user.position_enu_m).collect(),
             eavesdroppers_enu_m: mission.eavesdroppers.iter().map(|e| e.node.position_enu_m).collect(),
@@ -69,6 +77,27 @@ pub fn settings(mission: &Mission, vehicle: &Vehicle, boot_id: u32, start_unaske
         start_unasked,
         start_utc: mission.tdma.start_utc,
     }
+}
+
+/// Whether anybody can speak on the links of a real transmitter (T1). [`Vehicle::check_against`] refuses the same.
+fn link_checks(vehicle: &Vehicle) -> Vec<Check> {
+    if !vehicle.is_real() {
+        return Vec::new();
+    }
+    let exposed = vehicle.exposed_links();
+    let failed = exposed.iter().map(|link| {
+        let ExposedLink { name, key_setting, .. } = link;
+        let detail = format!(
+            "the transmitter is real, and {name} is neither signed nor a serial line: give {key_setting}"
+        );
+        check("links", Verdict::Fail, detail)
+    });
+    let mut all: Vec<Check> = failed.collect();
+    if vehicle.key_file.is_none() && !vehicle.pair_link.is_point_to_point() {
+        let detail = "the transmitter is real, and whoever reaches the pair's link can speak as the other vehicle: give [pair] key_file";
+        all.push(check("links", Verdict::Warn, detail));
+    }
+    all
 }
 
 /// How pair messages go over the pair link.
@@ -99,7 +128,7 @@ pub fn scheduling_allowance(rate: f64) -> Duration {
 #[must_use]
 pub fn transmitter_settings(vehicle: &Vehicle, boot_id: u32) -> transmitter::Settings {
     let own = own(vehicle);
-    let Transmitter { kind, component_id, .. } = &vehicle.transmitter;
+    let Transmitter { kind, component_id, system_id, .. } = &vehicle.transmitter;
     // J may have promised to jam before its companion died; its radio's own lease ends that promise.
     let first_off_after = match vehicle.role {
         Role::I => Duration::ZERO,
@@ -107,7 +136,8 @@ pub fn transmitter_settings(vehicle: &Vehicle, boot_id: u32) -> transmitter::Set
     };
     transmitter::Settings {
         own,
-        target: (own.0, *component_id),
+        target: (system_id.unwrap_or(own.0), *component_id),
+        system_is_given: system_id.is_some(),
         kind: kind.clone(),
         boot: boot_id,
         longest_round_trip: LONGEST_ROUND_TRIP[vehicle.role],

@@ -296,11 +296,13 @@ pub struct VehicleDraft {
     pub autopilot: Autopilot,
     /// The payload radio.
     pub transmitter: Transmitter,
+    /// MAVLink systems whose commands are obeyed without a signature.
+    pub operators: Vec<u8>,
     /// Link to the other companion.
     pub pair_link: LinkAddress,
     /// The signing key of the pair link, if it is signed.
     pub key_file: Option<PathBuf>,
-    /// MAVLink system of the other companion; `None`: any.
+    /// MAVLink system of the other companion; `None`: on a link to a known address any, else the only one heard.
     pub pair_peer_system: Option<u8>,
     /// Pair messages ride in TUNNEL. Then the peer's system must be given.
     pub pair_tunnel: bool,
@@ -318,6 +320,7 @@ impl VehicleDraft {
             role,
             autopilot: Autopilot::default(),
             transmitter: Transmitter::default(),
+            operators: vec![255],
             pair_link,
             key_file: None,
             pair_peer_system: None,
@@ -346,8 +349,10 @@ pub struct Autopilot {
     pub firmware: FirmwareChoice,
     /// Which targets it is given.
     pub actuation: Actuation,
-    /// Its MAVLink system; `None`: the first that is heard.
+    /// Its MAVLink system; `None`: the only one that is heard. Must be given where the link learns its peer's address.
     pub system_id: Option<u8>,
+    /// The signing key of its link, if that is signed.
+    pub key_file: Option<PathBuf>,
     /// The companion's own MAVLink component.
     pub component_id: u8,
     /// Setpoints and state per second.
@@ -363,6 +368,7 @@ impl Default for Autopilot {
             firmware: FirmwareChoice::Auto,
             actuation: Actuation::Pose,
             system_id: None,
+            key_file: None,
             component_id: 191,
             rate_hz: 50.0,
             thrust_n: None,
@@ -377,6 +383,12 @@ pub struct Transmitter {
     pub kind: Kind,
     /// It radiates nothing real.
     pub simulated: bool,
+    /// Where it is, if it has a link of its own; `None`: behind the autopilot.
+    pub link: Option<LinkAddress>,
+    /// The signing key of that link, if it is signed.
+    pub key_file: Option<PathBuf>,
+    /// Its MAVLink system; `None`: the autopilot's.
+    pub system_id: Option<u8>,
     /// Its MAVLink component.
     pub component_id: u8,
     /// What a command of the first form ([`Kind::Leased`]) that comes late does is accepted, so that something real may be
@@ -394,6 +406,9 @@ impl Default for Transmitter {
         Self {
             kind: Kind::Numbered { command: Self::COMMAND },
             simulated: true,
+            link: None,
+            key_file: None,
+            system_id: None,
             component_id: 68,
             accept_late_commands: false,
         }

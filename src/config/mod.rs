@@ -17,6 +17,7 @@ pub(crate) mod reading;
 mod schema;
 mod vehicle;
 mod vehicle_file;
+mod vehicle_links;
 
 pub use diagnostic::{Diagnostic, Diagnostics, Severity};
 pub use draft::{
@@ -27,6 +28,7 @@ pub use mission::{Difference, Mission, NamedEavesdropper, PowerLimit, Settled, U
 pub use mission_file::METHODS;
 pub use schema::schema;
 pub use vehicle::Vehicle;
+pub use vehicle_links::ExposedLink;
 
 #[cfg(test)]
 mod tests;

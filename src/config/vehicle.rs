@@ -12,6 +12,7 @@ use super::file::{MAX_BYTES, read_text};
 use super::mission::Mission;
 use super::mission_checks::ORIGIN_HELP;
 use super::reader::Section;
+use super::vehicle_links::{self, KEY_FILES, key_file_fault};
 use super::{reading, vehicle_file};
 use crate::autopilot::Actuation;
 use crate::role::Role;
@@ -36,20 +37,21 @@ impl Deref for Vehicle {
 }
 
 impl Vehicle {
-    /// Reads and validates a vehicle file, and the mode of the key file it names.
+    /// Reads and validates a vehicle file, and the modes of the key files it names.
     ///
     /// # Errors
     /// Everything that is wrong with the file, each with its place and remedy.
     pub fn load(path: &Path) -> Result<Self, Diagnostics> {
         let mut vehicle = Self::parse(&path.display().to_string(), &read_text(path, MAX_BYTES)?)?;
-        if let Some(key_file) = vehicle.draft.key_file.take() {
-            let key_file = path.parent().unwrap_or(Path::new("")).join(key_file);
-            if let Some((message, help)) = key_file_fault(&key_file) {
-                return Err(vehicle.error_at("pair.key_file", message, help));
+        let mut faults = Diagnostics::new(&vehicle.document.file, vehicle.document.text.clone());
+        for setting in KEY_FILES {
+            let Some(key_file) = vehicle.draft.key_file_mut(setting) else { continue };
+            *key_file = path.parent().unwrap_or(Path::new("")).join(&*key_file);
+            if let Some((message, help)) = key_file_fault(key_file) {
+                faults.push(Severity::Error, vehicle.document.at(setting), message, help);
             }
-            vehicle.draft.key_file = Some(key_file);
         }
-        Ok(vehicle)
+        if faults.has_errors() { Err(faults) } else { Ok(vehicle) }
     }
 
     /// Validates the text of a vehicle file; `file_name` is used in messages only, and no other file is looked at.
@@ -98,8 +100,8 @@ impl Vehicle {
         reading::schema(|s| vehicle_file::describe(s, &mut VehicleDraft::blank()))
     }
 
-    /// What is wrong between this vehicle and a mission: limits below what the mission plans with, and a real
-    /// transmitter without the mission's leave. May hold warnings alone: see [`Diagnostics::into_result`].
+    /// What is wrong between this vehicle and a mission: limits below what the mission plans with, a real transmitter
+    /// without the mission's leave, or with a link that anyone may speak on. May hold warnings alone: see [`Diagnostics::into_result`].
     #[must_use]
     pub fn check_against(&self, mission: &Mission) -> Diagnostics {
         let file = &self.document;
@@ -121,7 +123,7 @@ impl Vehicle {
             );
             all.push(severity, file.at(&format!("limits.{key}")), message, help);
         }
-        if self.transmitter.kind != Kind::None && !self.transmitter.simulated {
+        if self.is_real() {
             let mut refuse = |message: &str, help: &str| {
                 let at = file.at("transmitter.simulated");
                 all.push(Severity::Error, at, message.to_owned(), help.to_owned());
@@ -134,6 +136,10 @@ impl Vehicle {
             } else if !mission.has_origin() {
                 refuse("the transmitter is real, but the mission has no `origin`", ORIGIN_HELP);
             }
+        }
+        for link in self.exposed_links() {
+            let (message, help) = vehicle_links::exposure(&link);
+            all.push(Severity::Error, file.at(link.setting), message, help);
         }
         all
     }
@@ -202,7 +208,7 @@ fn check(draft: &VehicleDraft, file: &mut Document) {
         let message = format!("`thrust_n` means nothing with actuation \"{}\"", autopilot.actuation);
         refuse(file, "autopilot.thrust_n", &message, "leave it out, or give actuation = \"thrust_vector\"");
     }
-    check_pair(draft, file);
+    vehicle_links::check(draft, file);
     check_form(&draft.transmitter, file);
 }
 
@@ -217,53 +223,4 @@ fn check_form(transmitter: &Transmitter, file: &mut Document) {
             "use a radio of form 2, or say accept_late_commands = true if the way to the radio delays nothing".to_owned(),
         );
     }
-}
-
-/// The pair link's addressing.
-fn check_pair(draft: &VehicleDraft, file: &mut Document) {
-    if draft.pair_tunnel && draft.pair_peer_system.is_none() && file.sound(&["pair.peer_system_id"]) {
-        file.missing(
-            file.at("pair.tunnel"),
-            "`tunnel` is set, but not whom TUNNEL is addressed to".to_owned(),
-            "give peer_system_id, the MAVLink system of the other vehicle".to_owned(),
-        );
-    }
-    if let Some(system) = draft.pair_peer_system.filter(|peer| Some(*peer) == draft.autopilot.system_id) {
-        file.error(
-            file.at("pair.peer_system_id"),
-            format!("`peer_system_id` is {system}, which is this vehicle's own system_id"),
-            "give the other vehicle's; the two must differ".to_owned(),
-        );
-    }
-}
-
-/// What keeps a key file from being used. Its content is read by the link that signs with it.
-fn key_file_fault(path: &Path) -> Option<(String, String)> {
-    let name = path.display();
-    let metadata = match std::fs::metadata(path) {
-        Ok(metadata) if metadata.is_file() => metadata,
-        Ok(_) => {
-            return Some((
-                format!("the key file {name} is not a file"),
-                "give the path of the key itself".to_owned(),
-            ));
-        }
-        Err(error) => {
-            let help = "give the path of the key, relative to this vehicle file".to_owned();
-            return Some((format!("the key file {name} cannot be read: {error}"), help));
-        }
-    };
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::PermissionsExt;
-        let mode = metadata.permissions().mode() & 0o777;
-        if mode & 0o077 != 0 {
-            let message =
-                format!("the key file {name} is open to others than its owner: its mode is {mode:03o}");
-            return Some((message, format!("chmod 600 {name}")));
-        }
-    }
-    #[cfg(not(unix))]
-    drop(metadata);
-    None
 }

@@ -1,7 +1,9 @@
 //! Every setting of the vehicle file, declared once: key, kind, range, unit, default, sentence.
 
+use std::path::PathBuf;
+
 use super::draft::{Autopilot, Limits, Transmitter, VehicleDraft};
-use super::kind::{Choice, Flag, Integer, Number, Numbers, Parsed, Text};
+use super::kind::{Choice, Flag, Integer, List, Number, Numbers, Parsed, Text};
 use super::mission_file::{climb, power, speed, tilt, tilt_rate};
 use super::reader::Section;
 use crate::autopilot::{Actuation, FirmwareChoice};
@@ -31,6 +33,7 @@ pub(super) fn describe(s: &mut Section<'_, '_>, draft: &mut VehicleDraft) {
         autopilot(s, &mut draft.autopilot);
     });
     s.table("transmitter", "The payload radio.", |s| transmitter(s, &mut draft.transmitter));
+    s.table("operators", "Who may command this companion.", |s| operators(s, &mut draft.operators));
     s.required_table("pair", "The link between the two companions.", |s| pair(s, draft));
     s.table("limits", "What this vehicle may be asked for. Unset: what the mission says of it.", |s| {
         limits(s, &mut draft.limits);
@@ -44,18 +47,16 @@ pub(super) fn describe(s: &mut Section<'_, '_>, draft: &mut VehicleDraft) {
 
 fn pair(s: &mut Section<'_, '_>, draft: &mut VehicleDraft) {
     s.set_required("link", "Where the other companion is.", LINK, &mut draft.pair_link);
-    let mut key_file = draft.key_file.as_ref().map(|path| path.display().to_string());
-    s.set_optional(
-        "key_file",
+    key_file(
+        s,
         "File with the signing key, readable by its owner alone; relative to this file.",
-        PATH,
-        &mut key_file,
+        &mut draft.key_file,
     );
-    draft.key_file = key_file.map(Into::into);
     system(
         s,
         "peer_system_id",
-        "MAVLink system of the other companion; frames of others are turned away. Unset: any system's are taken.",
+        "MAVLink system of the other companion; frames of others are turned away. Unset: any system's from a known \
+         address; where the address is learnt, those of the only system heard in three seconds.",
         &mut draft.pair_peer_system,
     );
     s.set(
@@ -65,6 +66,25 @@ fn pair(s: &mut Section<'_, '_>, draft: &mut VehicleDraft) {
         Flag,
         &mut draft.pair_tunnel,
     );
+}
+
+/// A link's signing key.
+fn key_file(s: &mut Section<'_, '_>, sentence: &str, file: &mut Option<PathBuf>) {
+    let mut path = file.as_ref().map(|path| path.display().to_string());
+    s.set_optional("key_file", sentence, PATH, &mut path);
+    *file = path.map(Into::into);
+}
+
+fn operators(s: &mut Section<'_, '_>, systems: &mut Vec<u8>) {
+    let mut ids: Vec<u64> = systems.iter().map(|id| u64::from(*id)).collect();
+    s.set(
+        "system_ids",
+        "MAVLink systems whose commands are obeyed though they are not signed; where the autopilot's link has a key, \
+         every command is signed, and all are obeyed.",
+        List { each: ID, at_least: 0, at_most: 255 },
+        &mut ids,
+    );
+    *systems = ids.into_iter().map(byte).collect();
 }
 
 /// A MAVLink system, which may be left unset.
@@ -108,8 +128,14 @@ fn autopilot(s: &mut Section<'_, '_>, autopilot: &mut Autopilot) {
     system(
         s,
         "system_id",
-        "MAVLink system of the autopilot. Unset: the first that is heard.",
+        "MAVLink system of the autopilot. Unset: the only one that is heard; with udpin it must be given.",
         &mut autopilot.system_id,
+    );
+    key_file(
+        s,
+        "File with the signing key of this link, readable by its owner alone; relative to this file. With it, nothing \
+         unsigned is taken.",
+        &mut autopilot.key_file,
     );
     component(s, "MAVLink component of this companion.", &mut autopilot.component_id);
     s.set(
@@ -146,6 +172,23 @@ fn transmitter(s: &mut Section<'_, '_>, transmitter: &mut Transmitter) {
         "The transmitter radiates nothing real. Anything else needs the mission's [emission] table.",
         Flag,
         &mut transmitter.simulated,
+    );
+    s.set_optional(
+        "link",
+        "A link of the radio's own. Unset: the radio is behind the autopilot.",
+        LINK,
+        &mut transmitter.link,
+    );
+    key_file(
+        s,
+        "File with the signing key of the radio's own link, as in [autopilot].",
+        &mut transmitter.key_file,
+    );
+    system(
+        s,
+        "system_id",
+        "MAVLink system of the radio. Unset: the autopilot's.",
+        &mut transmitter.system_id,
     );
     component(s, "MAVLink component of the radio.", &mut transmitter.component_id);
     s.set(

@@ -55,6 +55,14 @@ pub enum AddressError {
     Baud(String),
 }
 
+impl LinkAddress {
+    /// Whether it is a wire that ends at one peer, so that nobody else can speak on it.
+    #[must_use]
+    pub fn is_point_to_point(&self) -> bool {
+        matches!(self, Self::Serial { .. })
+    }
+}
+
 impl FromStr for LinkAddress {
     type Err = AddressError;
 

@@ -55,7 +55,7 @@ rejections! {
     WrongSignature, "wrong_signature", "The signature was not made with this link's key.";
     Replayed, "replayed", "A signed frame whose timestamp is not later than its stream's last.";
     TooOld, "too_old", "The first signed frame of a stream, older than anything acceptable since this link's last run.";
-    TooNew, "too_new", "A signed frame ahead of the timestamps on record; the record is being extended.";
+    TooNew, "too_new", "The first signed frame of a stream, a month and more ahead of this machine's clock; or any that is beyond 2100.";
     OtherForm, "other_form", "A pair message in the form, plain or in TUNNEL, for which this end is not configured.";
     ForeignSystem, "foreign_system", "The frame is from a system other than the link's peer.";
     Stranger, "stranger", "A datagram or a connection from an address other than the peer's.";
@@ -76,8 +76,10 @@ pub struct Counters {
     pub dropped_congested: u64,
     /// Frames dropped because there was no peer to send them to.
     pub dropped_unconnected: u64,
-    /// Frames dropped because no signing timestamp was on record for them.
+    /// Frames dropped because no signing timestamp is left: a clock is beyond 2100.
     pub dropped_unsigned: u64,
+    /// Signing timestamps that went into use before they were on record: the disk was slow or full, or a clock leapt.
+    pub unrecorded: u64,
     /// Accepted frames in which an unknown enum value was replaced by the field's neutral one.
     pub neutralised: u64,
     /// Bytes that belonged to no frame.
@@ -145,6 +147,7 @@ impl fmt::Display for Counters {
             ("dropped_congested", self.dropped_congested),
             ("dropped_unconnected", self.dropped_unconnected),
             ("dropped_unsigned", self.dropped_unsigned),
+            ("unrecorded", self.unrecorded),
             ("neutralised", self.neutralised),
             ("noise_bytes", self.noise_bytes),
             ("connections", self.connections),

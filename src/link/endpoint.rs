@@ -159,7 +159,9 @@ impl<M: Message> Link<M> {
             None => self.encoder.encode(from, message),
             Some(signing) => {
                 let mut raw = self.encoder.encode_for_signing(from, message);
-                if let Err(error) = signing.sign(&mut raw, self.clock.utc()) {
+                let signed = signing.sign(&mut raw, self.clock.utc());
+                self.counters.unrecorded = signing.unrecorded();
+                if let Err(error) = signed {
                     self.counters.dropped_unsigned += 1;
                     if self.counters.dropped_unsigned.is_power_of_two() {
                         tracing::warn!(link = self.name, %error, "frames are not sent");
@@ -315,6 +317,7 @@ impl<M: Message> Link<M> {
         let utc = self.clock.utc();
         if let Some(signing) = &mut self.signing {
             let proven = signing.verify(raw, utc)?;
+            self.counters.unrecorded = signing.unrecorded();
             if !proven && origin != Origin::Peer {
                 return Err(Rejection::Unsigned);
             }

@@ -1,6 +1,6 @@
 //! One vehicle's mission from power-up to landing.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
 
 use mavlink::MavHeader;
@@ -34,6 +34,8 @@ const LAST_OFF: Duration = Duration::from_secs(1);
 pub enum Outgoing {
     /// To the autopilot link, from our own system and component.
     Autopilot(Box<MavMessage>),
+    /// To the radio's own link, likewise ([`Settings::radio_apart`]).
+    Radio(Box<MavMessage>),
     /// To the pair link.
     Pair(Box<wire::MavMessage>),
 }
@@ -88,6 +90,10 @@ pub struct Executive {
     next_tick: Instant,
     next_heartbeat: Instant,
     notices: VecDeque<Notice>,
+    /// Commands refused, by the system that is no operator.
+    pub(super) strangers: BTreeMap<u8, u64>,
+    /// The HEARTBEAT for the radio's own link.
+    radio_heartbeat: Option<MavMessage>,
     /// Messages of our own for the autopilot link.
     pub(super) outbox: VecDeque<MavMessage>,
 }
@@ -123,6 +129,8 @@ impl Executive {
             next_tick: now,
             next_heartbeat: now,
             notices: VecDeque::new(),
+            strangers: BTreeMap::new(),
+            radio_heartbeat: None,
             outbox: VecDeque::new(),
             settings,
         }
@@ -138,15 +146,30 @@ impl Executive {
     /// A message from the autopilot link, whoever on it sent it.
     pub fn handle_autopilot(&mut self, header: MavHeader, message: &MavMessage, now: Instant) {
         self.autopilot.handle_message(header, message, now);
-        self.service.handle_radio(header, message, now);
+        if !self.settings.radio_apart {
+            self.service.handle_radio(header, message, now);
+        }
         self.handle_operator(header, message, now);
         self.handle_parameters(header, message);
         self.handle_files(header, message);
         self.react(now);
     }
 
-    /// The radio's own message, from the autopilot link.
+    /// The radio's own message, from the autopilot link: where the radio has a link of its own, nobody's.
     pub fn handle_radio(&mut self, header: MavHeader, message: &RadioMessage, now: Instant) {
+        if !self.settings.radio_apart {
+            self.handle_report(header, message, now);
+        }
+    }
+
+    /// A message of the common dialect from the radio's own link.
+    pub fn handle_radio_link(&mut self, header: MavHeader, message: &MavMessage, now: Instant) {
+        self.service.handle_radio(header, message, now);
+        self.react(now);
+    }
+
+    /// The radio's own message, from the radio's own link.
+    pub fn handle_report(&mut self, header: MavHeader, message: &RadioMessage, now: Instant) {
         self.service.handle_report(header, message, now);
         self.react(now);
     }
@@ -171,6 +194,7 @@ impl Executive {
         if self.next_heartbeat <= now {
             self.next_heartbeat = now + HEARTBEAT_EVERY;
             let heartbeat = self.heartbeat();
+            self.radio_heartbeat = self.settings.radio_apart.then(|| heartbeat.clone());
             self.outbox.push_back(heartbeat);
         }
     }
@@ -186,10 +210,12 @@ impl Executive {
     pub fn poll_transmit(&mut self) -> Option<Outgoing> {
         // The service first: nothing may delay an off.
         let service = self.service.poll_transmit().map(|outgoing| match outgoing {
+            service::Outgoing::Radio(message) if self.settings.radio_apart => Outgoing::Radio(message),
             service::Outgoing::Radio(message) => Outgoing::Autopilot(message),
             service::Outgoing::Pair(message) => Outgoing::Pair(message),
         });
         service
+            .or_else(|| self.radio_heartbeat.take().map(|m| Outgoing::Radio(Box::new(m))))
             .or_else(|| self.outbox.pop_front().map(|m| Outgoing::Autopilot(Box::new(m))))
             .or_else(|| self.autopilot.poll_transmit().map(|m| Outgoing::Autopilot(Box::new(m))))
     }

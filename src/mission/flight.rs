@@ -150,6 +150,7 @@ impl Executive {
         let mut checks = self.autopilot.preflight(now);
         checks.extend(self.service.interlock().transmitter().preflight(now));
         checks.push(self.ground.plan_check());
+        checks.extend(self.settings.link_checks.iter().cloned());
         if self.autopilot.state().is_armed() {
             let detail = "the vehicle is armed already: land and disarm it first";
             checks.push(check("disarmed", Verdict::Fail, detail));

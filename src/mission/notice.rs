@@ -194,6 +194,11 @@ pub enum Notice {
     /// The end of a pause.
     #[error("going on by the operator's order")]
     GoingOn,
+    /// A command of a system that is no operator.
+    #[error(
+        "commands of system {0} are refused: it is no operator; list it in [operators] system_ids, or sign the autopilot's link"
+    )]
+    NoOperator(u8),
     /// A parameter that stays as it is.
     #[error("{0}")]
     ParameterRefused(ParameterRefusal),
@@ -246,6 +251,7 @@ impl Notice {
             | Self::Unready { .. }
             | Self::PeerSilent { .. }
             | Self::PeerGone(..)
+            | Self::NoOperator(_)
             | Self::ParameterRefused(_)
             | Self::StartRefused(_)
             | Self::StartExpired { .. }

@@ -49,6 +49,9 @@ impl Wanted {
 impl Executive {
     /// Takes a command that is addressed to us.
     pub(super) fn handle_operator(&mut self, header: MavHeader, message: &MavMessage, now: Instant) {
+        if self.refuses_stranger(header, message) {
+            return;
+        }
         let (system, component, command, param1) = match message {
             MavMessage::COMMAND_LONG(c) => (c.target_system, c.target_component, c.command, c.param1),
             MavMessage::COMMAND_INT(c) => (c.target_system, c.target_component, c.command, c.param1),

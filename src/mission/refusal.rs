@@ -23,6 +23,14 @@ pub enum ParameterRefusal {
         /// From where.
         source_of_it: &'static str,
     },
+    /// Whoever wrote it is no operator.
+    #[error("{name} stays: system {system} is no operator")]
+    NoOperator {
+        /// The parameter.
+        name: &'static str,
+        /// The MAVLink system.
+        system: u32,
+    },
     /// It was sent as another type.
     #[error("{0} stays: it is written as a float (REAL32)")]
     NotAFloat(&'static str),

@@ -4,6 +4,7 @@ use crate::autopilot;
 use crate::geo::Enu;
 use crate::pair;
 use crate::planner::problem::Airspace;
+use crate::preflight::Check;
 use crate::role::{PerVehicle, Role};
 use crate::schedule::order::Order;
 use crate::schedule::table::Timing;
@@ -12,6 +13,26 @@ use crate::service::Ceilings;
 use crate::time::Utc;
 
 use super::scene::Scene;
+
+/// Whose commands are obeyed.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Operators {
+    /// Everybody's: whatever comes over the autopilot's link has proven that its sender has the key.
+    Proven,
+    /// Those of these MAVLink systems.
+    Systems(Vec<u8>),
+}
+
+impl Operators {
+    /// Whether a command of this MAVLink system is obeyed.
+    #[must_use]
+    pub fn include(&self, system: u32) -> bool {
+        match self {
+            Self::Proven => true,
+            Self::Systems(ids) => ids.iter().any(|id| u32::from(*id) == system),
+        }
+    }
+}
 
 /// See the module.
 #[derive(Debug, Clone)]
@@ -38,6 +59,12 @@ pub struct Settings {
     pub ceilings: Ceilings,
     /// The transmitter is simulated, or the mission authorises emission.
     pub emission_authorised: bool,
+    /// The preflight's checks of who can speak on a real transmitter's links; none where nothing real is radiated.
+    pub link_checks: Vec<Check>,
+    /// The radio has a link of its own: nothing that the autopilot's link brings is the radio's.
+    pub radio_apart: bool,
+    /// Whose commands are obeyed.
+    pub operators: Operators,
     /// Nodes and radio, for the live figures.
     pub scene: Scene,
     /// Begin as soon as both vehicles are ready, without waiting for MISSION_START.

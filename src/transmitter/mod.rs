@@ -109,7 +109,8 @@ impl Transmitter {
     /// over, silent.
     pub fn adopt_system(&mut self, system: u8, now: Instant) {
         let settings = self.settings.clone();
-        let (own, target) = ((system, settings.own.1), (system, settings.target.1));
+        let radio_system = if settings.system_is_given { settings.target.0 } else { system };
+        let (own, target) = ((system, settings.own.1), (radio_system, settings.target.1));
         let off_at = now + settings.first_off_after;
         let fresh = Self::new(Settings { own, target, ..settings }, now);
         let before = std::mem::replace(self, fresh);

@@ -197,3 +197,36 @@ fn prop_a_reordering_pair_link_costs_time_on_the_air_and_nothing_else() {
     let (delay, spread) = (Duration::from_millis(20), Duration::from_millis(150));
     flies_over(Path { loss: 0.2, duplication: 0.3, delay, spread });
 }
+
+#[test]
+fn spec_only_listed_operators_are_obeyed_and_each_stranger_is_named_once() {
+    let mut flight = Flight::new(Setup { start_unasked: false, ..Setup::default() });
+    flight.pass(Duration::from_secs(30));
+    for system in [254, 1, 254, 2] {
+        flight.command_from((system, 190), Role::I, MavCmd::MAV_CMD_MISSION_START);
+        flight.command_from((system, 190), Role::I, MavCmd::MAV_CMD_USER_2);
+        flight.pass(Duration::from_secs(1));
+    }
+    flight.write_from((254, 190), Role::I, "VW_POS_TOL_M", 0.2);
+    flight.pass(PATIENCE);
+    assert!(Role::BOTH.into_iter().all(|role| flight.landed(role)), "{}", flight.story());
+    for system in [254, 1, 2] {
+        let named = flight.log.notices.iter().filter(|(_, role, text)| {
+            *role == Role::I && text.contains(&format!("commands of system {system} are refused"))
+        });
+        assert_eq!(named.count(), 1, "{}", flight.story());
+    }
+    let denied = flight.log.acks.iter().filter(|(_, _, message)| {
+        matches!(message, MavMessage::COMMAND_ACK(ack) if ack.result == MavResult::MAV_RESULT_DENIED)
+    });
+    assert_eq!(denied.count(), 8, "each is answered");
+    assert!(
+        flight.said(Role::I, "radio kill").is_none() && flight.said(Role::I, "VW_POS_TOL_M is now").is_none()
+    );
+    // The operator's own is obeyed as ever, and its written parameter taken.
+    flight.write_from((255, 190), Role::I, "VW_POS_TOL_M", 0.4);
+    flight.command(Role::I, MavCmd::MAV_CMD_MISSION_START);
+    flight.fly_out();
+    assert!(flight.said(Role::I, "VW_POS_TOL_M is now 0.4").is_some(), "{}", flight.story());
+    assert_eq!(flight.outcomes[Role::I], Some(Outcome::Completed), "{}", flight.story());
+}

@@ -6,7 +6,7 @@ use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
 use mavlink::MavHeader;
-use mavlink::dialects::ardupilotmega::{COMMAND_LONG_DATA, MavCmd, MavMessage};
+use mavlink::dialects::ardupilotmega::{COMMAND_LONG_DATA, MavCmd, MavMessage, MavParamType, PARAM_SET_DATA};
 use veilwing::config::{Mission, MissionDraft, Vehicle};
 use veilwing::desk::simulation::{self, Given, Observer, vehicle_draft, world_config};
 pub use veilwing::desk::simulation::{Path, index};
@@ -57,6 +57,8 @@ fn vehicle(mission: &Mission, role: Role, simulated: bool, tunnel: bool) -> Vehi
     let mut draft = vehicle_draft(mission, role, [1, 2]);
     draft.transmitter.simulated = simulated;
     draft.pair_tunnel = tunnel;
+    // Nothing is signed in virtual time; what is at stake here is the mission's leave, not the links'.
+    draft.autopilot.key_file = (!simulated).then(|| "autopilot.key".into());
     draft.pair_peer_system = tunnel.then(|| 1 + index(role.peer()) as u8);
     Vehicle::new(draft).unwrap()
 }
@@ -165,15 +167,20 @@ impl Flight {
     }
 
     pub fn command_with(&mut self, role: Role, command: MavCmd, param1: f32) {
-        self.command_to((1 + index(role) as u8, 191), role, command, param1);
+        self.command_to((255, 190), (1 + index(role) as u8, 191), role, (command, param1));
     }
 
     /// The same, addressed to all.
     pub fn command_all(&mut self, role: Role, command: MavCmd, param1: f32) {
-        self.command_to((0, 0), role, command, param1);
+        self.command_to((255, 190), (0, 0), role, (command, param1));
     }
 
-    fn command_to(&mut self, to: (u8, u8), role: Role, command: MavCmd, param1: f32) {
+    /// The same of anybody.
+    pub fn command_from(&mut self, from: (u8, u8), role: Role, command: MavCmd) {
+        self.command_to(from, (1 + index(role) as u8, 191), role, (command, 0.0));
+    }
+
+    fn command_to(&mut self, from: (u8, u8), to: (u8, u8), role: Role, (command, param1): (MavCmd, f32)) {
         let message = MavMessage::COMMAND_LONG(COMMAND_LONG_DATA {
             command,
             param1,
@@ -181,7 +188,20 @@ impl Flight {
             target_component: to.1,
             ..COMMAND_LONG_DATA::DEFAULT
         });
-        let frame = self.station.encode((255, 190), &message);
+        let frame = self.station.encode(from, &message);
+        self.send_to_companion(role, frame.raw_bytes());
+    }
+
+    /// Anybody writes a parameter of the companion's.
+    pub fn write_from(&mut self, from: (u8, u8), role: Role, name: &str, value: f32) {
+        let message = MavMessage::PARAM_SET(PARAM_SET_DATA {
+            param_value: value,
+            target_system: 1 + index(role) as u8,
+            target_component: 191,
+            param_id: name.into(),
+            param_type: MavParamType::MAV_PARAM_TYPE_REAL32,
+        });
+        let frame = self.station.encode(from, &message);
         self.send_to_companion(role, frame.raw_bytes());
     }
 

@@ -60,7 +60,7 @@ impl Observer for Recorder {
                     heard.home_enu_m = Some(Enu::from(hello.home_enu_m));
                 }
             }
-            Outgoing::Autopilot(message) => match &**message {
+            Outgoing::Autopilot(message) | Outgoing::Radio(message) => match &**message {
                 MavMessage::SET_POSITION_TARGET_LOCAL_NED(m) => heard.positions.push((at, m.clone())),
                 MavMessage::SET_ATTITUDE_TARGET(m) => heard.attitudes.push((at, m.clone())),
                 _ => {}

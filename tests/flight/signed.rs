@@ -51,6 +51,7 @@ fn companion(role: Role, ports: [u16; 2], directory: &Path, clock: &Clock) -> Co
             vehicle.autopilot.link.clone(),
             link("autopilot", vehicle.autopilot.system_id, Some(signing)),
         ),
+        radio: None,
         pair: (vehicle.pair_link.clone(), link("pair", vehicle.pair_peer_system, None), pair_form(&vehicle)),
         transmitter: Transmitter::new(transmitter_settings(&vehicle, 1), clock.now()),
         settings: told,

@@ -11,6 +11,7 @@ mod dialect;
 mod serial;
 mod signing;
 mod smoke;
+mod stalls;
 mod tlog;
 mod transports;
 mod trust;

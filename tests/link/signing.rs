@@ -2,8 +2,6 @@ use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 
 use mavlink::MAVLinkV2MessageRaw;
-use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
 use veilwing::link::codec::Encoder;
 use veilwing::link::signing::{RADIO_STATUS_ID, Signing, SigningError};
 use veilwing::link::{Key, RawFrame, Rejection, SigningConfig};
@@ -13,6 +11,12 @@ use crate::common::*;
 use crate::tlog::directory;
 
 const SECOND: u64 = 1_000_000;
+const NEW_YEAR_2100: u64 = 4_102_444_800 * SECOND;
+
+/// The signing timestamp of an instant, by another road.
+fn ticks(unix_us: u64) -> u64 {
+    (unix_us - 1_420_070_400 * SECOND) / 10
+}
 
 fn utc(unix_us: u64) -> Utc {
     Utc { unix_us }
@@ -37,16 +41,6 @@ fn signed(state_file: &Path, link_id: u8, unix_us: u64) -> RawFrame {
 
 fn heartbeat_for_signing() -> MAVLinkV2MessageRaw {
     Encoder::default().encode_for_signing((1, 1), &heartbeat(0))
-}
-
-/// Verifies; if time has leapt beyond the record, once the record has followed.
-fn verify_once_on_record(signing: &mut Signing, frame: &RawFrame, unix_us: u64) -> Result<bool, Rejection> {
-    loop {
-        match signing.verify(frame, utc(unix_us)) {
-            Err(Rejection::TooNew) => std::thread::yield_now(),
-            verdict => return verdict,
-        }
-    }
 }
 
 fn frame(hex: &str) -> RawFrame {
@@ -115,7 +109,7 @@ fn spec_a_stream_may_start_a_minute_behind_and_not_before_this_run() {
     std::fs::remove_file(directory.join("peer")).unwrap();
     assert_eq!(signing.verify(&at(1, later - 61 * SECOND), utc(later)), Err(Rejection::TooOld));
     let in_time = at(1, later - 59 * SECOND);
-    assert_eq!(verify_once_on_record(&mut signing, &in_time, later), Ok(true));
+    assert_eq!(signing.verify(&in_time, utc(later)), Ok(true));
     // A stream that was heard before goes on from where it was, however late.
     assert_eq!(signing.verify(&at(0, later - 58 * SECOND), utc(later)), Ok(true));
 }
@@ -158,44 +152,50 @@ fn spec_after_a_clean_restart_the_next_frame_is_welcome() {
 }
 
 #[test]
-fn prop_no_timestamp_is_used_twice_through_crashes_and_clocks_that_jump_back() {
-    let directory = directory("signing-crashes");
-    let mut rng = ChaCha8Rng::seed_from_u64(5);
-    let mut last = 0;
-    let mut state = directory.join("0");
-    for run in 1..40 {
-        let mut clock = SIGNED_UNIX_US + rng.random_range(0..20 * SECOND);
-        let mut signing = open_at(&state, clock);
-        for _ in 0..rng.random_range(1..200) {
-            clock += rng.random_range(0..SECOND / 5);
-            let mut raw = heartbeat_for_signing();
-            signing.sign(&mut raw, utc(clock)).unwrap();
-            assert!(raw.signature_timestamp() > last, "run {run}");
-            last = raw.signature_timestamp();
-        }
-        let next = directory.join(run.to_string());
-        std::fs::copy(&state, &next).unwrap();
-        state = next;
-    }
-}
-
-#[test]
-fn spec_a_peer_far_ahead_is_heard_once_its_time_is_on_record() {
+fn val_a_peer_far_ahead_is_heard_at_once_and_followed() {
     let directory = directory("signing-ahead");
     let state = directory.join("state");
     let mut signing = open_at(&state, SIGNED_UNIX_US);
     let ahead = SIGNED_UNIX_US + 3600 * SECOND;
     let from_ahead = signed(&directory.join("peer"), 0, ahead);
-    assert_eq!(signing.verify(&from_ahead, utc(SIGNED_UNIX_US)), Err(Rejection::TooNew));
-    assert_eq!(verify_once_on_record(&mut signing, &from_ahead, SIGNED_UNIX_US), Ok(true));
+    assert_eq!(signing.verify(&from_ahead, utc(SIGNED_UNIX_US)), Ok(true));
     assert_eq!(signing.verify(&from_ahead, utc(SIGNED_UNIX_US)), Err(Rejection::Replayed));
-    let on_record: u64 = std::fs::read_to_string(&state).unwrap().trim().parse().unwrap();
-    assert!(on_record >= (ahead - 1_420_070_400 * SECOND) / 10);
     // From now on we sign as late as the peer does, or it would turn us away.
     let mut raw = heartbeat_for_signing();
     signing.sign(&mut raw, utc(SIGNED_UNIX_US)).unwrap();
     let RawFrame::V2(peer) = from_ahead else { panic!() };
     assert!(raw.signature_timestamp() > peer.signature_timestamp());
+    drop(signing);
+    let on_record: u64 = std::fs::read_to_string(&state).unwrap().trim().parse().unwrap();
+    assert!(on_record >= ticks(ahead));
+}
+
+#[test]
+fn spec_a_stream_begins_within_a_month_of_our_clock_and_leaps_within_this_century() {
+    const DAY: u64 = 86_400 * SECOND;
+    let directory = directory("signing-leap");
+    let mut signing = open_at(&directory.join("state"), SIGNED_UNIX_US);
+    let now = utc(SIGNED_UNIX_US);
+    let at = |link_id: u8, unix_us: u64| {
+        signed(&directory.join(format!("peer-{link_id}-{unix_us}")), link_id, unix_us)
+    };
+    assert_eq!(signing.verify(&at(0, SIGNED_UNIX_US + 31 * DAY), now), Err(Rejection::TooNew));
+    assert_eq!(signing.verify(&at(0, SIGNED_UNIX_US + SECOND), now), Ok(true));
+    // As an autopilot's does that hears GPS, a year after our clock.
+    assert_eq!(signing.verify(&at(0, SIGNED_UNIX_US + 365 * DAY), now), Ok(true));
+    // Another component of it then begins there too.
+    assert_eq!(signing.verify(&at(1, SIGNED_UNIX_US + 365 * DAY + SECOND), now), Ok(true));
+    assert_eq!(signing.verify(&at(2, SIGNED_UNIX_US + SECOND), now), Err(Rejection::TooOld));
+    assert_eq!(signing.verify(&at(0, NEW_YEAR_2100 - DAY), now), Ok(true));
+    let mut beyond = heartbeat_for_signing();
+    beyond.signature_timestamp_bytes_mut().copy_from_slice(&ticks(NEW_YEAR_2100 + DAY).to_le_bytes()[..6]);
+    let mut signature = [0; 6];
+    beyond.calculate_signature(&KEY, &mut signature);
+    beyond.signature_value_mut().copy_from_slice(&signature);
+    assert_eq!(signing.verify(&RawFrame::V2(beyond), now), Err(Rejection::TooNew));
+    // A clock that has never been set is no measure.
+    let mut unset = open_at(&directory.join("unset"), 1_000 * SECOND);
+    assert_eq!(unset.verify(&at(0, SIGNED_UNIX_US), utc(1_000 * SECOND)), Ok(true));
 }
 
 #[test]
@@ -207,10 +207,38 @@ fn spec_a_disk_that_fails_does_not_silence_the_link() {
     std::fs::remove_dir_all(&home).unwrap();
     let later = SIGNED_UNIX_US + 3600 * SECOND;
     let from_peer = signed(&directory.join("peer"), 0, later);
-    assert_eq!(verify_once_on_record(&mut signing, &from_peer, later), Ok(true));
+    assert_eq!(signing.verify(&from_peer, utc(later)), Ok(true));
     let mut raw = heartbeat_for_signing();
     signing.sign(&mut raw, utc(later)).unwrap();
     assert_eq!(signing.verify(&from_peer, utc(later)), Err(Rejection::Replayed));
+    assert_eq!(signing.unrecorded(), 2);
+}
+
+#[test]
+fn spec_a_record_of_another_time_is_refused_with_what_to_do() {
+    let state = directory("signing-record-ahead").join("state");
+    let month = 30 * 86_400 * SECOND;
+    // With each: what is on record, this machine's clock, whether it starts.
+    for (record, clock, sound) in [
+        ((1 << 48) - 1, SIGNED_UNIX_US, false),
+        ((1 << 48) - 1, 0, false),
+        (u64::MAX, SIGNED_UNIX_US, false),
+        (ticks(NEW_YEAR_2100) + 1, 0, false),
+        (ticks(SIGNED_UNIX_US + month) + 1, SIGNED_UNIX_US, false),
+        (ticks(SIGNED_UNIX_US + month), SIGNED_UNIX_US, true),
+        (ticks(SIGNED_UNIX_US), 0, true),
+    ] {
+        std::fs::write(&state, record.to_string()).unwrap();
+        let opened = Signing::open(config(state.clone()), utc(clock));
+        assert_eq!(opened.is_ok(), sound, "{record} at {clock}: {opened:?}");
+        let Err(error) = opened else { continue };
+        assert!(matches!(error, SigningError::StateFileAhead { .. }), "{error}");
+        let text = error.to_string();
+        assert!(text.contains("set the clock") && text.contains("delete the file"), "{text}");
+        assert!(text.contains(&state.display().to_string()), "{text}");
+        // What is wrong is not overwritten.
+        assert_eq!(std::fs::read_to_string(&state).unwrap(), record.to_string());
+    }
 }
 
 #[test]

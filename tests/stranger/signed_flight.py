@@ -32,6 +32,7 @@ kind = "leased"
 simulated = true
 [pair]
 link = "{pair}"
+peer_system_id = {peer}
 key_file = "pair.key"
 [log]
 dir = "{out}"
@@ -71,7 +72,7 @@ def start(arguments, running):
     for k, role in enumerate("ij"):
         pair = f"udpin:127.0.0.1:{port + 1}" if role == "i" else f"udpout:127.0.0.1:{port + 1}"
         file = out / f"vehicle-{role}.toml"
-        file.write_text(VEHICLE.format(role=role, autopilot=port + 2 + k, pair=pair, out=out))
+        file.write_text(VEHICLE.format(role=role, autopilot=port + 2 + k, pair=pair, peer=2 - k, out=out))
         launch(
             f"companion-{role}", programs / "veilwing", "fly", arguments.mission, "--vehicle", file,
             "--clock-rate", arguments.speed,

@@ -103,6 +103,11 @@ fn spec_a_vehicle_by_value_is_the_vehicle_of_its_file() {
         draft.autopilot.system_id = Some(2);
         draft.autopilot.actuation = Actuation::ThrustVector;
         draft.autopilot.thrust_n = Some([1.0, 2.0, 3.0]);
+        draft.autopilot.key_file = Some("autopilot.key".into());
+        draft.transmitter.link = Some(link("serial:/dev/ttyUSB0:57600"));
+        draft.transmitter.key_file = Some("radio.key".into());
+        draft.transmitter.system_id = Some(51);
+        draft.operators = vec![255, 245];
         draft.pair_peer_system = Some(1);
         draft.limits.max_tilt_rad = Some(std::f64::consts::FRAC_PI_2);
         draft.log_dir = "logs of \"J\"".into();

@@ -56,23 +56,28 @@ fn spec_defaults_are_those_of_the_interface() {
 
 #[test]
 fn spec_vehicle_defaults_are_those_of_the_interface() {
-    let least = vehicle("vehicle.role = \"j\"\npair.link = \"udpout:10.0.0.1:14600\"\n");
+    let least =
+        vehicle("vehicle.role = \"j\"\nautopilot.system_id = 2\npair.link = \"udpout:10.0.0.1:14600\"\n");
     assert_eq!((least.role, least.key_file.as_ref()), (Role::J, None));
     assert_eq!(least.autopilot.link.to_string(), "udpin:0.0.0.0:14540");
     assert_eq!(
         (least.autopilot.firmware, least.autopilot.actuation),
         (FirmwareChoice::Auto, Actuation::Pose)
     );
-    assert_eq!((least.autopilot.system_id, least.autopilot.component_id), (None, 191));
+    assert_eq!((least.autopilot.system_id, least.autopilot.component_id), (Some(2), 191));
     assert_eq!(least.autopilot.rate_hz, 50.0);
     let leased = Transmitter {
         kind: Kind::Numbered { command: 31010 },
         simulated: true,
+        link: None,
+        key_file: None,
+        system_id: None,
         component_id: 68,
         accept_late_commands: false,
     };
     assert_eq!(least.transmitter, leased);
     assert_eq!(least.limits, Limits::default());
+    assert_eq!((&least.autopilot.key_file, &least.operators), (&None, &vec![255]));
     assert_eq!((least.pair_peer_system, least.pair_tunnel), (None, false));
 }
 

@@ -22,6 +22,107 @@ fn spec_a_tunnel_must_say_whom_it_leads_to() {
     }
 }
 
+/// A vehicle file of these tables, each given once; `{what}` adds to `[what]`.
+fn file(autopilot: &str, transmitter: &str, pair: &str) -> String {
+    format!(
+        "vehicle.role = \"i\"\n[autopilot]\n{autopilot}\n[transmitter]\n{transmitter}\n[pair]\nlink = \"udpout:10.0.0.1:14600\"\n{pair}\n"
+    )
+}
+
+#[test]
+fn spec_a_link_that_learns_its_peers_address_must_be_told_its_peers_system() {
+    let udp = "link = \"udpin:0.0.0.0:14540\"";
+    // With each: the line, what is said of it, and the remedy.
+    for (text, line, says, remedy) in [
+        (file(udp, "", ""), 3, "does not say which autopilot", "[autopilot] system_id"),
+        (
+            file("link = \"serial:/dev/ttyACM0:921600\"", "link = \"udpin:0.0.0.0:14570\"", ""),
+            5,
+            "no `system_id` says which radio",
+            "[transmitter] system_id",
+        ),
+        (file(&format!("{udp}\nsystem_id = 1"), udp, ""), 6, "the autopilot's too", "leave it out"),
+        (file(&format!("{udp}\nsystem_id = 1"), "key_file = \"k\"", ""), 6, "it has none", "[autopilot]"),
+    ] {
+        let findings = Vehicle::parse("v.toml", &text).unwrap_err();
+        let [finding] = findings.list() else { panic!("{findings}") };
+        assert_eq!(finding.line, line, "{findings}");
+        assert!(finding.message.contains(says) && finding.help.contains(remedy), "{findings}");
+    }
+    // The default link learns too.
+    let least = "vehicle.role = \"i\"\npair.link = \"udpout:10.0.0.1:14600\"\n";
+    assert!(Vehicle::parse("v.toml", least).unwrap_err().to_string().contains("[autopilot] system_id"));
+    for (autopilot, transmitter) in [
+        (format!("{udp}\nsystem_id = 1"), "link = \"udpin:0.0.0.0:14570\""),
+        ("link = \"tcpout:127.0.0.1:5760\"".to_owned(), "link = \"udpin:0.0.0.0:14570\"\nsystem_id = 51"),
+        ("link = \"udpout:127.0.0.1:5760\"".to_owned(), ""),
+    ] {
+        assert!(
+            Vehicle::parse("v.toml", &file(&autopilot, transmitter, "")).is_ok(),
+            "{autopilot} {transmitter}"
+        );
+    }
+}
+
+#[test]
+fn spec_nothing_real_is_radiated_over_a_link_that_anyone_may_speak_on() {
+    let (udp, serial) = ("link = \"udpout:10.0.0.2:14540\"", "link = \"serial:/dev/ttyACM0:921600\"");
+    let key = "key_file = \"k\"";
+    let real = |more: &str| format!("simulated = false\n{more}");
+    let (radio_udp, radio_serial) =
+        ("link = \"udpout:10.0.0.3:14570\"", "link = \"serial:/dev/ttyUSB0:57600\"");
+    let both = |a: &str, b: &str| format!("{a}\n{b}");
+    let permitting = mission(&format!(
+        "{DEMO}[emission]\nauthorised_by = \"me\"\nband_hz = [2.4e9, 2.41e9]\nmax_power_w = 0.5\n"
+    ));
+    for (autopilot, transmitter, refused) in [
+        ("system_id = 1".to_owned(), real(""), &["autopilot"][..]),
+        (udp.to_owned(), real(""), &["autopilot"]),
+        (udp.to_owned(), real("kind = \"parameter\"\nname = \"P\"\nunit = \"W\""), &["autopilot"]),
+        (serial.to_owned(), real(radio_udp), &["transmitter"]),
+        (udp.to_owned(), real(radio_udp), &["autopilot", "transmitter"]),
+        (both(udp, key), real(radio_udp), &["transmitter"]),
+        (udp.to_owned(), real(radio_serial), &["autopilot"]),
+        (udp.to_owned(), real("kind = \"none\""), &[]),
+        (udp.to_owned(), String::new(), &[]),
+        (serial.to_owned(), real(""), &[]),
+        (both(udp, key), real(""), &[]),
+        (both(udp, key), real(&both(radio_udp, key)), &[]),
+        (both(udp, key), real(radio_serial), &[]),
+    ] {
+        let text = file(&autopilot, &transmitter, "");
+        let findings = vehicle(&text).check_against(&permitting);
+        let errors = findings.list();
+        assert!(errors.iter().all(|finding| finding.severity == Severity::Error), "{findings}");
+        assert_eq!(errors.len(), refused.len(), "{text}{errors:?}");
+        for (finding, whose) in errors.iter().zip(refused) {
+            assert!(
+                finding.message.contains(&format!("the {whose}'s link is neither signed")),
+                "{text}{finding:?}"
+            );
+            assert!(finding.help.contains(&format!("[{whose}] key_file")), "{text}{finding:?}");
+        }
+    }
+}
+
+#[test]
+fn spec_operators_are_systems() {
+    let systems = |text: &str| {
+        Vehicle::parse(
+            "v.toml",
+            &format!("{}[operators]\nsystem_ids = {text}\n", file("system_id = 1", "", "")),
+        )
+    };
+    assert_eq!(systems("[255, 245]").unwrap().operators, [255, 245]);
+    assert_eq!(systems("[]").unwrap().operators, [0_u8; 0]);
+    for (text, says) in
+        [("[0]", "outside 1 to 255"), ("255", "must be an array"), ("[256]", "outside 1 to 255")]
+    {
+        let findings = systems(text).unwrap_err().to_string();
+        assert!(findings.contains(says), "{findings}");
+    }
+}
+
 #[test]
 fn spec_a_real_transmitter_needs_the_mission_to_allow_it() {
     let real = vehicle(&VEHICLE_I.replace("simulated = true ", "simulated = false"));
@@ -136,7 +237,7 @@ fn spec_a_key_file_open_to_others_is_refused() {
     let dir = std::env::temp_dir().join(format!("veilwing-key-{}", std::process::id()));
     std::fs::create_dir_all(&dir).unwrap();
     let (file, key) = (dir.join("v.toml"), dir.join("pair.key"));
-    std::fs::write(&file, VEHICLE_I.replace("# key_file", "key_file")).unwrap();
+    std::fs::write(&file, VEHICLE_I.replace("# key_file = \"pair", "key_file = \"pair")).unwrap();
     let missing = Vehicle::load(&file).unwrap_err().to_string();
     std::fs::write(&key, [7; 32]).unwrap();
     let mode = |mode| std::fs::set_permissions(&key, std::fs::Permissions::from_mode(mode)).unwrap();
@@ -144,8 +245,15 @@ fn spec_a_key_file_open_to_others_is_refused() {
     let open = Vehicle::load(&file).unwrap_err().to_string();
     mode(0o600);
     let sound = Vehicle::load(&file).unwrap();
+    // The others likewise, all of them told.
+    std::fs::write(&file, VEHICLE_I.replace("# key_file", "key_file").replace("# link", "link")).unwrap();
+    let others = Vehicle::load(&file).unwrap_err().to_string();
     std::fs::remove_dir_all(&dir).unwrap();
-    let at = format!(":{}:12: ", line_of(VEHICLE_I, "# key_file"));
+    assert!(
+        others.contains("autopilot.key cannot be read") && others.contains("radio.key cannot be"),
+        "{others}"
+    );
+    let at = format!(":{}:12: ", line_of(VEHICLE_I, "# key_file = \"pair"));
     assert!(missing.contains(&at) && missing.contains("cannot be read"), "{missing}");
     assert!(open.contains("its mode is 640") && open.contains("chmod 600"), "{open}");
     assert_eq!(sound.key_file, Some(key));

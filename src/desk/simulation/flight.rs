@@ -396,7 +396,10 @@ impl Flight {
         while let Some(outgoing) = process.executive.poll_transmit() {
             observer.sent(self.now, role, &outgoing);
             let (wire, frame) = match &outgoing {
-                Outgoing::Autopilot(message) => (Wire::Autopilot, process.encoder.encode(own, &**message)),
+                // A simulated radio is behind its autopilot.
+                Outgoing::Autopilot(message) | Outgoing::Radio(message) => {
+                    (Wire::Autopilot, process.encoder.encode(own, &**message))
+                }
                 Outgoing::Pair(message) => {
                     let envelope = Envelope::new(process.form, own, 0, (**message).clone());
                     (Wire::Pair, process.encoder.encode(own, &envelope))

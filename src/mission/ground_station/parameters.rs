@@ -105,6 +105,7 @@ const TABLE: [Parameter; 12] = [
 fn code(refusal: &ParameterRefusal) -> MavParamError {
     match refusal {
         ParameterRefusal::ReadOnly { .. } => MavParamError::MAV_PARAM_ERROR_READ_ONLY,
+        ParameterRefusal::NoOperator { .. } => MavParamError::MAV_PARAM_ERROR_PERMISSION_DENIED,
         ParameterRefusal::NotAFloat(_) => MavParamError::MAV_PARAM_ERROR_TYPE_MISMATCH,
         ParameterRefusal::OutOfRange { .. } => MavParamError::MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE,
     }
@@ -164,6 +165,9 @@ impl Executive {
         };
         let name = parameter.name;
         let refusal = match &parameter.access {
+            _ if !self.settings.operators.include(header.system_id) => {
+                Some(ParameterRefusal::NoOperator { name, system: header.system_id })
+            }
             Access::ReadOnly(source) => Some(ParameterRefusal::ReadOnly { name, source_of_it: source }),
             Access::Writable(..) if m.param_type != MavParamType::MAV_PARAM_TYPE_REAL32 => {
                 Some(ParameterRefusal::NotAFloat(name))
@@ -180,6 +184,9 @@ impl Executive {
         self.outbox.extend(self.parameter_value(index));
         let Some(refusal) = refusal else { return self.notice(Notice::ParameterSet(name, value)) };
         self.outbox.push_back(parameter_error(header, name, index as i16, code(&refusal)));
+        if matches!(refusal, ParameterRefusal::NoOperator { .. }) {
+            return self.count_stranger(header);
+        }
         self.notice(Notice::ParameterRefused(refusal));
     }
 

@@ -225,6 +225,7 @@ fn transmitter(boot: u32, now: Instant) -> Transmitter {
         kind: Kind::Numbered { command: 31010 },
         boot,
         longest_round_trip: ms(300),
+        system_is_given: false,
         first_off_after: Duration::ZERO,
     };
     Transmitter::new(settings, now)
