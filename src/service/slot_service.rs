@@ -64,6 +64,8 @@ pub struct SlotService {
     paused: bool,
     /// J: to leave as soon as I is off (S3).
     abandoning: bool,
+    /// J: to be killed as soon as I is off (S3).
+    killing: bool,
     agreement_time: AgreementTime,
     /// I: the instant the slot table counts from, known from the first proposal on.
     table_zero: Option<Instant>,
@@ -92,6 +94,7 @@ impl SlotService {
             stage: Stage::Away,
             paused: false,
             abandoning: false,
+            killing: false,
             agreement_time: AgreementTime::default(),
             table_zero: None,
             vehicle: Vehicle::default(),
@@ -204,10 +207,22 @@ impl SlotService {
         self.pair.silent(reason, now);
     }
 
-    /// The radio kill: silent, latched.
+    /// The radio kill: silent, latched. I is silent at once; J, which grants nothing more, as soon as I is, after a
+    /// lease's length at most: before, it would leave I on the air alone (S3).
     pub fn kill(&mut self, now: Instant) {
-        self.interlock.kill(now);
         self.pair.silent(VeilwingSilence::VEILWING_SILENCE_OPERATOR, now);
+        self.killing = true;
+        if let Stage::Committed(slot) = &mut self.stage {
+            slot.closing = true;
+        }
+        self.kill_when_bare(now);
+    }
+
+    fn kill_when_bare(&mut self, now: Instant) {
+        if self.killing && !self.must_jam_on(now) {
+            self.killing = false;
+            self.interlock.kill(now);
+        }
     }
 
     /// A slot under way is ended in order (I silent at once, J once I is), its transit flown to the end so that the
@@ -293,6 +308,7 @@ impl SlotService {
         while let Some(event) = self.pair.poll_event() {
             self.on_pair(event, now);
         }
+        self.kill_when_bare(now);
         if self.abandoning && !self.must_jam_on(now) {
             self.leave(now);
             self.events.push_back(Event::Abandoned);

@@ -7,8 +7,6 @@ use veilwing::mission::Outcome;
 use veilwing::planner::slots::Plan;
 use veilwing::role::{PerVehicle, Role};
 
-use veilwing_sitl::Fault;
-
 use crate::harness::*;
 
 /// Long enough to have taken off, were it not for what is wrong.
@@ -101,20 +99,13 @@ fn ordered_in_mid_slot(command: MavCmd) {
         assert!(flight.until(|flight| flight.radiating() == [true, true]), "{}", flight.story());
         flight.pass(Duration::from_millis(500));
         let at = flight.now;
-        let mut unprotected = Duration::ZERO;
-        if command == MavCmd::MAV_CMD_USER_2 {
-            // J obeys a kill at once, before I is off: out of turn, as under a fault (S4), which the monitor of
-            // invariants is told by mending a link that is whole.
-            flight.world.inject(Fault::LinkLoss { vehicle: 1, on: false });
-            unprotected = REACTION;
-        }
         flight.command(told, command);
         flight.fly_out();
         assert_eq!(result(&flight, told, command), Some(MavResult::MAV_RESULT_ACCEPTED));
         for role in Role::BOTH {
             assert!(flight.silent_after(role, at) <= REACTION, "{role}\n{}", flight.story());
         }
-        flight.assert_safe_but(unprotected);
+        flight.assert_safe();
         for role in Role::BOTH {
             let ordered = match &flight.outcomes[role] {
                 Some(Outcome::Aborted(cause)) => cause.to_string().contains("operator"),
