@@ -33,6 +33,7 @@ pub use world::config::{
     AirspaceConfig, Eavesdropper, Error, Node, PlannedPose, PlannedSlot, RadioConfig, Tolerance, Uncertainty,
     WorldConfig,
 };
+pub use world::excuse::{Cause, Excused};
 pub use world::fault::Fault;
 pub use world::record::{Heard, Record, Recorder};
 pub use world::report::{FlightReport, PerVehicle, SlotReport};

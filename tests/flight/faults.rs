@@ -214,7 +214,8 @@ fn spec_a_failing_estimate_silences_both() {
         let own = flight.silent_after(role, at);
         let peer = flight.silent_after(role.peer(), at);
         assert!(own <= Duration::from_millis(1100) && peer <= own + LEASE_AND_MARGIN, "{own:?} {peer:?}");
-        flight.assert_safe();
+        // J's vehicle fails: it cannot wait for I, which follows within one message.
+        flight.assert_safe_but(Duration::from_millis(5));
         assert!(cause(&flight, role.peer()).contains(&format!("vehicle {role}")));
         assert!(flight.landed(role.peer()), "{}", flight.story());
         if flight.outcomes[role].is_none() {

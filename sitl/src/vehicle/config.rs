@@ -130,6 +130,8 @@ pub struct VehicleConfig {
     pub transmitter_max_dbm: f64,
     /// The form of the power command that it knows.
     pub power_form: PowerForm,
+    /// The radio falls silent by itself when its command expires; one that does not says so (TX_EXPIRY_OK 0).
+    pub radio_expires: bool,
     /// Its own message rides in TUNNEL, since the autopilot that it hangs on drops what it does not know; else it is on
     /// the companion's wire itself.
     pub radio_behind_autopilot: bool,
@@ -157,6 +159,7 @@ impl VehicleConfig {
             ready_after_s: 2.0,
             transmitter_max_dbm: 30.0,
             power_form: PowerForm::default(),
+            radio_expires: true,
             radio_behind_autopilot: true,
         }
     }

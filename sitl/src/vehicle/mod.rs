@@ -144,6 +144,7 @@ impl Vehicle {
             autopilot: Autopilot::new(&config, mission, utc_start_us),
             transmitter: Transmitter::new(
                 config.transmitter_max_dbm,
+                config.radio_expires,
                 Noise::new(seed, Purpose::Radio, index),
             ),
             router: Router::new(config.system_id, &[autopilot::COMPONENT, transmitter::COMPONENT]),
@@ -289,11 +290,6 @@ impl Vehicle {
         self.transmitter.expire(to);
     }
 
-    /// An operator's radio kill has passed on its way to the companion.
-    pub(crate) fn radio_kill_seen(&self) -> bool {
-        self.router.radio_kill_seen()
-    }
-
     /// What has passed between autopilot and companion.
     pub(crate) fn traces(&self) -> &Traces {
         self.autopilot.traces()
@@ -336,6 +332,16 @@ impl Vehicle {
     /// The motors turn, all of those that the autopilot counts on.
     pub(crate) fn powered(&self) -> bool {
         self.autopilot.armed && self.battery > 0.0 && !self.crippled
+    }
+
+    /// The autopilot knows where it is.
+    pub(crate) fn estimate_ok(&self) -> bool {
+        self.autopilot.estimator_ok
+    }
+
+    /// The radio knows expiry, as it says.
+    pub(crate) fn radio_expires(&self) -> bool {
+        self.config.radio_expires
     }
 
     pub(crate) fn mode(&self) -> Mode {

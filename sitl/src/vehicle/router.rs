@@ -49,9 +49,7 @@ pub(crate) struct Router {
     out: VecDeque<(usize, Vec<u8>)>,
     signing: Signing,
     text_id: u16,
-    /// A radio kill for a component that is not aboard has come by.
-    radio_kill: bool,
-    /// So has an order to begin, or to go on.
+    /// An order to begin, or to go on, for a component that is not aboard has come by.
     order_to_fly: bool,
 }
 
@@ -75,7 +73,6 @@ impl Router {
             out: VecDeque::new(),
             signing: Signing::default(),
             text_id: 0,
-            radio_kill: false,
             order_to_fly: false,
         }
     }
@@ -143,7 +140,6 @@ impl Router {
         };
         let target = (message.target_system_id().unwrap_or(0), message.target_component_id().unwrap_or(0));
         match command_of(&message).filter(|_| !self.components.contains(&target.1)) {
-            Some(MavCmd::MAV_CMD_USER_2) => self.radio_kill = true,
             Some(MavCmd::MAV_CMD_MISSION_START | MavCmd::MAV_CMD_DO_PAUSE_CONTINUE) => {
                 self.order_to_fly = true
             }
@@ -197,11 +193,6 @@ impl Router {
     /// The signing of every link.
     pub fn signing(&mut self) -> &mut Signing {
         &mut self.signing
-    }
-
-    /// Whether an operator's radio kill (MAV_CMD_USER_2) has passed on its way to a companion.
-    pub fn radio_kill_seen(&self) -> bool {
-        self.radio_kill
     }
 
     /// Whether an operator's order to begin or to go on has passed on its way to a companion since this was last asked.

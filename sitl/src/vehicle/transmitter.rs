@@ -57,19 +57,21 @@ pub(crate) struct Transmitter {
     pub counters: TransmitterCounters,
     hardware_max_dbm: f64,
     emission: Option<Emission>,
+    /// What a radio in order would radiate by the same commands.
+    due: Option<Emission>,
     numbered: Numbered,
-    /// A fault: nothing ends by itself.
+    /// Nothing ends by itself: by a fault, or because the radio knows no expiry.
     pub endless: bool,
     /// A fault: neither expiry nor command changes what is radiated.
     pub stuck: bool,
 }
 
 impl Transmitter {
-    /// `noise` draws its clock and its series.
-    pub fn new(max_dbm: f64, noise: Noise) -> Self {
+    /// `noise` draws its clock and its series. One that does not expire says so.
+    pub fn new(max_dbm: f64, expires: bool, noise: Noise) -> Self {
         let parameters = Parameters::new(
             Encoding::Cast,
-            &[("TX_MAX_DBM", Value::Real(max_dbm as f32)), ("TX_EXPIRY_OK", Value::Int(1))],
+            &[("TX_MAX_DBM", Value::Real(max_dbm as f32)), ("TX_EXPIRY_OK", Value::Int(expires.into()))],
         );
         let counters = TransmitterCounters::default();
         Self {
@@ -77,8 +79,9 @@ impl Transmitter {
             counters,
             hardware_max_dbm: max_dbm,
             emission: None,
+            due: None,
             numbered: Numbered::new(noise),
-            endless: false,
+            endless: !expires,
             stuck: false,
         }
     }
@@ -102,9 +105,16 @@ impl Transmitter {
     }
 
     fn emit(&mut self, emission: Option<Emission>) {
+        self.due = emission;
         if !self.stuck {
             self.emission = emission;
         }
+    }
+
+    /// Whether it radiates otherwise than a radio in order would by the same commands.
+    pub fn is_out_of_order(&self) -> bool {
+        let what = |emission: Option<Emission>| emission.map(|e| (e.power_dbm, e.slot));
+        what(self.emission) != what(self.due)
     }
 
     /// Which form of the command a radio that knows `known` takes a command for.
@@ -118,14 +128,17 @@ impl Transmitter {
         let asked = f64::from(command.param1);
         let off = command.y <= 0 || asked == f64::NEG_INFINITY;
         let refused = !off && !self.allows(asked);
-        if refused || self.stuck {
+        if refused {
             self.counters.denied += 1;
-            let result = if refused { MavResult::MAV_RESULT_DENIED } else { MavResult::MAV_RESULT_FAILED };
-            return (result, self.achieved_mdbm());
+            return (MavResult::MAV_RESULT_DENIED, self.achieved_mdbm());
         }
-        self.counters.accepted += 1;
         let expires_at = now + Duration::from_millis(command.y.unsigned_abs().into());
         self.emit((!off).then(|| Emission::new(asked, command.x, expires_at, 0)));
+        if self.stuck {
+            self.counters.denied += 1;
+            return (MavResult::MAV_RESULT_FAILED, self.achieved_mdbm());
+        }
+        self.counters.accepted += 1;
         (MavResult::MAV_RESULT_ACCEPTED, self.achieved_mdbm())
     }
 
@@ -133,15 +146,18 @@ impl Transmitter {
         self.emission.map_or(i32::MIN, |e| (e.power_dbm * 1000.0).round() as i32)
     }
 
-    /// When the power falls to off by itself.
+    /// When the power falls to off by itself, or would if the radio were in order.
     pub fn expires_at(&self) -> Option<Duration> {
-        self.emission.filter(|_| !self.stuck && !self.endless).map(|e| e.expires_at)
+        self.due.map(|e| e.expires_at)
     }
 
     /// Falls silent if the lease has run out.
     pub fn expire(&mut self, now: Duration) {
-        if self.expires_at().is_some_and(|at| at <= now) {
-            self.emission = None;
+        if self.expires_at().is_none_or(|at| at > now) {
+            return;
+        }
+        self.due = None;
+        if !self.stuck && !self.endless && self.emission.take().is_some() {
             self.counters.expired += 1;
         }
     }
@@ -156,7 +172,7 @@ mod tests {
     use crate::random::Purpose;
 
     fn transmitter(max_dbm: f64) -> Transmitter {
-        Transmitter::new(max_dbm, Noise::new(1, Purpose::Radio, 0))
+        Transmitter::new(max_dbm, true, Noise::new(1, Purpose::Radio, 0))
     }
 
     fn power(dbm: f32, slot: i32, expiry_ms: i32) -> COMMAND_INT_DATA {
@@ -212,8 +228,22 @@ mod tests {
         tx.command(&power(20.0, 1, 100), Duration::ZERO);
         tx.stuck = true;
         assert_eq!(tx.command(&power(20.0, 1, 0), Duration::ZERO).0, MavResult::MAV_RESULT_FAILED);
+        assert!(tx.is_out_of_order());
         tx.expire(Duration::from_secs(9));
-        assert!(tx.power_w().is_some());
+        assert!(tx.power_w().is_some() && tx.is_out_of_order());
+    }
+
+    #[test]
+    fn spec_a_stuck_transmitter_is_in_order_while_it_does_what_it_is_told() {
+        let mut tx = transmitter(27.0);
+        tx.command(&power(20.0, 1, 100), Duration::ZERO);
+        tx.stuck = true;
+        tx.command(&power(20.0, 1, 100), Duration::from_millis(50));
+        assert!(!tx.is_out_of_order());
+        tx.expire(Duration::from_millis(149));
+        assert!(!tx.is_out_of_order());
+        tx.expire(Duration::from_millis(150));
+        assert!(tx.is_out_of_order());
     }
 
     #[test]
@@ -223,6 +253,7 @@ mod tests {
         tx.command(&power(20.0, 1, 100), Duration::ZERO);
         tx.expire(Duration::from_secs(9));
         assert_eq!((tx.expires_at(), tx.emission().map(|e| e.slot)), (None, Some(1)));
+        assert!(tx.is_out_of_order());
         tx.command(&power(20.0, 1, 0), Duration::from_secs(9));
         assert_eq!(tx.power_w(), None);
     }

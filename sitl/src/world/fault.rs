@@ -114,6 +114,21 @@ pub enum Fault {
 }
 
 impl Fault {
+    /// Whether it is a failure of the vehicle itself: not of a message's way, of a clock, of a companion, of the air.
+    #[must_use]
+    pub const fn is_of_the_vehicle(&self) -> bool {
+        matches!(
+            self,
+            Self::GpsLoss { .. }
+                | Self::EstimatorReset { .. }
+                | Self::EstimatorFailure { .. }
+                | Self::AutopilotRestart { .. }
+                | Self::PilotMode { .. }
+                | Self::RotorLoss { .. }
+                | Self::BatteryLow { .. }
+        )
+    }
+
     /// The vehicle concerned.
     #[must_use]
     pub const fn vehicle(&self) -> usize {

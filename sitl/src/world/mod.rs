@@ -2,12 +2,14 @@
 
 pub mod circumstances;
 pub mod config;
+pub mod excuse;
 pub mod fault;
 mod monitor;
 mod radio;
 pub mod record;
 pub mod report;
 mod score;
+mod trail;
 pub mod violation;
 
 use std::time::Duration;
@@ -19,11 +21,13 @@ use crate::vehicle::autopilot::Mode;
 use crate::vehicle::{TICKS_PER_SAMPLE, Vehicle, VehicleCounters, VehicleSnapshot, tick_time};
 use circumstances::{Circumstances, Passage};
 use config::{Error, Off, Reference, WorldConfig};
+use excuse::Cause;
 use fault::Fault;
-use monitor::{Monitor, Seen};
+use monitor::{Findings, Monitor, Seen};
 use radio::Emitter;
 use report::FlightReport;
 use score::{PoseError, SlotScore};
+use trail::Trail;
 
 /// Relative difference from the planned power that still protects (INTERFACES: "at its planned power").
 const PLANNED_POWER_MARGIN: f64 = 0.01;
@@ -60,6 +64,7 @@ pub struct World {
     /// Samples of radiation in no slot of the plan.
     outside_slots: [u32; 2],
     monitor: Monitor,
+    trails: [Trail; 2],
     secrecy_rate_bps: Option<f64>,
     now: Duration,
     ticks: u64,
@@ -95,6 +100,7 @@ impl World {
             scores: vec![SlotScore::default(); config.slots.len()],
             outside_slots: [0; 2],
             monitor: Monitor::default(),
+            trails: Default::default(),
             secrecy_rate_bps: None,
             now: Duration::ZERO,
             ticks: 0,
@@ -107,10 +113,6 @@ impl World {
         let Some(target) = self.vehicles.get_mut(vehicle) else { return };
         let before = target.transmitter().emission();
         target.handle(link, bytes, self.now);
-        if target.radio_kill_seen() {
-            // The jammer obeys it at once: out of turn, as under a fault.
-            self.monitor.fault();
-        }
         if target.transmitter().emission() != before {
             self.watch();
         }
@@ -169,7 +171,9 @@ impl World {
     /// Makes something go wrong, now.
     pub fn inject(&mut self, fault: Fault) {
         let Some(vehicle) = self.vehicles.get_mut(fault.vehicle()) else { return };
-        self.monitor.fault();
+        if fault.is_of_the_vehicle() {
+            self.monitor.vehicle_fails(fault.vehicle(), self.now);
+        }
         match fault {
             Fault::LinkLoss { vehicle: k, on } => {
                 vehicle.cut_companion_link(on);
@@ -206,7 +210,7 @@ impl World {
     /// The companions are processes of a busy machine, whose clocks run faster than its own: S4, F2 and F3 leave them so
     /// much more time.
     pub fn allow_for_scheduling(&mut self, allowance: Duration) {
-        self.monitor.allowance = allowance;
+        self.monitor.allow_for_scheduling(allowance);
     }
 
     /// What the host knows of a vehicle's companion from now on; until it says something, all is well with it.
@@ -222,19 +226,23 @@ impl World {
         usize::try_from(emission.slot).ok().filter(|slot| *slot < self.plans.len())
     }
 
-    fn seen(&self, k: usize) -> Seen {
+    /// `planned_w`: what the plan of I's slot asks of this vehicle.
+    fn seen(&self, k: usize, planned_w: Option<f64>) -> Seen {
         let vehicle = &self.vehicles[k];
         let (position, attitude) = (vehicle.position_enu_m(), vehicle.nominal_attitude());
         let supposed = vehicle.supposed_position_enu_m();
         let slot = self.slot_of(k);
         let plan = slot.map(|s| self.plans[s].0[k]);
         let mode = vehicle.mode();
+        let power_w = vehicle.transmitter().power_w();
+        let off = plan.map_or(Off::Much, |p| self.config.tolerance.judge(&p, &supposed, attitude));
+        let turns_on = power_w.is_some() && !self.monitor.radiated(k);
         Seen {
-            power_w: vehicle.transmitter().power_w(),
+            power_w,
             lasts: vehicle.transmitter().emission().map(|e| e.expires_at.saturating_sub(self.now)),
             slot,
             plan,
-            off: plan.map_or(Off::Much, |p| self.config.tolerance.judge(&p, &supposed, attitude)),
+            off,
             error: plan.map_or((0.0, 0.0), |p| {
                 ((position - p.position).norm(), attitude.angle_to(&p.attitude).to_degrees())
             }),
@@ -243,14 +251,26 @@ impl World {
             home: vehicle.home_enu_m(),
             airborne: vehicle.airborne(),
             confined: vehicle.powered() && ![Mode::Position, Mode::Stabilize, Mode::Land].contains(&mode),
-            companion: mode == Mode::Companion,
+            estimate_ok: vehicle.estimate_ok(),
+            powered: vehicle.powered(),
+            radio: vehicle.transmitter().is_out_of_order().then_some(match vehicle.radio_expires() {
+                true => Cause::RadioOutOfOrder,
+                false => Cause::RadioWithoutExpiry,
+            }),
+            full_power: planned_w.is_some_and(|planned_w| {
+                (power_w.unwrap_or(0.0) - planned_w).abs() <= PLANNED_POWER_MARGIN * planned_w
+            }),
+            begins_out: turns_on
+                && plan.is_some_and(|p| self.trails[k].was_out(off, &p, &self.config.tolerance, self.now)),
         }
     }
 
     /// The monitor's look at this instant.
     fn watch(&mut self) -> [Seen; 2] {
-        let seen = [self.seen(0), self.seen(1)];
-        let planned_silent = seen[0].slot.is_some_and(|s| self.plans[s].0[1].power_w == 0.0);
+        let plan = self.slot_of(0).map(|slot| &self.plans[slot].0);
+        let planned_w = |k: usize| plan.map(|plan| plan[k].power_w);
+        let seen = [self.seen(0, planned_w(0)), self.seen(1, planned_w(1))];
+        let planned_silent = planned_w(1) == Some(0.0);
         self.monitor.observe(
             self.now,
             &seen,
@@ -271,6 +291,8 @@ impl World {
                 self.config.tolerance.judge(plan, &v.position_enu_m(), v.nominal_attitude()) == Off::Nothing
             });
             self.vehicles[k].sample(meant.map(|plan| plan.euler));
+            let vehicle = &self.vehicles[k];
+            self.trails[k].keep(self.now, vehicle.supposed_position_enu_m(), *vehicle.nominal_attitude());
         }
         let seen = self.watch();
         for (k, vehicle) in seen.iter().enumerate().filter(|(_, v)| v.power_w.is_some()) {
@@ -282,19 +304,12 @@ impl World {
             Emitter::new(self.vehicles[k].position_enu_m(), self.vehicles[k].attitude(), power_w)
         };
         let (i, j) = (emitter(0, power_i), emitter(1, seen[1].power_w.unwrap_or(0.0)));
-        let (references, user) = &self.plans[slot];
+        let (_, user) = &self.plans[slot];
         let rate =
             radio::secrecy_rate_bps(&self.config.radio, &i, &j, &self.users[*user], &self.eavesdroppers);
         self.secrecy_rate_bps = Some(rate);
-        let planned = references[1].power_w;
-        let difference = (seen[1].power_w.unwrap_or(0.0) - planned).abs();
-        let powered = difference <= PLANNED_POWER_MARGIN * planned;
-        let silent_by_plan = planned == 0.0;
-        let protected =
-            powered && (silent_by_plan || seen[1].slot == Some(slot) && seen[1].off == Off::Nothing);
         let score = &mut self.scores[slot];
         score.rate.add(rate);
-        score.unprotected += u32::from(!protected);
     }
 
     fn score_emitter(&mut self, k: usize, seen: &Seen) {
@@ -333,11 +348,16 @@ impl World {
     /// The world's part of the flight document.
     #[must_use]
     pub fn report(&self) -> FlightReport {
+        let Findings { violations, excused, measured } = self.monitor.findings(self.now);
+        let scores = self.scores.iter().zip(&self.config.slots).enumerate();
         FlightReport {
             flight_s: self.now.as_secs_f64(),
-            slots: self.scores.iter().zip(&self.config.slots).map(|(s, p)| s.report(p)).collect(),
+            slots: scores.map(|(k, (score, plan))| score.report(plan, measured.unprotected_in(k))).collect(),
             outside_slots_s: self.outside_slots.map(score::seconds).into(),
-            violations: self.monitor.violations.clone(),
+            unprotected_s: measured.unprotected().as_secs_f64(),
+            emitted_out_of_pose_s: measured.out_of_pose.map(|time| time.as_secs_f64()).into(),
+            violations,
+            excused,
             min_separation_m: self.monitor.min_separation_m,
         }
     }

@@ -1,6 +1,8 @@
 //! The invariants, watched from outside: from true states and true powers, never from anybody's word.
 
 mod conduct;
+mod jammer;
+mod protection;
 
 use std::mem::{Discriminant, discriminant};
 use std::time::Duration;
@@ -8,19 +10,22 @@ use std::time::Duration;
 use nalgebra::Vector3;
 
 use super::config::{AirspaceConfig, Off, Reference};
+use super::excuse::{Cause, Excused};
 use super::violation::{Breach, Violation};
 use crate::vehicle::autopilot::Traces;
 use conduct::{Emitting, Side};
+use jammer::Jammer;
+use protection::{Measured, Protection};
 
 /// A vehicle that leaves its pose while it radiates has S4's 100 ms from the first evidence on the wire; the evidence
 /// itself may be one telemetry period and a few steps old.
-const POSE_REACTION: Duration = Duration::from_millis(150);
+pub(super) const POSE_REACTION: Duration = Duration::from_millis(150);
 /// What is off by so little that the jitter hides it at first has time for a longer mean to show it.
-const FAINT_REACTION: Duration = Duration::from_millis(1500);
-/// I may outlast a jammer that a fault has silenced by its lease (500 ms by default), plus the wire.
-const LEASE: Duration = Duration::from_millis(550);
-/// A jammer that was out of its pose this recently was right to fall silent out of turn (S4).
-const EXCUSE: Duration = Duration::from_secs(1);
+pub(super) const FAINT_REACTION: Duration = Duration::from_millis(1500);
+/// The longest lease that J grants I, and the longest power command of either, as every mission has them.
+const LEASE: Duration = Duration::from_millis(500);
+/// What a lease ends is off so much later at most: the steps of all who take part, and the wire.
+const WIRE: Duration = Duration::from_millis(50);
 /// Relative. Powers travel as dBm in single precision and are set in steps of 0.001 dB (0.023%).
 const POWER_MARGIN: f64 = 1e-3;
 /// Plans lie on the geofence and on the band's edges, and a vehicle holds a pose to the tolerance, not better.
@@ -55,54 +60,131 @@ pub(crate) struct Seen {
     /// Its path is nobody's but the companion's or the autopilot's: not the pilot's, not a forced landing, and its
     /// motors turn.
     pub confined: bool,
-    /// It is the companion that flies it.
-    pub companion: bool,
+    /// Its autopilot knows where it is.
+    pub estimate_ok: bool,
+    /// Its motors turn, all of those that the autopilot counts on.
+    pub powered: bool,
+    /// What its radio does by itself, against what it was told.
+    pub radio: Option<Cause>,
+    /// It radiates what the plan of I's slot asks of it, within the radio's steps.
+    pub full_power: bool,
+    /// It has just come on the air, and has not been in its pose for so long that nobody can have overlooked it.
+    pub begins_out: bool,
 }
 
 /// What is going on: with which vehicle, and which breach. A violation is reported when one of these begins.
 type Condition = (Option<usize>, Discriminant<Breach>);
 
+/// Where a break of an invariant is kept.
+#[derive(Debug, Clone, Copy)]
+enum Entry {
+    Violation(usize),
+    Excused(usize),
+}
+
 /// Keeps what must be remembered between two looks.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Monitor {
-    active: Vec<Condition>,
+    active: Vec<(Condition, Entry)>,
     pub violations: Vec<Violation>,
+    excused: Vec<Excused>,
+    measured: Measured,
     pub min_separation_m: Option<f64>,
-    faulted: bool,
     radiating: [bool; 2],
+    /// What the radios do by themselves.
+    radios: [Option<Cause>; 2],
     /// Out of pose while radiating since, and whether it began so.
     out_since: [Option<(Duration, bool)>; 2],
     /// Out of it by what must be seen at once, since.
     far_out_since: [Option<Duration>; 2],
-    /// I without a jammer since, and whether there was one before.
-    bare_since: Option<(Duration, bool)>,
-    jammer_last_out: Option<Duration>,
-    /// When I was, or would have been, protected last.
-    jammed_last: Option<Duration>,
+    jammer: Jammer,
+    protection: Protection,
     sides: [Side; 2],
     /// By how much later than in real time the companions may be run.
-    pub allowance: Duration,
+    allowance: Duration,
+}
+
+/// What the monitor has found by an instant.
+#[derive(Debug, Clone)]
+pub(crate) struct Findings {
+    /// In the order of their times.
+    pub violations: Vec<Violation>,
+    /// Likewise.
+    pub excused: Vec<Excused>,
+    pub measured: Measured,
 }
 
 impl Monitor {
-    /// From now on silence out of turn is what S4 asks for.
-    pub fn fault(&mut self) {
-        self.faulted = true;
+    /// J's vehicle fails in a way that nothing on the wire shows at once.
+    pub fn vehicle_fails(&mut self, v: usize, now: Duration) {
+        if v == 1 {
+            self.jammer.fails(now);
+        }
     }
 
-    /// Takes note of whether a breach goes on: it is a violation when it begins.
+    /// The companions may be run by so much later than in real time.
+    pub fn allow_for_scheduling(&mut self, allowance: Duration) {
+        self.allowance = allowance;
+        self.jammer.allowance = allowance;
+    }
+
+    /// Whether a vehicle is on the air since before this look.
+    pub fn radiated(&self, v: usize) -> bool {
+        self.radiating[v]
+    }
+
+    /// What has been found by `now`, with what goes on.
+    pub fn findings(&self, now: Duration) -> Findings {
+        let mut settled = self.clone();
+        settled.settle(now);
+        for (_, entry) in std::mem::take(&mut settled.active) {
+            settled.ends(entry, now);
+        }
+        let Self { mut violations, mut excused, measured, .. } = settled;
+        violations.sort_by_key(|violation| violation.at);
+        excused.sort_by_key(|excused| excused.violation.at);
+        Findings { violations, excused, measured }
+    }
+
+    fn goes_on(&self, vehicle: Option<usize>, breach: Breach) -> bool {
+        self.active.iter().any(|(condition, _)| *condition == (vehicle, discriminant(&breach)))
+    }
+
+    /// Takes note of whether a breach goes on: it is a violation when it begins, unless it is a radio's own doing.
     fn set(&mut self, now: Duration, vehicle: Option<usize>, breach: Breach, holds: bool) {
         let condition = (vehicle, discriminant(&breach));
-        let known = self.active.iter().position(|active| *active == condition);
+        let known = self.active.iter().position(|(active, _)| *active == condition);
         match known {
             Some(k) if !holds => {
-                self.active.swap_remove(k);
+                let (_, entry) = self.active.swap_remove(k);
+                self.ends(entry, now);
             }
             None if holds => {
-                self.active.push(condition);
-                self.violations.push(Violation { at: now, vehicle, breach });
+                let violation = Violation { at: now, vehicle, breach, lasted: Duration::ZERO };
+                let radio = vehicle.and_then(|v| *self.radios.get(v)?);
+                let entry = match radio.filter(|_| violation.invariant().is_of_emission()) {
+                    Some(cause) => {
+                        self.excused.push(Excused { violation, cause });
+                        Entry::Excused(self.excused.len() - 1)
+                    }
+                    None => {
+                        self.violations.push(violation);
+                        Entry::Violation(self.violations.len() - 1)
+                    }
+                };
+                self.active.push((condition, entry));
             }
             _ => {}
+        }
+    }
+
+    fn ends(&mut self, entry: Entry, now: Duration) {
+        let violation = match entry {
+            Entry::Violation(k) => self.violations.get_mut(k),
+            Entry::Excused(k) => self.excused.get_mut(k).map(|excused| &mut excused.violation),
+        };
+        if let Some(violation) = violation {
+            violation.lasted = now.saturating_sub(violation.at);
         }
     }
 
@@ -117,10 +199,11 @@ impl Monitor {
         max_power_w: [f64; 2],
         airspace: &AirspaceConfig,
     ) {
+        self.radios = [seen[0].radio, seen[1].radio];
         for v in 0..2 {
             self.emission(v, now, &seen[v], max_power_w[v]);
         }
-        self.order(now, seen, planned_silent);
+        self.protection(now, seen, planned_silent, traces[1]);
         let emitting = |v: usize| Emitting { radiates: seen[v].power_w.is_some(), lasts: seen[v].lasts };
         self.conduct(now, [emitting(0), emitting(1)], traces);
         self.radiating = [seen[0].power_w.is_some(), seen[1].power_w.is_some()];
@@ -137,18 +220,13 @@ impl Monitor {
 
         let posed = radiates && seen.slot.is_some();
         let out = posed && seen.off != Off::Nothing;
-        if v == 1 && seen.slot.is_some() && seen.off != Off::Nothing {
-            self.jammer_last_out = Some(now);
-        }
-        let begins = !self.radiating[v];
-        self.out_since[v] = out.then(|| self.out_since[v].unwrap_or((now, begins)));
+        self.out_since[v] = out.then(|| self.out_since[v].unwrap_or((now, seen.begins_out)));
         let far_out = posed && seen.off == Off::Much;
         self.far_out_since[v] = far_out.then(|| self.far_out_since[v].unwrap_or(now));
-        // Nobody turns on out of pose, but that a fault tears off the pose at that moment (S4).
-        let too_long = self.out_since[v].is_some_and(|(since, from_start)| {
-            from_start && !self.faulted || now.saturating_sub(since) > FAINT_REACTION
-        }) || self.far_out_since[v]
-            .is_some_and(|since| now.saturating_sub(since) > POSE_REACTION);
+        // Nobody turns on out of pose.
+        let too_long = self.out_since[v]
+            .is_some_and(|(since, from_start)| from_start || now.saturating_sub(since) > FAINT_REACTION)
+            || self.far_out_since[v].is_some_and(|since| now.saturating_sub(since) > POSE_REACTION);
         let (off_m, off_deg) = seen.error;
         self.set(now, Some(v), Breach::OutOfPose { off_m, off_deg }, too_long);
 
@@ -156,41 +234,6 @@ impl Monitor {
         let power_w = seen.power_w.unwrap_or(0.0);
         let too_much = radiates && power_w > allowed_w * (1.0 + POWER_MARGIN);
         self.set(now, Some(v), Breach::Power { power_w, allowed_w }, too_much);
-    }
-
-    /// S1's jam and S3's order.
-    fn order(&mut self, now: Duration, seen: &[Seen; 2], planned_silent: bool) {
-        let [i, j] = seen;
-        let i_on = i.power_w.is_some();
-        let protected = planned_silent || j.power_w.is_some() && j.slot == i.slot;
-        let bare = i_on && i.slot.is_some() && !protected;
-        let excused = self.faulted
-            || !j.companion
-            || self.jammer_last_out.is_some_and(|at| now.saturating_sub(at) <= EXCUSE);
-        if planned_silent || j.power_w.is_some() {
-            self.jammed_last = Some(now);
-        }
-        if !bare {
-            self.bare_since = None;
-        } else if self.bare_since.is_none() {
-            // A jammer that a fault has silenced: what it granted before lasts, whether I is on already or not yet.
-            let leased = self.jammed_last.filter(|at| excused && now.saturating_sub(*at) <= LEASE);
-            self.bare_since = Some(match leased {
-                Some(at) if !self.radiating[0] => (at, true),
-                _ => (now, self.radiating[0]),
-            });
-        }
-        let (starts_bare, loses_jam) = match self.bare_since {
-            Some((since, had_jam)) => (!had_jam, had_jam && since == now),
-            None => (false, false),
-        };
-        self.set(now, I, Breach::InfoFirst, bare && starts_bare);
-        let left = self.active.contains(&(I, discriminant(&Breach::JamLeft))) || loses_jam && !excused;
-        self.set(now, I, Breach::JamLeft, bare && left);
-        let too_long = self
-            .bare_since
-            .is_some_and(|(since, had_jam)| !had_jam || left || now.saturating_sub(since) > LEASE);
-        self.set(now, I, Breach::Unprotected, too_long);
     }
 
     fn separation(&mut self, now: Duration, seen: &[Seen; 2], least_m: f64) {

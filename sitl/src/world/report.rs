@@ -6,6 +6,7 @@ use std::time::Duration;
 use serde::ser::SerializeStruct;
 use serde::{Serialize, Serializer};
 
+use super::excuse::Excused;
 use super::violation::{Breach, Violation};
 
 /// A value of each vehicle.
@@ -36,7 +37,7 @@ pub struct SlotReport {
     pub standard_error_bps: f64,
     /// Seconds on the air.
     pub radiated_s: PerVehicle<f64>,
-    /// I radiated without J on at its planned power and in its pose.
+    /// I radiated without J on at its planned power and in its pose; to the microsecond of a power's change.
     pub unprotected_s: f64,
     /// J radiated out of its pose.
     pub jam_out_of_tolerance_s: f64,
@@ -57,18 +58,26 @@ pub struct FlightReport {
     pub slots: Vec<SlotReport>,
     /// Seconds on the air in no slot of the plan.
     pub outside_slots_s: PerVehicle<f64>,
+    /// I radiated without J on at its planned power and in its pose, or in no slot: in all, whatever the cause.
+    pub unprotected_s: f64,
+    /// Seconds on the air out of the pose of the slot, or in no slot, whatever the cause.
+    pub emitted_out_of_pose_s: PerVehicle<f64>,
     /// In the order of their times.
     pub violations: Vec<Violation>,
+    /// What no companion could have kept, likewise. Documents tell it with what their host knows beside it.
+    #[serde(skip)]
+    pub excused: Vec<Excused>,
     /// Least distance while both were in the air; `null` if they never were.
     pub min_separation_m: Option<f64>,
 }
 
 impl Serialize for Violation {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let mut object = serializer.serialize_struct("Violation", 3)?;
+        let mut object = serializer.serialize_struct("Violation", 4)?;
         object.serialize_field("invariant", self.invariant().name())?;
         object.serialize_field("at_s", &self.at.as_secs_f64())?;
         object.serialize_field("detail", &self.to_string())?;
+        object.serialize_field("duration_s", &self.lasted.as_secs_f64())?;
         object.end()
     }
 }
@@ -89,7 +98,7 @@ impl fmt::Display for Violation {
             Breach::OutOfPose { off_m, off_deg } => {
                 write!(f, "{name} radiates out of its pose: {off_m:.2} m and {off_deg:.2} deg off")
             }
-            Breach::Unprotected => write!(f, "I radiates while J does not jam its slot"),
+            Breach::Unprotected => write!(f, "I radiates while J does not jam its slot as planned"),
             Breach::InfoFirst => write!(f, "I is on before J is"),
             Breach::JamLeft => write!(f, "J went off while I was on"),
             Breach::Power { power_w, allowed_w } => {

@@ -1,5 +1,7 @@
 //! Sums over radio samples, slot by slot.
 
+use std::time::Duration;
+
 use super::config::PlannedSlot;
 use super::report::SlotReport;
 use crate::vehicle::SAMPLE;
@@ -92,7 +94,6 @@ pub(crate) struct PoseError {
 pub(crate) struct SlotScore {
     pub rate: Mean,
     /// Counts of samples: whole numbers do not drift.
-    pub unprotected: u32,
     pub jam_out_of_tolerance: u32,
     radiated: [u32; 2],
     errors: [[Rms; 3]; 2],
@@ -108,7 +109,7 @@ impl SlotScore {
         control.add(error.control_deg);
     }
 
-    pub fn report(&self, planned: &PlannedSlot) -> SlotReport {
+    pub fn report(&self, planned: &PlannedSlot, unprotected: Duration) -> SlotReport {
         let rms = |k: usize| [self.errors[0][k].get(), self.errors[1][k].get()].into();
         SlotReport {
             user: planned.user.clone(),
@@ -116,7 +117,7 @@ impl SlotScore {
             achieved_secrecy_rate_bps: self.rate.mean(),
             standard_error_bps: self.rate.standard_error(),
             radiated_s: self.radiated.map(seconds).into(),
-            unprotected_s: seconds(self.unprotected),
+            unprotected_s: unprotected.as_secs_f64(),
             jam_out_of_tolerance_s: seconds(self.jam_out_of_tolerance),
             position_rms_m: rms(0),
             attitude_rms_deg: rms(1),

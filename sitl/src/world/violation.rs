@@ -160,6 +160,8 @@ pub struct Violation {
     pub vehicle: Option<usize>,
     /// How.
     pub breach: Breach,
+    /// For how long; of [`Breach::Unprotected`] the time that nothing excuses.
+    pub lasted: Duration,
 }
 
 impl Violation {

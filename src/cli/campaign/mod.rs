@@ -173,7 +173,7 @@ fn fly(args: &Args, (mission, file): (&Mission, &Path), faults: &Faults) -> Resu
 fn log(flight: &FlightLine) {
     tracing::debug!(seed = flight.seed, result = ?flight.result, "flown");
     for violation in &flight.violations {
-        let ViolationLine { invariant, seed, at_s, detail } = violation;
+        let ViolationLine { invariant, seed, at_s, detail, .. } = violation;
         tracing::warn!(seed, at_s, "violation {invariant}: {detail}");
     }
 }

@@ -160,8 +160,9 @@ impl FlightDocument {
         for violation in &self.report.violations {
             writeln!(text, "VIOLATION {}", told(violation))?;
         }
-        for Excused { violation, why } in &self.excused {
-            writeln!(text, "not counted: {} ({why})", told(violation))?;
+        for Excused { violation, cause } in &self.excused {
+            let lasted_ms = violation.lasted.as_millis();
+            writeln!(text, "not counted: {}, for {lasted_ms} ms ({})", told(violation), cause.describe())?;
         }
         if let Some(WorldLate { steps, worst_ms }) = self.world_late.as_ref().filter(|late| late.steps > 0) {
             writeln!(
@@ -176,6 +177,13 @@ impl FlightDocument {
         };
         let separation =
             self.report.min_separation_m.map_or("never both airborne".into(), |m| format!("{m:.1} m"));
+        let out = self.report.emitted_out_of_pose_s;
+        writeln!(
+            text,
+            "unprotected {:.3} s, on the air out of pose {:.3} s, in all and whatever the cause",
+            self.report.unprotected_s,
+            out.i + out.j
+        )?;
         writeln!(
             text,
             "{verdict}: {} violations, least separation {separation}, {:.1} s of flight in {:.1} s of wall time",

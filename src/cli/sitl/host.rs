@@ -145,7 +145,7 @@ pub(super) async fn fly(mut setup: Setup<'_>) -> Result<Flight, String> {
         host.hear(role, line);
     }
     host.settle();
-    Ok(host.finish(supervisor.happened()))
+    Ok(host.finish())
 }
 
 impl Host<'_> {
@@ -185,10 +185,9 @@ impl Host<'_> {
         while self.setup.world.poll_transmit().is_some() {}
     }
 
-    fn finish(self, happened: &[(Duration, Fault)]) -> Flight {
+    fn finish(self) -> Flight {
         let mut report = self.setup.world.report();
-        let (violations, excused) = judge(std::mem::take(&mut report.violations), happened, &self.late);
-        report.violations = violations;
+        let excused = judge(&mut report, &self.late);
         Flight {
             report,
             excused,

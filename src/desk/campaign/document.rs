@@ -8,7 +8,7 @@ use std::fmt::Write as _;
 
 use serde::{Deserialize, Serialize};
 
-use crate::desk::simulation::Flown;
+use crate::desk::simulation::{Excused, Flown};
 
 /// The document's format.
 pub const FORMAT: &str = "veilwing-campaign/1";
@@ -49,6 +49,25 @@ pub struct ViolationLine {
     pub seed: u64,
     /// Flight time, seconds.
     pub at_s: f64,
+    /// For how long, seconds; of unprotected emission the time that nothing excuses.
+    pub duration_s: f64,
+    /// What was seen.
+    pub detail: String,
+}
+
+/// A break of an invariant that no companion could have kept.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ExcusedLine {
+    /// Its number, such as `S1`.
+    pub invariant: String,
+    /// Of the flight.
+    pub seed: u64,
+    /// Why, by its kind: one of the names of [`veilwing_sitl::Cause`].
+    pub cause: String,
+    /// For how long, seconds.
+    pub duration_s: f64,
+    /// Flight time, seconds.
+    pub at_s: f64,
     /// What was seen.
     pub detail: String,
 }
@@ -77,12 +96,16 @@ pub struct FlightLine {
     pub simulated_s: f64,
     /// Over the time in which I radiated; `null` if it never did.
     pub achieved_over_planned: Option<f64>,
+    /// I on without J on at its planned power and in its pose, seconds, whatever the cause.
+    pub unprotected_s: f64,
+    /// Either vehicle on out of its pose, or in no slot, seconds, whatever the cause.
+    pub emitted_out_of_pose_s: f64,
     /// Faults that came about.
     pub faults: Vec<FaultLine>,
     /// Violations that count.
     pub violations: Vec<ViolationLine>,
-    /// Violations that are nobody's aboard.
-    pub excused: Vec<ViolationLine>,
+    /// What no companion could have kept.
+    pub excused: Vec<ExcusedLine>,
 }
 
 impl FlightLine {
@@ -93,8 +116,18 @@ impl FlightLine {
             invariant: v.invariant().name().to_owned(),
             seed,
             at_s: v.at.as_secs_f64(),
+            duration_s: v.lasted.as_secs_f64(),
             detail: v.to_string(),
         };
+        let excused = |excused: &Excused| ExcusedLine {
+            invariant: excused.violation.invariant().name().to_owned(),
+            seed,
+            cause: excused.cause.name().to_owned(),
+            duration_s: excused.violation.lasted.as_secs_f64(),
+            at_s: excused.violation.at.as_secs_f64(),
+            detail: excused.violation.to_string(),
+        };
+        let out_of_pose = flown.report.emitted_out_of_pose_s;
         let faults = flown.faults.iter().map(|(at, fault)| FaultLine {
             at_s: at.as_secs_f64(),
             kind: fault.kind.name().to_owned(),
@@ -106,9 +139,11 @@ impl FlightLine {
             result: if flown.completed() { Ending::Completed } else { Ending::Aborted },
             simulated_s: flown.report.flight_s,
             achieved_over_planned: flown.achieved_over_planned(),
+            unprotected_s: flown.report.unprotected_s,
+            emitted_out_of_pose_s: out_of_pose.i + out_of_pose.j,
             faults: faults.collect(),
             violations: flown.report.violations.iter().map(line).collect(),
-            excused: flown.excused.iter().map(|excused| line(&excused.violation)).collect(),
+            excused: flown.excused.iter().map(excused).collect(),
         }
     }
 }
@@ -137,6 +172,31 @@ impl Mean {
     }
 }
 
+/// A time that should be nothing, over flights.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Exposure {
+    /// Of all flights, seconds.
+    pub total: f64,
+    /// Of the worst flight, seconds.
+    pub worst: f64,
+    /// Of that flight, the first of several; `null` if it is nothing in all.
+    pub seed: Option<u64>,
+}
+
+impl Exposure {
+    fn of(flights: &[FlightLine], time_s: fn(&FlightLine) -> f64) -> Self {
+        let mut exposure = Self { total: 0.0, worst: 0.0, seed: None };
+        for flight in flights {
+            let time_s = time_s(flight);
+            exposure.total += time_s;
+            if time_s > exposure.worst {
+                (exposure.worst, exposure.seed) = (time_s, Some(flight.seed));
+            }
+        }
+        exposure
+    }
+}
+
 /// The document.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct CampaignDocument {
@@ -157,8 +217,12 @@ pub struct CampaignDocument {
     pub aborted_safely: u64,
     /// Violations that count, of all flights.
     pub violations: Vec<ViolationLine>,
-    /// Violations that a transmitter out of order committed by itself.
-    pub excused: Vec<ViolationLine>,
+    /// What no companion could have kept, of all flights, with the cause of each.
+    pub excused: Vec<ExcusedLine>,
+    /// I on without J on at its planned power and in its pose, whatever the cause, seconds.
+    pub unprotected_s: Exposure,
+    /// Either vehicle on out of its pose, or in no slot, whatever the cause, seconds.
+    pub emitted_out_of_pose_s: Exposure,
     /// Of all flights, seconds.
     pub simulated_s: f64,
     /// Of planning and flying; summed over merged parts.
@@ -209,6 +273,8 @@ impl CampaignDocument {
             aborted_safely: count(|f| f.result == Ending::Aborted && f.violations.is_empty()),
             violations: flights.iter().flat_map(|f| f.violations.clone()).collect(),
             excused: flights.iter().flat_map(|f| f.excused.clone()).collect(),
+            unprotected_s: Exposure::of(&flights, |flight| flight.unprotected_s),
+            emitted_out_of_pose_s: Exposure::of(&flights, |flight| flight.emitted_out_of_pose_s),
             simulated_s: flights.iter().map(|f| f.simulated_s).sum(),
             wall_s: times.wall_s,
             cpu_s: times.cpu_s,
@@ -257,19 +323,31 @@ impl CampaignDocument {
             )?;
         }
         for violation in &self.violations {
-            let ViolationLine { invariant, seed, at_s, detail } = violation;
-            writeln!(text, "VIOLATION {invariant} at {at_s:.3} s of seed {seed}: {detail}")?;
-        }
-        if let Some(first) = self.violations.first() {
-            writeln!(text, "replay: {}", replay.replace("SEED", &first.seed.to_string()))?;
-        }
-        if !self.excused.is_empty() {
+            let ViolationLine { invariant, seed, at_s, duration_s, detail } = violation;
             writeln!(
                 text,
-                "{} more by transmitters out of order, which nobody can silence (\"excused\" in the document)",
-                self.excused.len()
+                "VIOLATION {invariant} at {at_s:.3} s of seed {seed}, for {duration_s:.3} s: {detail}"
             )?;
         }
+        let replay = |seed: u64| replay.replace("SEED", &seed.to_string());
+        if let Some(first) = self.violations.first() {
+            writeln!(text, "replay: {}", replay(first.seed))?;
+        }
+        for (what, exposure) in
+            [("unprotected", self.unprotected_s), ("on the air out of pose", self.emitted_out_of_pose_s)]
+        {
+            write!(text, "{what}: {:.3} s in all", exposure.total)?;
+            match exposure.seed {
+                None => writeln!(text)?,
+                Some(seed) => writeln!(
+                    text,
+                    ", {:.3} s at worst, in seed {seed}\n  replay: {}",
+                    exposure.worst,
+                    replay(seed)
+                )?,
+            }
+        }
+        self.write_excused(text)?;
         writeln!(
             text,
             "{:.0} s simulated in {:.1} s of wall time: {:.0} times real time, {:.0} times per core",
@@ -278,5 +356,23 @@ impl CampaignDocument {
             self.simulated_s / self.wall_s,
             self.simulated_s / self.cpu_s
         )
+    }
+
+    /// What no companion could have kept, by cause and invariant.
+    fn write_excused(&self, text: &mut String) -> std::fmt::Result {
+        let mut sums: BTreeMap<_, (u64, f64, f64)> = BTreeMap::new();
+        for excused in &self.excused {
+            let (times, total_s, worst_s) = sums.entry((&*excused.cause, &*excused.invariant)).or_default();
+            *times += 1;
+            *total_s += excused.duration_s;
+            *worst_s = worst_s.max(excused.duration_s);
+        }
+        for ((cause, invariant), (times, total_s, worst_s)) in sums {
+            writeln!(
+                text,
+                "excused: {cause:<20} {invariant} {times:>7} times, {total_s:.3} s in all, {worst_s:.3} s at worst"
+            )?;
+        }
+        Ok(())
     }
 }

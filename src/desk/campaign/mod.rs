@@ -5,7 +5,8 @@ mod merge;
 mod pool;
 
 pub use document::{
-    CampaignDocument, Ending, FORMAT, FaultLine, FlightLine, Identity, Mean, Times, ViolationLine,
+    CampaignDocument, Ending, ExcusedLine, Exposure, FORMAT, FaultLine, FlightLine, Identity, Mean, Times,
+    ViolationLine,
 };
 pub use merge::{MergeError, merge, part_file_name};
 pub use pool::{Done, fly_all};

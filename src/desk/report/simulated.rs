@@ -43,8 +43,8 @@ pub fn timeline(
     timeline
         .events
         .extend(violations.iter().map(|v| event(EventKind::Violation, Severity::Error, v, v.to_string())));
-    timeline.events.extend(excused.iter().map(|Excused { violation, why }| {
-        let text = format!("{violation}; {why}");
+    timeline.events.extend(excused.iter().map(|Excused { violation, cause }| {
+        let text = format!("{violation}, for {} ms; {}", violation.lasted.as_millis(), cause.describe());
         event(EventKind::Excused, Severity::Warning, violation, text)
     }));
     timeline.events.sort_by(|a, b| a.at_s.total_cmp(&b.at_s));

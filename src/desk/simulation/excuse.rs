@@ -1,14 +1,10 @@
-//! Violations that are nobody's aboard: what a transmitter out of order does by itself, and what a simulation does that
-//! could not keep up with its own clock.
+//! What a simulation in real time that could not keep up with its own clock has upset; everything else is judged by the
+//! world itself.
 
 use std::time::Duration;
 
 use serde::Serialize;
-use veilwing_sitl::{Invariant, Violation};
-
-use crate::role::Role;
-
-use super::{Fault, index};
+use veilwing_sitl::{self as sim, Invariant, Violation};
 
 /// What the world's lateness has upset is upset for this much longer: S4's reactions and the leases.
 const AFTERWARDS: Duration = Duration::from_secs(1);
@@ -17,14 +13,61 @@ const AFTERWARDS: Duration = Duration::from_secs(1);
 const TIMED: [Invariant; 7] =
     [Invariant::S1, Invariant::S2, Invariant::S3, Invariant::S4, Invariant::S5, Invariant::F2, Invariant::F3];
 
+/// Why a violation does not count.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Cause {
+    /// One of the three that no companion can help.
+    Named(sim::Cause),
+    /// The world ran late: nothing in it is to be believed for a while. Never so in virtual time.
+    WorldLate(Late),
+}
+
+impl Cause {
+    /// As documents spell it.
+    #[must_use]
+    pub const fn name(&self) -> &'static str {
+        match self {
+            Self::Named(cause) => cause.name(),
+            Self::WorldLate(_) => "world-late",
+        }
+    }
+
+    /// Why it does not count, as a clause.
+    #[must_use]
+    pub fn describe(&self) -> String {
+        match self {
+            Self::Named(cause) => cause.describe().to_owned(),
+            Self::WorldLate(Late { from, by }) => {
+                format!("the world ran late by {} ms at {:.3} s", by.as_millis(), from.as_secs_f64())
+            }
+        }
+    }
+}
+
 /// A violation that does not count.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[serde(into = "ExcusedLine")]
 pub struct Excused {
     /// What was seen.
-    #[serde(flatten)]
     pub violation: Violation,
-    /// Why it does not count, as a clause.
-    pub why: String,
+    /// Why it does not count.
+    pub cause: Cause,
+}
+
+/// As documents have it.
+#[derive(Debug, Serialize)]
+struct ExcusedLine {
+    #[serde(flatten)]
+    violation: Violation,
+    cause: &'static str,
+    /// The same in words.
+    why: String,
+}
+
+impl From<Excused> for ExcusedLine {
+    fn from(Excused { violation, cause }: Excused) -> Self {
+        Self { violation, cause: cause.name(), why: cause.describe() }
+    }
 }
 
 /// A step in which a world in real time fell behind its clock: what it owed in between came all at once, at the end.
@@ -37,43 +80,27 @@ pub struct Late {
     pub by: Duration,
 }
 
-/// Parts the violations that count from those that do not.
+/// Takes what a late world has upset out of the violations that count, and names why the others do not.
 #[must_use]
-pub fn judge(
-    violations: Vec<Violation>,
-    faults: &[(Duration, Fault)],
-    late: &[Late],
-) -> (Vec<Violation>, Vec<Excused>) {
-    let (mut count, mut excused) = (Vec::new(), Vec::new());
-    for violation in violations {
-        match broken_radio(&violation, faults).or_else(|| late_world(&violation, late)) {
-            Some(why) => excused.push(Excused { violation, why }),
-            None => count.push(violation),
-        }
-    }
-    (count, excused)
-}
-
-/// A transmitter that no longer obeys: no companion can silence it, and what it emits by itself breaks S1 to S6 by
-/// construction. The rest is held to the invariants as ever: a transmitter of I excuses nothing that J does, nor a
-/// vehicle's path (F), nor anything before it broke.
-fn broken_radio(violation: &Violation, faults: &[(Duration, Fault)]) -> Option<String> {
-    let of = Role::BOTH.into_iter().find(|role| violation.vehicle == Some(index(*role)))?;
-    let broken = faults.iter().any(|(at, fault)| {
-        fault.kind.is_of_the_transmitter() && fault.roles.contains(&of) && *at <= violation.at
+pub fn judge(report: &mut sim::FlightReport, late: &[Late]) -> Vec<Excused> {
+    let named =
+        |excused: sim::Excused| Excused { violation: excused.violation, cause: Cause::Named(excused.cause) };
+    let mut excused: Vec<_> = std::mem::take(&mut report.excused).into_iter().map(named).collect();
+    report.violations.retain(|violation| {
+        let upset = late_world(violation, late);
+        excused.extend(upset.map(|late| Excused { violation: *violation, cause: Cause::WorldLate(late) }));
+        upset.is_none()
     });
-    (broken && violation.invariant().is_of_emission())
-        .then(|| format!("vehicle {of}'s transmitter was out of order"))
+    excused
 }
 
 /// State that comes late silences vehicles rightly, one before the other; that it came late was not their doing.
-fn late_world(violation: &Violation, late: &[Late]) -> Option<String> {
+fn late_world(violation: &Violation, late: &[Late]) -> Option<Late> {
     if !TIMED.contains(&violation.invariant()) {
         return None;
     }
     let upset = |step: &&Late| step.from <= violation.at && violation.at <= step.from + step.by + AFTERWARDS;
-    let worst = late.iter().filter(upset).max_by_key(|step| step.by)?;
-    Some(format!("the world ran late by {} ms at {:.3} s", worst.by.as_millis(), worst.from.as_secs_f64()))
+    late.iter().filter(upset).max_by_key(|step| step.by).copied()
 }
 
 #[cfg(test)]
@@ -81,56 +108,29 @@ mod tests {
     use veilwing_sitl::Breach;
 
     use super::*;
-    use crate::desk::simulation::FaultKind;
 
-    fn violation(vehicle: Option<usize>, at_s: f64, breach: Breach) -> Violation {
-        Violation { at: Duration::from_secs_f64(at_s), vehicle, breach }
-    }
-
-    #[test]
-    fn spec_a_broken_transmitter_excuses_its_own_emission_and_nothing_else() {
-        let broken = |role| {
-            let fault = Fault {
-                kind: FaultKind::TransmitterStuck,
-                roles: vec![role],
-                slot: None,
-                after: Duration::from_secs(30),
-                duration: None,
-                sizes: Vec::new(),
-                direction_rad: 0.0,
-            };
-            vec![(Duration::from_secs(30), fault)]
-        };
-        let (i, j) = (Some(index(Role::I)), Some(index(Role::J)));
-        let unprotected = violation(i, 31.0, Breach::Unprotected);
-        let left = violation(i, 31.0, Breach::JamLeft);
-        let jam = violation(j, 31.0, Breach::NoSlot);
-        let near = violation(None, 31.0, Breach::Near { distance_m: 3.0, least_m: 5.0 });
-        let fence = violation(j, 31.0, Breach::Fence { beyond_m: 3.0, position_m: [0.0; 2] });
-        let before = violation(i, 29.0, Breach::Unprotected);
-        for (violation, of_i, of_j) in [
-            (unprotected, true, false),
-            (left, true, false),
-            (jam, false, true),
-            (near, false, false),
-            (fence, false, false),
-            (before, false, false),
-        ] {
-            let excused = |faults: &[_]| judge(vec![violation], faults, &[]).1.len() == 1;
-            assert_eq!(excused(&broken(Role::I)), of_i, "{violation:?}");
-            assert_eq!(excused(&broken(Role::J)), of_j, "{violation:?}");
-            assert!(!excused(&[]));
+    fn report(violations: Vec<Violation>, excused: Vec<sim::Excused>) -> sim::FlightReport {
+        let per_vehicle = || sim::PerVehicle { i: 0.0, j: 0.0 };
+        sim::FlightReport {
+            flight_s: 60.0,
+            slots: Vec::new(),
+            outside_slots_s: per_vehicle(),
+            unprotected_s: 0.0,
+            emitted_out_of_pose_s: per_vehicle(),
+            violations,
+            excused,
+            min_separation_m: None,
         }
     }
 
     #[test]
-    fn spec_a_late_world_excuses_what_depends_on_time_near_its_lateness_and_nothing_else() {
+    fn val_a_late_world_excuses_what_depends_on_time_near_its_lateness_and_nothing_else() {
         let late = |from_s: u64, by_ms: u64| Late {
             from: Duration::from_secs(from_s),
             by: Duration::from_millis(by_ms),
         };
         let steps = [late(10, 40), late(30, 90), late(30, 60)];
-        let (i, after) = (Some(index(Role::I)), Duration::ZERO);
+        let after = Duration::ZERO;
         for (invariant, breach, at_s, expected) in [
             ("S3", Breach::JamLeft, 30.5, Some("the world ran late by 90 ms at 30.000 s")),
             ("S1", Breach::NoSlot, 31.05, Some("the world ran late by 90 ms at 30.000 s")),
@@ -141,13 +141,39 @@ mod tests {
             ("S5", Breach::Outlives { after }, 30.5, Some("the world ran late by 90 ms at 30.000 s")),
             ("F1", Breach::Near { distance_m: 1.0, least_m: 2.0 }, 30.5, None),
         ] {
-            let violation = violation(i, at_s, breach);
+            let at = Duration::from_secs_f64(at_s);
+            let violation = Violation { at, vehicle: Some(0), breach, lasted: Duration::ZERO };
             assert_eq!(violation.invariant().name(), invariant);
-            let (count, excused) = judge(vec![violation], &[], &steps);
-            assert_eq!(excused.first().map(|excused| excused.why.as_str()), expected, "{invariant} {at_s}");
-            assert_eq!(count.len() + excused.len(), 1);
+            let mut judged = report(vec![violation], Vec::new());
+            let excused = judge(&mut judged, &steps);
+            let why = excused.first().map(|excused| excused.cause.describe());
+            assert_eq!(why.as_deref(), expected, "{invariant} {at_s}");
+            assert_eq!(judged.violations.len() + excused.len(), 1);
             // Where lateness cannot be, nothing hides behind it.
-            assert_eq!(judge(vec![violation], &[], &[]).0.len(), 1);
+            let mut judged = report(vec![violation], Vec::new());
+            assert_eq!((judge(&mut judged, &[]), judged.violations), (vec![], vec![violation]));
         }
+    }
+
+    #[test]
+    fn val_a_named_cause_is_told_with_its_kind_and_its_duration() {
+        let violation = Violation {
+            at: Duration::from_secs(3),
+            vehicle: Some(0),
+            breach: Breach::Unprotected,
+            lasted: Duration::from_millis(12),
+        };
+        let mut judged = report(vec![], vec![sim::Excused { violation, cause: sim::Cause::JammerFailed }]);
+        let excused = judge(&mut judged, &[]);
+        let told = serde_json::to_value(excused).unwrap();
+        let expected = serde_json::json!([{
+            "invariant": "S1",
+            "at_s": 3.0,
+            "detail": "I radiates while J does not jam its slot as planned",
+            "duration_s": 0.012,
+            "cause": "jammer-failed",
+            "why": "J's vehicle or radio failed while a lease of I's ran",
+        }]);
+        assert_eq!(told, expected);
     }
 }

@@ -3,8 +3,8 @@
 //!
 //! `world` tells the world of a mission and its plan; `path` is a link that may lose, delay, repeat and reorder;
 //! `process` is one companion as its operating system would run it; `flight` moves all of them from event to event;
-//! `fault` draws what goes wrong; `supervisor` lets it befall the companions, and gives them up; `excuse` tells what is
-//! nobody's aboard; `scenario` flies a mission again and again, each time with a seed and its faults.
+//! `fault` draws what goes wrong; `supervisor` lets it befall the companions, and gives them up; `excuse` tells what does
+//! not count; `scenario` flies a mission again and again, each time with a seed and its faults.
 
 mod disk;
 mod excuse;
@@ -18,7 +18,7 @@ mod supervisor;
 mod vehicle;
 mod world;
 
-pub use excuse::{Excused, Late, judge};
+pub use excuse::{Cause, Excused, Late, judge};
 pub use fault::{Change, Fault, FaultKind, Faults, Lengths, Schedule, draw};
 pub use flight::{Flight, FlightError, Setup};
 pub use observer::{Observer, Wire};

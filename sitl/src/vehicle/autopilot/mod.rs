@@ -344,7 +344,8 @@ impl Autopilot {
                 if let Some(message) = self.message(id, sensed) {
                     router.send(To::Link(link), COMPONENT, &message);
                     if link == COMPANION_LINK {
-                        self.traces.sends(id, interval, self.estimator_ok, sensed.now);
+                        let health = [self.estimator_ok, self.gps_ok];
+                        self.traces.sends(id, interval, health, sensed.now);
                     }
                 }
             }

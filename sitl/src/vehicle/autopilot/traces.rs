@@ -36,6 +36,8 @@ pub(crate) struct Traces {
     pub out_of_control: Option<Shown>,
     /// The estimator's own messages show that it failed.
     pub bad_estimate: Option<Shown>,
+    /// The health that is told shows that GPS is lost, or that the estimator failed.
+    pub bad_health: Option<Shown>,
     /// The companion's last setpoint.
     pub setpoint_at: Option<Duration>,
     /// The companion's last HEARTBEAT.
@@ -57,7 +59,7 @@ impl Traces {
     }
 
     /// A message of this id goes to the companion, who is sent one every `interval`.
-    pub fn sends(&mut self, id: u32, interval: Duration, estimator_ok: bool, now: Duration) {
+    pub fn sends(&mut self, id: u32, interval: Duration, [estimator_ok, gps_ok]: [bool; 2], now: Duration) {
         // Of two streams that tell the same, the faster one's promise holds.
         let promise = |due: Option<Duration>| Some(due.filter(|due| *due > now).unwrap_or(now + interval));
         match id {
@@ -69,6 +71,7 @@ impl Traces {
             }
             ESTIMATOR_STATUS_DATA::ID | EKF_STATUS_REPORT_DATA::ID | SYS_STATUS_DATA::ID => {
                 show(&mut self.bad_estimate, !estimator_ok, now);
+                show(&mut self.bad_health, !estimator_ok || !gps_ok, now);
             }
             _ => {}
         }
@@ -183,7 +186,7 @@ mod tests {
     fn spec_what_is_shown_has_a_first_and_a_latest_time() {
         let mut traces = Traces::default();
         for (ms, ok) in [(1, true), (2, false), (3, false)] {
-            traces.sends(ESTIMATOR_STATUS_DATA::ID, MS, ok, ms * MS);
+            traces.sends(ESTIMATOR_STATUS_DATA::ID, MS, [ok, true], ms * MS);
             traces.beats(if ok { Mode::Companion } else { Mode::Hold }, true, ms * MS);
         }
         let shown = Some(Shown { first: 2 * MS, latest: 3 * MS });
@@ -193,11 +196,11 @@ mod tests {
         traces.beats(Mode::Companion, true, 5 * MS);
         assert_eq!(traces.out_of_control, None);
         assert_eq!(traces.state_due(), None);
-        traces.sends(ATTITUDE_QUATERNION_DATA::ID, 20 * MS, true, 5 * MS);
-        traces.sends(LOCAL_POSITION_NED_DATA::ID, 20 * MS, true, 7 * MS);
-        traces.sends(ATTITUDE_DATA::ID, 250 * MS, true, 8 * MS);
+        traces.sends(ATTITUDE_QUATERNION_DATA::ID, 20 * MS, [true; 2], 5 * MS);
+        traces.sends(LOCAL_POSITION_NED_DATA::ID, 20 * MS, [true; 2], 7 * MS);
+        traces.sends(ATTITUDE_DATA::ID, 250 * MS, [true; 2], 8 * MS);
         assert_eq!(traces.state_due(), Some(25 * MS));
-        traces.sends(ATTITUDE_QUATERNION_DATA::ID, 20 * MS, true, 25 * MS);
+        traces.sends(ATTITUDE_QUATERNION_DATA::ID, 20 * MS, [true; 2], 25 * MS);
         assert_eq!(traces.state_due(), Some(27 * MS));
     }
 }

@@ -184,9 +184,14 @@ impl Transmitter {
             return Outcome::NotNewer;
         }
         self.numbered.newest = number;
-        if self.stuck {
-            return Outcome::Failed;
+        match self.switch(command, now) {
+            _ if self.stuck => Outcome::Failed,
+            outcome => outcome,
         }
+    }
+
+    /// Radiates what a command that is newer asks for.
+    fn switch(&mut self, command: &COMMAND_INT_DATA, now: Duration) -> Outcome {
         let asked_dbm = f64::from(command.param1);
         if asked_dbm == f64::NEG_INFINITY {
             self.emit(None);
@@ -231,7 +236,7 @@ mod tests {
     const NOW: Duration = Duration::from_millis(123_456);
 
     fn transmitter() -> Transmitter {
-        Transmitter::new(30.0, Noise::new(7, Purpose::Radio, 0))
+        Transmitter::new(30.0, true, Noise::new(7, Purpose::Radio, 0))
     }
 
     /// A command that is obeyed, unless a field is changed.

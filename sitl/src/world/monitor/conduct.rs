@@ -7,15 +7,17 @@
 
 use std::time::Duration;
 
-use super::{I, LEASE, Monitor};
+use super::{I, LEASE, Monitor, WIRE};
 use crate::vehicle::autopilot::{Shown, Taken, Traces};
 use crate::world::circumstances::{Circumstances, Passage};
 use crate::world::violation::Breach;
 
 /// S4: 100 ms from the first sign on the wire; the sign's and the command's way, and the steps of all who take part.
 const REACTION: Duration = Duration::from_millis(150);
+/// A lease's length, and the wire.
+const LEASED: Duration = LEASE.saturating_add(WIRE);
 /// A cut link: S4's reaction, and the lease of a command that could still be given within it.
-const CUT: Duration = LEASE.saturating_add(Duration::from_millis(100));
+const CUT: Duration = LEASED.saturating_add(Duration::from_millis(100));
 /// What a companion has sent may be under way for so long, on a good link and on an impaired one.
 const UNDER_WAY: [Duration; 2] = [Duration::from_millis(100), Duration::from_millis(500)];
 
@@ -142,7 +144,7 @@ impl Monitor {
         let bad_estimate = of(side.sign(traces.bad_estimate), reaction);
         let state_late = of(state, reaction);
         let link_cut = of(side.cut_since, CUT);
-        let unheard = of(side.unheard_since, LEASE + under_way);
+        let unheard = of(side.unheard_since, LEASED + under_way);
         self.lasting(now, Some(v), out_of_control, |after| Breach::OutOfControl { after });
         self.lasting(now, Some(v), bad_estimate, |after| Breach::BadEstimate { after });
         self.lasting(now, Some(v), state_late, |after| Breach::StateLate { after });
@@ -164,7 +166,7 @@ impl Monitor {
     /// S4 of the pair: J that falls silent out of turn says so, and I follows.
     fn following(&mut self, now: Duration, emitting: [Emitting; 2]) {
         let well = self.sides.iter().all(Side::is_well);
-        let bare = self.bare_since.filter(|(_, had_jam)| well && *had_jam && emitting[0].radiates);
+        let bare = self.protection.bare_since.filter(|(_, had_jam)| well && *had_jam && emitting[0].radiates);
         let reaction = REACTION + self.allowance;
         let held = bare.map(|(since, _)| now.saturating_sub(since)).filter(|held| *held > reaction);
         self.lasting(now, I, held, |after| Breach::Bare { after });
@@ -173,9 +175,9 @@ impl Monitor {
     /// S5: what a companion leaves on the air when it is gone, and how long any command could last.
     fn outliving(&mut self, v: usize, now: Duration, emitting: Emitting) {
         let gone = self.sides[v].gone_since.map(|since| now.saturating_sub(since));
-        let left = gone.filter(|gone| emitting.radiates && *gone > LEASE);
+        let left = gone.filter(|gone| emitting.radiates && *gone > LEASED);
         self.lasting(now, Some(v), left, |after| Breach::Outlives { after });
-        let lasts = emitting.lasts.filter(|lasts| *lasts > LEASE);
+        let lasts = emitting.lasts.filter(|lasts| *lasts > LEASED);
         self.lasting(now, Some(v), lasts, |lasts| Breach::Endless { lasts });
     }
 

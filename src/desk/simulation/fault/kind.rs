@@ -199,12 +199,6 @@ impl FaultKind {
         matches!(self, Self::CompanionKill | Self::CompanionRestart | Self::CompanionStop)
     }
 
-    /// Whether it leaves the transmitter to itself: nobody can silence it any more.
-    #[must_use]
-    pub const fn is_of_the_transmitter(self) -> bool {
-        matches!(self, Self::TransmitterStuck | Self::TransmitterIgnoresExpiry)
-    }
-
     /// Whether it is between the vehicles, and so has no one vehicle of its own unless one direction is meant.
     #[must_use]
     pub const fn is_of_the_pair(self) -> bool {

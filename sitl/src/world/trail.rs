@@ -1,0 +1,44 @@
+//! Where a vehicle has lately been: whether one that comes on the air out of its pose was there a moment ago.
+
+use std::collections::VecDeque;
+use std::time::Duration;
+
+use nalgebra::{UnitQuaternion, Vector3};
+
+use super::config::{Off, Reference, Tolerance};
+use super::monitor::{FAINT_REACTION, POSE_REACTION};
+
+/// One instant.
+#[derive(Debug, Clone, Copy)]
+struct Step {
+    at: Duration,
+    position: Vector3<f64>,
+    attitude: UnitQuaternion<f64>,
+}
+
+/// The last steps, as far back as anything may be overlooked.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Trail {
+    steps: VecDeque<Step>,
+}
+
+impl Trail {
+    /// Where it is now.
+    pub fn keep(&mut self, now: Duration, position: Vector3<f64>, attitude: UnitQuaternion<f64>) {
+        while self.steps.front().is_some_and(|step| step.at + FAINT_REACTION < now) {
+            self.steps.pop_front();
+        }
+        self.steps.push_back(Step { at: now, position, attitude });
+    }
+
+    /// Whether a vehicle that is now so far off has been so for longer than that may be overlooked.
+    pub fn was_out(&self, off: Off, plan: &Reference, tolerance: &Tolerance, now: Duration) -> bool {
+        let reaction = match off {
+            Off::Nothing => return false,
+            Off::Little => FAINT_REACTION,
+            Off::Much => POSE_REACTION,
+        };
+        let recent = self.steps.iter().rev().take_while(|step| step.at + reaction >= now);
+        recent.map(|step| tolerance.judge(plan, &step.position, &step.attitude)).all(|was| was >= off)
+    }
+}
