@@ -106,7 +106,8 @@ impl Companion {
         let events = std::iter::from_fn(|| self.service.poll_event()).count();
         assert!(events <= 3, "{}: {events} events at once", self.role);
         let vehicle = Vehicle {
-            state_since: Some(now),
+            state_received_at: Some(now),
+            state_taken_from: Some(now),
             state_period: TICK,
             position_enu_m: Some(POSE.position_enu_m),
             attitude: Some((POSE.attitude(), now)),

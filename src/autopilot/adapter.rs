@@ -19,11 +19,12 @@ use super::position_control::Measured;
 use super::preflight::{self, Evidence};
 use super::pursuit::Aim;
 use super::setpoint::{Setpoint, Stream, Surroundings};
-use super::settings::Settings;
+use super::settings::{Actuation, Settings};
 use super::state::{Timed, VehicleState};
 use super::statustext::Texts;
 use super::streams::Streams;
 use super::telemetry::Telemetry;
+use crate::geo::Attitude;
 use crate::preflight::Check;
 use crate::time::{Instant, Utc};
 
@@ -102,7 +103,7 @@ impl Autopilot {
         }
         let peer = self.peer.as_ref().filter(|peer| peer.address == sender);
         let Some(firmware) = peer.map(|peer| peer.firmware) else { return };
-        if self.telemetry.shows_restart(message) {
+        if self.telemetry.shows_restart(message, now) {
             self.handle_restart(firmware, now);
         }
         let is_stream =
@@ -142,6 +143,7 @@ impl Autopilot {
         }
         if self.peer.is_some() && !self.link.is_lost() {
             self.streams.advance(now, &mut self.commands);
+            self.ask_time(now);
             let streamed_for = self.stream.streamed_for(now);
             self.hand(now, |control, _, context| control.advance(streamed_for, context));
             self.advance_specifics(now);
@@ -170,6 +172,7 @@ impl Autopilot {
             (alive(self.commands.timeout()), "command"),
             (alive(self.parameters.timeout()), "parameter"),
             (alive(self.streams.timeout()), "telemetry"),
+            (alive(self.peer.as_ref().map(|_| self.telemetry.clock.timeout())), "autopilot's clock"),
             (alive(self.control.timeout()), "control"),
         ]
         .into_iter()
@@ -267,10 +270,19 @@ impl Autopilot {
         &self.settings
     }
 
-    /// When the older of position and attitude was received; `None` while one is unknown or the link is lost.
+    /// When the older of position and attitude was received; `None` while one is unknown or the link is lost. Copies, and
+    /// what was overtaken on its way, do not count.
     #[must_use]
-    pub fn state_since(&self) -> Option<Instant> {
-        self.telemetry.state.pose_since().filter(|_| !self.link.is_lost())
+    pub fn state_received_at(&self) -> Option<Instant> {
+        self.telemetry.state.pose_received_at().filter(|_| !self.link.is_lost())
+    }
+
+    /// The instant before which the older of position and attitude was certainly not taken, by the autopilot's clock as it
+    /// is tracked; `None` as above, and while that clock is not known.
+    #[must_use]
+    pub fn state_taken_from(&self, now: Instant) -> Option<Instant> {
+        let taken = self.telemetry.state.pose_taken().filter(|_| !self.link.is_lost())?;
+        self.telemetry.clock.taken_from(taken, now)
     }
 
     /// Time between two messages of position or attitude, whichever is longer, as granted and as they come.
@@ -279,16 +291,29 @@ impl Autopilot {
         self.streams.state_period().unwrap_or_else(|| self.settings.period())
     }
 
-    /// Age of the older of position and attitude; `None` as above.
+    /// The newest attitude, and when it was taken: by the autopilot's clock, laid on ours but for a constant and for drift,
+    /// so that the time between two of them is right however they were delayed.
     #[must_use]
-    pub fn state_age(&self, now: Instant) -> Option<Duration> {
-        self.state_since().map(|since| now.saturating_since(since))
+    pub fn attitude(&self) -> Option<(Attitude, Instant)> {
+        let attitude = self.telemetry.state.attitude?;
+        Some((attitude.value, self.telemetry.clock.on_our_clock(attitude.taken)?))
     }
 
-    /// Whether position and attitude were received a moment ago and the link stands.
+    /// Age of the older of position and attitude, at the most; `None` as above.
+    #[must_use]
+    pub fn state_age(&self, now: Instant) -> Option<Duration> {
+        self.state_taken_from(now).map(|taken| now.saturating_since(taken))
+    }
+
+    /// Whether position and attitude are known as they were a moment ago, and the link stands.
     #[must_use]
     pub fn fresh(&self, now: Instant) -> bool {
-        self.state_age(now).is_some_and(|age| age <= self.settings.freshness)
+        self.hears_state(now) && self.state_age(now).is_some_and(|age| age <= self.settings.freshness)
+    }
+
+    /// Whether position and attitude were received a moment ago, of whenever they are.
+    fn hears_state(&self, now: Instant) -> bool {
+        self.state_received_at().is_some_and(|at| now.saturating_since(at) <= self.settings.freshness)
     }
 
     /// Whether we took control and the last heartbeat shows the companion's mode, armed.
@@ -328,6 +353,8 @@ impl Autopilot {
             state: self.state(),
             streams: &self.streams,
             fresh: self.fresh(now),
+            age: self.state_age(now).filter(|_| self.hears_state(now)),
+            tracking: self.telemetry.clock.tracking(now),
             utc_uncertainty: self.utc_uncertainty(),
         });
         all.extend(peer.specifics.checks(&self.parameters, &self.settings));
@@ -381,6 +408,14 @@ impl Autopilot {
         }
     }
 
+    fn ask_time(&mut self, now: Instant) {
+        if let Some(peer) = &self.peer
+            && let Some(question) = self.telemetry.clock.ask(peer.address, now)
+        {
+            self.out.send(question);
+        }
+    }
+
     fn learn_scales(&mut self) {
         let specifics = self.peer.as_mut().map(|peer| &mut peer.specifics);
         if let Some(scales) = specifics.and_then(|s| s.parameter_heard(&mut self.parameters)) {
@@ -396,12 +431,17 @@ impl Autopilot {
         });
     }
 
-    /// What a setpoint is built on; `None` while none may go out, and while position or attitude are not fresh: it would
-    /// be a guess.
+    /// What a setpoint is built on; `None` while none may go out, and while position or attitude do not come, or are too old
+    /// to close a loop over them: it would be a guess.
     fn surroundings(&self, now: Instant) -> Option<Surroundings> {
         let Peer { firmware, address, specifics } = self.peer.as_ref()?;
         let state = &self.telemetry.state;
-        if !self.control.lets_out_setpoints(*firmware, state) || !self.fresh(now) {
+        let known = match self.settings.actuation {
+            Actuation::ThrustVector => self.fresh(now),
+            // The autopilot closes the loop, over what it knows itself.
+            Actuation::Pose | Actuation::Position => self.hears_state(now),
+        };
+        if !known || !self.control.lets_out_setpoints(*firmware, state) {
             return None;
         }
         let (position_enu_m, velocity_enu_m_s) = self.telemetry.motion()?;

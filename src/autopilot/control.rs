@@ -383,8 +383,9 @@ pub(super) fn is_ours(state: &VehicleState) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::autopilot::BootTime;
     use crate::autopilot::context::tests::Bench;
-    use crate::autopilot::state::Timed;
+    use crate::autopilot::state::{Sampled, Timed};
     use mavlink::dialects::ardupilotmega::MavCmd;
 
     const LONG_ENOUGH: Duration = Duration::from_secs(2);
@@ -414,7 +415,8 @@ mod tests {
 
         fn see(&mut self, altitude_m: f64, landed: Landed) {
             let now = self.bench.now;
-            self.bench.state.position_enu_m = Some(Timed::new(Enu::new(0.0, 0.0, altitude_m), now));
+            let position = Enu::new(0.0, 0.0, altitude_m);
+            self.bench.state.position_enu_m = Some(Sampled::new(position, BootTime::ZERO, now));
             self.bench.state.landed = Some(Timed::new(landed, now));
             self.control.handle_telemetry(&mut self.bench.context());
         }

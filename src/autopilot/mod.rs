@@ -10,6 +10,7 @@
 //! the mind behind them* (F3): each goes out once, when it is set.
 
 mod adapter;
+mod boot_clock;
 mod clock;
 mod command;
 mod context;
@@ -37,10 +38,11 @@ mod tests;
 
 pub use crate::preflight::{Check, Verdict};
 pub use adapter::Autopilot;
+pub use boot_clock::BootTime;
 pub use event::{EstimatorFault, Event};
 pub use firmware::{Firmware, Mode};
 pub use heartbeat::heartbeat;
 pub use param_value::ParamValue;
 pub use setpoint::Setpoint;
 pub use settings::{Actuation, FirmwareChoice, Settings};
-pub use state::{Battery, Landed, Timed, VehicleState};
+pub use state::{Battery, Landed, Sampled, Timed, VehicleState};

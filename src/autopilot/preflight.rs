@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use mavlink::dialects::ardupilotmega::MavType;
 
+use super::boot_clock::Tracking;
 use super::firmware::Firmware;
 use super::settings::{Actuation, Settings};
 use super::state::{Landed, VehicleState};
@@ -25,6 +26,10 @@ pub(super) struct Evidence<'a> {
     pub(super) streams: &'a Streams,
     /// Whether position and attitude are fresh.
     pub(super) fresh: bool,
+    /// Their age at the most, if they come and it is known.
+    pub(super) age: Option<Duration>,
+    /// How well the autopilot's clock is known.
+    pub(super) tracking: Tracking,
     pub(super) utc_uncertainty: Option<Duration>,
 }
 
@@ -82,12 +87,7 @@ fn actuation(firmware: Firmware, actuation: Actuation) -> Check {
 }
 
 fn telemetry(evidence: &Evidence) -> Vec<Check> {
-    let mut all = Vec::new();
-    all.push(if evidence.fresh {
-        check("position and attitude", Verdict::Pass, "fresh")
-    } else {
-        check("position and attitude", Verdict::Fail, "not received within the freshness limit")
-    });
+    let mut all = vec![age(evidence), boot_clock(evidence.tracking)];
     let slow = evidence.streams.report().filter(|stream| !stream.good).collect::<Vec<_>>();
     if slow.is_empty() {
         all.push(check("telemetry", Verdict::Pass, "every stream comes at its rate"));
@@ -109,6 +109,40 @@ fn telemetry(evidence: &Evidence) -> Vec<Check> {
         None => check("clock", Verdict::Fail, "no UTC in SYSTEM_TIME: wait for GPS"),
     });
     all
+}
+
+fn age(evidence: &Evidence) -> Check {
+    let limit_ms = evidence.settings.freshness.as_millis();
+    match evidence.age {
+        _ if evidence.fresh => check("position and attitude", Verdict::Pass, "fresh"),
+        Some(age) => {
+            let detail = format!(
+                "up to {} ms old when they are used, should be at most {limit_ms} ms: the autopilot's link delays them",
+                age.as_millis()
+            );
+            check("position and attitude", Verdict::Fail, detail)
+        }
+        None => check("position and attitude", Verdict::Fail, "not received within the freshness limit"),
+    }
+}
+
+fn boot_clock(tracking: Tracking) -> Check {
+    let name = "age of telemetry";
+    match tracking {
+        Tracking::RoundTrip(shortest) => {
+            check(name, Verdict::Pass, format!("known within {} ms, by TIMESYNC", shortest.as_millis()))
+        }
+        Tracking::Asking => check(name, Verdict::Fail, "TIMESYNC is not answered yet"),
+        Tracking::Lost => {
+            check(name, Verdict::Fail, "TIMESYNC is answered no more: check the autopilot's link")
+        }
+        Tracking::OneWay => check(
+            name,
+            Verdict::Warn,
+            "the autopilot does not answer TIMESYNC: telemetry that is late from the start, or stays so for a minute, \
+             counts as fresh",
+        ),
+    }
 }
 
 fn readiness(state: &VehicleState, settings: &Settings) -> Vec<Check> {

@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use mavlink::dialects::ardupilotmega::MavType;
 
+use super::boot_clock::BootTime;
 use super::firmware::{Firmware, Mode};
 use crate::geo::{Attitude, Enu, EnuVelocity, Geodetic, LocalFrame};
 use crate::time::Instant;
@@ -25,6 +26,23 @@ impl<T> Timed<T> {
     /// Time since it was received.
     pub fn age(&self, now: Instant) -> Duration {
         now.saturating_since(self.received_at)
+    }
+}
+
+/// A value that the autopilot has stamped with its own time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sampled<T> {
+    /// The value.
+    pub value: T,
+    /// The autopilot's time when it was taken.
+    pub taken: BootTime,
+    /// When the message that carried it arrived.
+    pub received_at: Instant,
+}
+
+impl<T> Sampled<T> {
+    pub(super) fn new(value: T, taken: BootTime, received_at: Instant) -> Self {
+        Self { value, taken, received_at }
     }
 }
 
@@ -62,11 +80,11 @@ pub struct VehicleState {
     /// The kind of vehicle, from HEARTBEAT.
     pub vehicle_type: Option<MavType>,
     /// The estimator's position in the mission frame, in metres.
-    pub position_enu_m: Option<Timed<Enu>>,
+    pub position_enu_m: Option<Sampled<Enu>>,
     /// The estimator's velocity in m/s, ENU.
     pub velocity_enu_m_s: Option<Timed<EnuVelocity>>,
     /// The estimator's attitude.
-    pub attitude: Option<Timed<Attitude>>,
+    pub attitude: Option<Sampled<Attitude>>,
     /// Whether the motors are armed.
     pub armed: Option<Timed<bool>>,
     /// The flight mode.
@@ -103,8 +121,13 @@ impl VehicleState {
     }
 
     /// When the older of position and attitude was received; `None` while one is unknown.
-    pub(super) fn pose_since(&self) -> Option<Instant> {
+    pub(super) fn pose_received_at(&self) -> Option<Instant> {
         Some(self.position_enu_m?.received_at.min(self.attitude?.received_at))
+    }
+
+    /// When the older of them was taken, by the autopilot's clock.
+    pub(super) fn pose_taken(&self) -> Option<BootTime> {
+        Some(self.position_enu_m?.taken.min(self.attitude?.taken))
     }
 
     /// The mode of the last heartbeat.

@@ -6,15 +6,14 @@ use mavlink::dialects::ardupilotmega::{
     EkfStatusFlags, EstimatorStatusFlags, MavLandedState, MavMessage, MavSysStatusSensor,
 };
 
+use super::boot_clock::{BootClock, BootTime};
 use super::clock::UtcEstimate;
 use super::event::{EstimatorFault, Event};
 use super::outbox::Outbox;
-use super::state::{Battery, Landed, Timed, VehicleState};
+use super::state::{Battery, Landed, Sampled, Timed, VehicleState};
 use crate::geo::{Attitude, Enu, EnuVelocity, Geodetic, LocalFrame, Ned, NedVelocity};
 use crate::time::Instant;
 
-/// A boot clock that goes back by more than this belongs to a new boot; less is reordering on the way.
-const BOOT_BACKWARDS_MS: u32 = 2000;
 /// The origin may be refined by this much on the ground or in flight without being another one.
 const ORIGIN_TOLERANCE_M: f64 = 0.5;
 /// A variance of ArduPilot's estimator at which it calls itself failed (FS_EKF_THRESH is below).
@@ -27,9 +26,9 @@ pub(super) struct Telemetry {
     position_jump_m: f64,
     pub(super) state: VehicleState,
     pub(super) utc: UtcEstimate,
-    boot_ms: Option<u32>,
-    /// The last local position and velocity with the autopilot's own time, in seconds, for the jump test.
-    last_local: Option<(Ned, NedVelocity, f64)>,
+    pub(super) clock: BootClock,
+    /// The last local position and velocity with the autopilot's own time, for the jump test.
+    last_local: Option<(Ned, NedVelocity, BootTime)>,
     estimator_flags: Option<bool>,
     sensors: Option<bool>,
 }
@@ -41,7 +40,7 @@ impl Telemetry {
             position_jump_m,
             state: VehicleState::default(),
             utc: UtcEstimate::default(),
-            boot_ms: None,
+            clock: BootClock::default(),
             last_local: None,
             estimator_flags: None,
             sensors: None,
@@ -53,36 +52,28 @@ impl Telemetry {
         let VehicleState { system, firmware, .. } = self.state;
         self.state = VehicleState { system, firmware, ..VehicleState::default() };
         self.utc.clear();
-        self.boot_ms = None;
+        self.clock.clear();
         self.last_local = None;
         self.estimator_flags = None;
         self.sensors = None;
     }
 
     /// Whether this message shows that the autopilot has restarted.
-    pub(super) fn shows_restart(&mut self, message: &MavMessage) -> bool {
-        let boot_ms = match message {
-            MavMessage::SYSTEM_TIME(m) => m.time_boot_ms,
-            MavMessage::LOCAL_POSITION_NED(m) => m.time_boot_ms,
-            MavMessage::ATTITUDE_QUATERNION(m) => m.time_boot_ms,
-            MavMessage::GLOBAL_POSITION_INT(m) => m.time_boot_ms,
-            _ => return false,
-        };
-        let before = self.boot_ms.unwrap_or(boot_ms);
-        self.boot_ms = Some(before.max(boot_ms));
-        // Half the range apart is the counter's wrap after 49 days.
-        let back = before.saturating_sub(boot_ms);
-        let restarted = back > BOOT_BACKWARDS_MS && back < u32::MAX / 2;
-        if back > BOOT_BACKWARDS_MS {
-            self.boot_ms = Some(boot_ms);
-        }
-        restarted
+    pub(super) fn shows_restart(&self, message: &MavMessage, now: Instant) -> bool {
+        boot_ms(message).is_some_and(|stamp| self.clock.shows_restart(stamp, now))
     }
 
     pub(super) fn handle(&mut self, message: &MavMessage, now: Instant, out: &mut Outbox) {
+        if let Some(stamp) = boot_ms(message) {
+            let taken = self.clock.hear(stamp, now);
+            match message {
+                MavMessage::LOCAL_POSITION_NED(m) => self.local_position(m, taken, now, out),
+                MavMessage::ATTITUDE_QUATERNION(m) => self.attitude(m, taken, now, out),
+                _ => {}
+            }
+        }
         match message {
-            MavMessage::LOCAL_POSITION_NED(m) => self.local_position(m, now, out),
-            MavMessage::ATTITUDE_QUATERNION(m) => self.attitude(m, now, out),
+            MavMessage::TIMESYNC(m) => self.clock.handle_timesync(m, now),
             MavMessage::GLOBAL_POSITION_INT(m) => {
                 let point = geodetic(m.lat, m.lon, m.alt);
                 self.state.global_position_enu_m = Some(Timed::new(point.to_enu(self.mission), now));
@@ -111,16 +102,25 @@ impl Telemetry {
         }
     }
 
-    fn local_position(&mut self, m: &mav::LOCAL_POSITION_NED_DATA, now: Instant, out: &mut Outbox) {
+    fn local_position(
+        &mut self,
+        m: &mav::LOCAL_POSITION_NED_DATA,
+        taken: BootTime,
+        now: Instant,
+        out: &mut Outbox,
+    ) {
         let local = Ned::new(m.x.into(), m.y.into(), m.z.into());
         let velocity = NedVelocity::new(m.vx.into(), m.vy.into(), m.vz.into());
         if !local.vector().iter().chain(velocity.vector().iter()).all(|c| c.is_finite()) {
             fault(out, EstimatorFault::NotFinite { message: mav::LOCAL_POSITION_NED_DATA::NAME });
             return;
         }
-        let at_s = f64::from(m.time_boot_ms) * 1e-3;
-        if let Some((last, last_velocity, last_s)) = self.last_local {
-            let span_s = (at_s - last_s).clamp(0.0, 5.0);
+        // A copy, or one that was overtaken, tells nothing new.
+        if self.last_local.is_some_and(|(.., last)| taken <= last) {
+            return;
+        }
+        if let Some((last, last_velocity, last_taken)) = self.last_local {
+            let span_s = taken.seconds_since(last_taken).clamp(0.0, 5.0);
             let flown = 0.5 * span_s * (velocity.vector() + last_velocity.vector());
             let distance_m = (local.vector() - last.vector() - flown).norm();
             // Over a gap in the telemetry the vehicle may have turned round: allow for 5 m/s of it.
@@ -128,16 +128,24 @@ impl Telemetry {
                 fault(out, EstimatorFault::Jump { distance_m });
             }
         }
-        self.last_local = Some((local, velocity, at_s));
+        self.last_local = Some((local, velocity, taken));
         self.state.velocity_enu_m_s = Some(Timed::new(velocity.into(), now));
         if let Some(frame) = self.state.local_frame(self.mission) {
-            self.state.position_enu_m = Some(Timed::new(frame.position_to_enu(local), now));
+            self.state.position_enu_m = Some(Sampled::new(frame.position_to_enu(local), taken, now));
         }
     }
 
-    fn attitude(&mut self, m: &mav::ATTITUDE_QUATERNION_DATA, now: Instant, out: &mut Outbox) {
+    fn attitude(
+        &mut self,
+        m: &mav::ATTITUDE_QUATERNION_DATA,
+        taken: BootTime,
+        now: Instant,
+        out: &mut Outbox,
+    ) {
+        let is_old = self.state.attitude.is_some_and(|last| taken <= last.taken);
         match Attitude::from_mavlink([m.q1.into(), m.q2.into(), m.q3.into(), m.q4.into()]) {
-            Some(attitude) => self.state.attitude = Some(Timed::new(attitude, now)),
+            Some(_) if is_old => {}
+            Some(attitude) => self.state.attitude = Some(Sampled::new(attitude, taken, now)),
             None => fault(out, EstimatorFault::NotFinite { message: mav::ATTITUDE_QUATERNION_DATA::NAME }),
         }
     }
@@ -239,6 +247,17 @@ impl Telemetry {
     /// Position and velocity if both are known.
     pub(super) fn motion(&self) -> Option<(Enu, EnuVelocity)> {
         Some((self.state.position_enu_m?.value, self.state.velocity_enu_m_s?.value))
+    }
+}
+
+/// What a message that carries the autopilot's own time is stamped by.
+fn boot_ms(message: &MavMessage) -> Option<u32> {
+    match message {
+        MavMessage::SYSTEM_TIME(m) => Some(m.time_boot_ms),
+        MavMessage::LOCAL_POSITION_NED(m) => Some(m.time_boot_ms),
+        MavMessage::ATTITUDE_QUATERNION(m) => Some(m.time_boot_ms),
+        MavMessage::GLOBAL_POSITION_INT(m) => Some(m.time_boot_ms),
+        _ => None,
     }
 }
 

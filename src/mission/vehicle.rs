@@ -25,10 +25,11 @@ impl Executive {
     pub(super) fn vehicle(&self, now: Instant) -> Vehicle {
         let state = self.autopilot.state();
         Vehicle {
-            state_since: self.autopilot.state_since(),
+            state_received_at: self.autopilot.state_received_at(),
+            state_taken_from: self.autopilot.state_taken_from(now),
             state_period: self.autopilot.state_period(),
             position_enu_m: state.position_enu_m.map(|p| p.value),
-            attitude: state.attitude.map(|attitude| (attitude.value, attitude.received_at)),
+            attitude: self.autopilot.attitude(),
             in_control: self.autopilot.in_control() && !matches!(self.stopping, Stopping::Since(_)),
             estimator_ok: self.estimator_ok(),
             arrived: self.phase.is_in_service()

@@ -9,8 +9,10 @@ use crate::time::Instant;
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Vehicle {
     /// When the older of position and attitude was received last; `None` without either.
-    pub state_since: Option<Instant>,
-    /// How long that may go on without a new one: the period at which both come.
+    pub state_received_at: Option<Instant>,
+    /// The instant before which the older of them was certainly not taken; `None` while that is not known.
+    pub state_taken_from: Option<Instant>,
+    /// How long it may go on without a new one: the period at which both come.
     pub state_period: Duration,
     /// Position, east-north-up about the mission's origin.
     pub position_enu_m: Option<Enu>,

@@ -1,8 +1,11 @@
 //! Vehicle state that is late: what it means for power, well before it means anything for the flight.
 //!
-//! A vehicle whose state does not come may be anywhere (S4). I is off as soon as a message is [`LATE`] overdue. J must
-//! not leave I uncovered for a hiccup of its own link: then it says that it is about to fall silent, vouches no more,
-//! and is off only [`LOST`] after the first message that did not come, when I is off already.
+//! A vehicle whose state does not come may be anywhere, and one whose state comes from long ago may be as well (S4). So
+//! two things are judged: how long the next message is overdue, by receipt, and how old the newest sample is, by the
+//! autopilot's own clock, at the most. I is off as soon as a message is [`LATE`] overdue, or the sample nearly as old as
+//! may be. J must not leave I uncovered for a hiccup of its own link: then it says that it is about to fall silent,
+//! vouches no more, and is off only [`LOST`] after the first message that did not come, or at the limit of age, when I is
+//! off already.
 //!
 //! Lateness is judged at timeouts alone, never at a message: a process that was not run finds messages at its door, and
 //! the state that it misses may be the next of them.
@@ -18,21 +21,33 @@ use super::evidence::Vehicle;
 const LATE: Duration = Duration::from_millis(30);
 /// Overdue for so long, it is lost: S4's 100 ms less the way of the command.
 const LOST: Duration = Duration::from_millis(70);
+/// So much before the limit of age a sample counts as late.
+const AGEING: Duration = Duration::from_millis(40);
 
 /// How old a vehicle's state may become.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Freshness {
-    /// State that is older is never used.
+    /// State that was taken longer ago, or received, is never used.
     pub limit: Duration,
     /// How much later than planned a busy machine may run the process.
     pub scheduling_allowance: Duration,
+}
+
+/// How late state may be.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Allowed {
+    /// Not late.
+    InTime,
+    /// Late, but not lost.
+    Late,
 }
 
 /// Judges the age of the vehicle's state.
 #[derive(Debug, Clone)]
 pub(super) struct Staleness {
     freshness: Freshness,
-    since: Option<Instant>,
+    received_at: Option<Instant>,
+    taken_from: Option<Instant>,
     period: Duration,
     /// The last timeout: the instant at which state may count as late.
     judged_at: Instant,
@@ -42,12 +57,20 @@ pub(super) struct Staleness {
 
 impl Staleness {
     pub fn new(freshness: Freshness, now: Instant) -> Self {
-        Self { freshness, since: None, period: Duration::ZERO, judged_at: now, told: false }
+        Self {
+            freshness,
+            received_at: None,
+            taken_from: None,
+            period: Duration::ZERO,
+            judged_at: now,
+            told: false,
+        }
     }
 
-    /// Takes in when the newest state came.
+    /// Takes in when the newest state came, and since when it is.
     pub fn feed(&mut self, vehicle: &Vehicle) {
-        self.since = vehicle.state_since;
+        self.received_at = vehicle.state_received_at;
+        self.taken_from = vehicle.state_taken_from;
         self.period = vehicle.state_period;
     }
 
@@ -56,38 +79,45 @@ impl Staleness {
         self.judged_at = now;
     }
 
-    /// Ages count from the last message that came, overdue time from when the next was due.
-    fn limit(&self, overdue: Duration) -> Duration {
-        (self.period + self.freshness.scheduling_allowance + overdue).min(self.freshness.limit)
+    /// When the newest state becomes later than that; `None` without one. Time overdue counts from when the next message
+    /// was due, age from when the sample was taken.
+    fn ends_at(&self, allowed: Allowed) -> Option<Instant> {
+        let limit = self.freshness.limit;
+        let (overdue, age) = match allowed {
+            Allowed::InTime => (LATE, limit.saturating_sub(AGEING)),
+            Allowed::Late => (LOST, limit),
+        };
+        let silence = (self.period + self.freshness.scheduling_allowance + overdue).min(limit);
+        Some((self.received_at? + silence).min(self.taken_from? + age))
     }
 
-    fn is_younger_than(&self, limit: Duration) -> bool {
-        self.since.is_some_and(|since| self.judged_at.saturating_since(since) < limit)
+    fn is(&self, allowed: Allowed) -> bool {
+        self.ends_at(allowed).is_some_and(|end| self.judged_at < end)
     }
 
     /// Whether the newest state is recent enough to radiate on it.
     pub fn may_radiate(&self, role: Role) -> bool {
-        let overdue = match role {
-            Role::I => LATE,
-            Role::J => LOST,
-        };
-        self.is_younger_than(self.limit(overdue))
+        self.is(match role {
+            Role::I => Allowed::InTime,
+            Role::J => Allowed::Late,
+        })
     }
 
-    /// Whether a message is overdue.
+    /// Whether the state is late.
     pub fn is_late(&self) -> bool {
-        !self.is_younger_than(self.limit(LATE))
+        !self.is(Allowed::InTime)
     }
 
     /// Whether the state may be used for anything at `now`.
     pub fn is_fresh(&self, now: Instant) -> bool {
-        self.since.is_some_and(|since| now.saturating_since(since) <= self.freshness.limit)
+        let recent =
+            |at: Option<Instant>| at.is_some_and(|at| now.saturating_since(at) <= self.freshness.limit);
+        recent(self.received_at) && recent(self.taken_from)
     }
 
     /// When late or lost state will have to be acted on, if none comes.
     pub fn overdue_at(&self) -> Option<Instant> {
-        let limit = self.limit(if self.told { LOST } else { LATE });
-        self.since.map(|since| since + limit)
+        self.ends_at(if self.told { Allowed::Late } else { Allowed::InTime })
     }
 }
 
@@ -101,7 +131,17 @@ mod tests {
 
     fn state_at(ms: u64) -> Vehicle {
         let period = Duration::from_millis(20);
-        Vehicle { state_since: Some(at(ms)), state_period: period, ..Vehicle::default() }
+        Vehicle {
+            state_received_at: Some(at(ms)),
+            state_taken_from: Some(at(ms)),
+            state_period: period,
+            ..Vehicle::default()
+        }
+    }
+
+    /// Received at `ms`, taken `age_ms` before.
+    fn aged_state_at(ms: u64, age_ms: u64) -> Vehicle {
+        Vehicle { state_taken_from: Some(at(ms - age_ms)), ..state_at(ms) }
     }
 
     #[test]
@@ -132,9 +172,41 @@ mod tests {
         let freshness = Freshness { limit, scheduling_allowance: Duration::from_secs(1) };
         let mut staleness = Staleness::new(freshness, at(0));
         staleness.feed(&state_at(0));
+        staleness.judge_at(at(209));
+        assert!(staleness.may_radiate(Role::I) && !staleness.is_late());
         staleness.judge_at(at(249));
-        assert!(staleness.may_radiate(Role::I) && staleness.is_fresh(at(250)));
+        assert!(staleness.may_radiate(Role::J) && staleness.is_fresh(at(250)));
         staleness.judge_at(at(250));
         assert!(!staleness.may_radiate(Role::J) && !staleness.is_fresh(at(251)));
+    }
+
+    #[test]
+    fn spec_state_that_comes_from_long_ago_silences_as_state_that_does_not_come() {
+        let limit = Duration::from_millis(250);
+        let mut staleness = Staleness::new(Freshness { limit, scheduling_allowance: Duration::ZERO }, at(0));
+        for (age_ms, i, j) in [(0, true, true), (209, true, true), (210, false, true), (249, false, true)] {
+            staleness.feed(&aged_state_at(1000, age_ms));
+            staleness.judge_at(at(1000));
+            assert_eq!((staleness.may_radiate(Role::I), staleness.may_radiate(Role::J)), (i, j), "{age_ms}");
+            assert_eq!(staleness.is_late(), !i);
+            assert!(staleness.is_fresh(at(1000)));
+        }
+        staleness.feed(&aged_state_at(1000, 250));
+        assert!(!staleness.may_radiate(Role::J) && staleness.is_fresh(at(1000)));
+        staleness.feed(&aged_state_at(1000, 251));
+        assert!(!staleness.is_fresh(at(1000)));
+        // Of unknown age it is of no use, however promptly it comes.
+        staleness.feed(&Vehicle { state_taken_from: None, ..state_at(1000) });
+        assert!(!staleness.may_radiate(Role::J) && staleness.is_late() && !staleness.is_fresh(at(1000)));
+    }
+
+    #[test]
+    fn spec_age_is_acted_on_when_it_is_reached() {
+        let limit = Duration::from_millis(250);
+        let mut staleness = Staleness::new(Freshness { limit, scheduling_allowance: Duration::ZERO }, at(0));
+        staleness.feed(&aged_state_at(1000, 190));
+        assert_eq!(staleness.overdue_at(), Some(at(1020)), "sooner than the next message is overdue");
+        staleness.told = true;
+        assert_eq!(staleness.overdue_at(), Some(at(1060)));
     }
 }

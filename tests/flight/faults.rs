@@ -102,6 +102,53 @@ fn spec_loss_of_an_autopilot_link_silences_both() {
     }
 }
 
+/// Time in which `role` radiated, from `since` on, up to now.
+fn radiated(flight: &Flight, role: Role, since: Duration) -> Duration {
+    let k = index(role);
+    let mut on = flight.log.on_air.iter().rev().find(|(at, _)| *at <= since).is_some_and(|(_, on)| on[k]);
+    let (mut last, mut sum) = (since, Duration::ZERO);
+    for (at, now_on) in flight.log.on_air.iter().filter(|(at, _)| *at > since) {
+        sum += if on { *at - last } else { Duration::ZERO };
+        (on, last) = (now_on[k], *at);
+    }
+    sum + if on { flight.now - last } else { Duration::ZERO }
+}
+
+/// What comes is old, by the autopilot's own clock, however promptly one message follows the other.
+#[test]
+fn val_telemetry_that_is_late_silences_both_until_it_is_prompt_again() {
+    for role in Role::BOTH {
+        // In one step or two: nothing at all for a second would be a lost link.
+        for steps in [vec![300], vec![600], vec![500, 1000]] {
+            let mut flight = in_mid_slot(Setup::default());
+            let at = flight.now;
+            for late in steps.iter().map(|ms| Duration::from_millis(*ms)) {
+                flight.set_telemetry_path(role, Path { delay: late, ..Path::GOOD });
+                flight.pass(Duration::from_millis(2400) / steps.len() as u32);
+            }
+            let [own, peer] = [role, role.peer()].map(|role| radiated(&flight, role, at));
+            println!(
+                "{role}'s telemetry {steps:?} ms late: it radiates for {own:?} more, its peer for {peer:?}"
+            );
+            // The way of the off is a millisecond.
+            let reaction = REACTION + Duration::from_millis(1);
+            // J jams until I says that it is not in its pose.
+            let followed = if role == Role::I { LEASE_AND_MARGIN } else { reaction };
+            assert!(own <= reaction && peer <= followed, "{own:?} {peer:?}\n{}", flight.story());
+            let heard = flight.log.last_state[role];
+            assert!(flight.now - heard <= Duration::from_millis(20), "it comes: {heard:?}");
+            flight.set_telemetry_path(role, Path::GOOD);
+            let back = flight.now;
+            flight.pass(Duration::from_millis(1200));
+            let [own, peer] = [role, role.peer()].map(|role| radiated(&flight, role, back));
+            println!("... and again for {own:?} and {peer:?} of 1.2 s once it is prompt");
+            assert!(own > Duration::ZERO && peer > Duration::ZERO, "{}", flight.story());
+            flight.fly_out();
+            flight.assert_safe();
+        }
+    }
+}
+
 /// Neither has armed yet, so that no pilot and no landing will ever end it.
 #[test]
 fn spec_a_surrender_on_the_ground_ends_the_companion() {

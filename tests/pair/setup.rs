@@ -53,7 +53,8 @@ pub fn vehicle(role: Role, slot: u16, since: Instant, pose_lost: bool) -> Vehicl
     let pose = vehicles(slot)[role].pose;
     let off = Enu::new(if pose_lost { 10.0 } else { 0.0 }, 0.0, 0.0);
     Vehicle {
-        state_since: Some(since),
+        state_received_at: Some(since),
+        state_taken_from: Some(since),
         state_period: TICK,
         position_enu_m: Some(pose.position_enu_m + off),
         attitude: Some((pose.attitude(), since)),

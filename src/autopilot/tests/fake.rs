@@ -68,6 +68,8 @@ pub struct Fake {
     pub silent: bool,
     pub estimator: EstimatorStatusFlags,
     pub ekf: EkfStatusFlags,
+    /// It does not answer TIMESYNC.
+    pub without_timesync: bool,
     /// Streams that never come, whatever is asked for.
     pub mute: Vec<u32>,
     /// Every stream takes so many times as long as asked for.
@@ -158,6 +160,7 @@ impl Fake {
             silent: false,
             estimator: px4_ready(),
             ekf: EkfStatusFlags::from_bits_retain(1 | 2 | 4 | 8 | 16 | 32 | 256 | 512),
+            without_timesync: false,
             mute: Vec::new(),
             slowness: 1.0,
             received: Vec::new(),
@@ -223,6 +226,10 @@ impl Fake {
         self.received.push((now, message.clone()));
         match &message {
             MavMessage::COMMAND_LONG(c) => self.command(c, now),
+            MavMessage::TIMESYNC(question) if question.tc1 == 0 && !self.without_timesync => {
+                let tc1 = now.saturating_since(self.booted_at).as_nanos() as i64;
+                self.out.push_back(MavMessage::TIMESYNC(TIMESYNC_DATA { tc1, ..question.clone() }));
+            }
             MavMessage::PARAM_REQUEST_READ(p) => self.answer_parameter(p.param_id.to_str().unwrap()),
             MavMessage::PARAM_SET(p) => {
                 let name = p.param_id.to_str().unwrap();

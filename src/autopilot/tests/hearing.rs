@@ -260,3 +260,85 @@ fn spec_a_rate_above_the_loop_is_refused_and_asked_for_again_at_half() {
         .collect();
     assert_eq!(asked, [10_000.0, 20_000.0]);
 }
+
+fn verdict(world: &World, name: &str) -> (Verdict, String) {
+    let checks = world.autopilot.preflight(world.now);
+    checks.into_iter().find(|check| check.name == name).map(|check| (check.result, check.detail)).unwrap()
+}
+
+#[test]
+fn val_telemetry_that_is_late_is_not_fresh_however_promptly_it_comes() {
+    for actuation in [Actuation::Pose, Actuation::ThrustVector] {
+        let mut fake = Fake::new(Firmware::Px4);
+        fake.body = (actuation == Actuation::ThrustVector).then(|| omnicopter::Body::new(Vector3::zeros()));
+        let mut world = World::new(fake, |settings| settings.actuation = actuation);
+        world.launch();
+        assert!(world.autopilot.fresh(world.now));
+        // What it says and hears is 10 ms under way; it and we move in steps of 5 ms.
+        let age = world.autopilot.state_age(world.now).unwrap();
+        assert!(age >= LATENCY && age <= 2 * LATENCY + Duration::from_millis(20 + 10), "{age:?}");
+        // A second would be a lost link, for once.
+        world.late = Duration::from_millis(900);
+        world.run(1.2);
+        let since = world.now;
+        world.run(0.5);
+        let received = world.autopilot.state_received_at().unwrap();
+        assert!(world.now.saturating_since(received) <= Duration::from_millis(25), "it comes");
+        assert!(!world.autopilot.fresh(world.now));
+        let age = world.autopilot.state_age(world.now).unwrap();
+        assert!(age >= Duration::from_millis(910) && age <= Duration::from_millis(960), "{age:?}");
+        let (result, detail) = verdict(&world, "position and attitude");
+        assert!(result == Verdict::Fail && detail.contains("should be at most 250 ms"), "{detail}");
+        // The autopilot closes the loop over a pose by itself; over a thrust we would, and it were a guess.
+        assert_eq!(world.fake.setpoints_since(since) > 0, actuation == Actuation::Pose, "{actuation}");
+        world.late = Duration::ZERO;
+        world.run(1.5);
+        assert!(world.autopilot.fresh(world.now));
+    }
+}
+
+#[test]
+fn val_copies_and_what_was_overtaken_are_no_news() {
+    let mut world = World::new(Fake::new(Firmware::Px4), |_| {});
+    world.connect();
+    world.run(10.0);
+    let stamp = |world: &World, age_ms: u64| {
+        (world.now.saturating_since(crate::time::Instant::ZERO).as_millis() as u64 - age_ms) as u32
+    };
+    let known = world.autopilot.state().clone();
+    world.now = world.now + Duration::from_millis(100);
+    let (position, attitude) = (known.position_enu_m.unwrap(), known.attitude.unwrap());
+    for age_ms in [130, 300, 1900, 3000] {
+        let time_boot_ms = stamp(&world, age_ms);
+        let odd = LOCAL_POSITION_NED_DATA { time_boot_ms, x: 1e3, ..Default::default() };
+        let turned = ATTITUDE_QUATERNION_DATA { time_boot_ms, q2: 1.0, ..Default::default() };
+        world.inject((1, 1), &MavMessage::LOCAL_POSITION_NED(odd));
+        world.inject((1, 1), &MavMessage::ATTITUDE_QUATERNION(turned));
+    }
+    let state = world.autopilot.state();
+    assert_eq!((state.position_enu_m.unwrap(), state.attitude.unwrap()), (position, attitude));
+    assert_eq!(world.count(|event| matches!(event, Event::Restarted | Event::EstimatorFailure(_))), 0);
+    assert!(world.autopilot.poll_event().is_none());
+}
+
+#[test]
+fn val_an_autopilot_that_does_not_answer_timesync_flies_with_a_warning() {
+    let mut world = World::new(Fake::new(Firmware::ArduPilot), |_| {});
+    world.connect();
+    let (result, detail) = verdict(&world, "age of telemetry");
+    assert!(result == Verdict::Pass && detail.contains("by TIMESYNC"), "{detail}");
+    let mut fake = Fake::new(Firmware::ArduPilot);
+    fake.without_timesync = true;
+    let mut world = World::new(fake, |_| {});
+    world.until(5.0, |event| matches!(event, Event::Discovered { .. }));
+    world.run(2.0);
+    assert_eq!(verdict(&world, "age of telemetry").0, Verdict::Fail, "it may still answer");
+    assert!(!world.autopilot.fresh(world.now));
+    world.run(2.0);
+    let (result, detail) = verdict(&world, "age of telemetry");
+    assert!(result == Verdict::Warn && detail.contains("does not answer TIMESYNC"), "{detail}");
+    assert!(world.autopilot.fresh(world.now));
+    world.late = Duration::from_millis(400);
+    world.run(1.0);
+    assert!(!world.autopilot.fresh(world.now), "what comes late all of a sudden is seen without it");
+}

@@ -23,6 +23,8 @@ pub struct World {
     set_at: Instant,
     /// Cut the wire, both ways.
     pub cut: bool,
+    /// What the autopilot says is so much later than it should be.
+    pub late: Duration,
     to_fake: VecDeque<(Instant, MavMessage)>,
     to_us: VecDeque<(Instant, MavHeader, MavMessage)>,
 }
@@ -41,6 +43,7 @@ impl World {
             setpoint: None,
             set_at: now,
             cut: false,
+            late: Duration::ZERO,
             to_fake: VecDeque::new(),
             to_us: VecDeque::new(),
         }
@@ -88,7 +91,7 @@ impl World {
             let (system, component_id) = self.fake.address;
             let header = MavHeader { system_id: system.into(), component_id, sequence: 0 };
             if !self.fake.silent && !self.cut {
-                self.to_us.push_back((now + LATENCY, header, message));
+                self.to_us.push_back((now + LATENCY + self.late, header, message));
             }
         }
         while self.to_us.front().is_some_and(|(at, ..)| *at <= now) {

@@ -188,6 +188,12 @@ impl Flight {
         self.tell(role);
     }
 
+    /// Changes what a companion hears of its autopilot and radio alone, likewise.
+    pub fn set_telemetry_path(&mut self, role: Role, path: Path) {
+        self.to_companion[role].path = path;
+        self.tell(role);
+    }
+
     /// A frame of another station, which the vehicle's router passes on to the companion.
     pub fn send_to_companion(&mut self, role: Role, frame: &[u8]) {
         self.lost += self.to_companion[role].send(frame, self.now);
