@@ -48,7 +48,7 @@ use crate::time::{Instant, Utc};
 /// Events are answered by requests, never by setpoints that go on: after [`Event::ControlLost`], [`Event::LinkLost`] and
 /// [`Event::Restarted`] setpoints go nowhere until control has been taken again (F2). It has no end of its own; after
 /// [`release`](Self::release), or at any time, it may be dropped, and the autopilot's own failsafe is left (F3).
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Autopilot {
     settings: Settings,
     out: Outbox,
@@ -65,7 +65,7 @@ pub struct Autopilot {
 }
 
 /// The autopilot in use.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 struct Peer {
     firmware: Firmware,
     address: Address,

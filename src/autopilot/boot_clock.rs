@@ -78,7 +78,7 @@ pub(super) enum Tracking {
 }
 
 /// The autopilot's clock, tracked.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub(super) struct BootClock {
     /// The latest time of its own that the autopilot has named, and when that was heard.
     latest: Option<(BootTime, Instant)>,

@@ -16,7 +16,7 @@ const EARLIEST_US: u64 = 1_577_836_800_000_000;
 const STEP_US: i64 = 500_000;
 
 /// The difference between UTC and our own time.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub(super) struct UtcEstimate {
     /// UTC minus our time in microseconds, oldest first.
     differences_us: VecDeque<i64>,

@@ -40,7 +40,7 @@ pub(super) fn is_meant_for(ack: &COMMAND_ACK_DATA, own: Address) -> bool {
         && (ack.target_component == 0 || ack.target_component == own.1)
 }
 
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 struct Pending {
     command: COMMAND_LONG_DATA,
     purpose: Purpose,
@@ -50,7 +50,7 @@ struct Pending {
 }
 
 /// The commands that wait to be sent or to be answered.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub(super) struct CommandQueue {
     pending: Vec<Pending>,
 }

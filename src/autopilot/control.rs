@@ -30,7 +30,7 @@ const LEFT_GROUND_M_S: f64 = 0.2;
 const ALTITUDE_TOLERANCE_M: f64 = 0.5;
 
 /// Who flies.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 enum Phase {
     /// Not the companion.
     Released,
@@ -45,7 +45,7 @@ enum Phase {
 }
 
 /// A take-off under way.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 struct Climb {
     from: Enu,
     /// Altitude above the mission origin to be reached.
@@ -57,7 +57,7 @@ struct Climb {
 
 /// Who flies, and what the autopilot is asked for. Requests and evidence come in; commands, and events once a heartbeat
 /// shows the outcome, go to the [`Context`].
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(super) struct Control {
     phase: Phase,
     /// To arm or to disarm.

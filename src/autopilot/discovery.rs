@@ -21,7 +21,7 @@ struct Candidate {
 }
 
 /// The search for the autopilot.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(super) struct Discovery {
     wanted: Option<u8>,
     choice: FirmwareChoice,

@@ -11,7 +11,7 @@ use crate::time::Instant;
 const HEARTBEAT_TIMEOUT: Duration = Duration::from_millis(5500);
 
 /// When the autopilot was last heard.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(super) struct LinkWatch {
     timeout: Duration,
     heard_at: Option<Instant>,

@@ -10,7 +10,7 @@ use super::event::Event;
 pub(super) type Address = (u8, u8);
 
 /// Messages for the wire and events for the executive.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub(super) struct Outbox {
     messages: VecDeque<MavMessage>,
     events: VecDeque<Event>,

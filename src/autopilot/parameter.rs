@@ -37,7 +37,7 @@ struct Exchange {
     waits_until: Option<Instant>,
 }
 
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 struct Entry {
     known: Option<(ParamValue, MavParamType)>,
     /// Asked for in vain at least once.
@@ -50,7 +50,7 @@ struct Entry {
 const FRESH: Exchange = Exchange { sent: 0, waits_until: None };
 
 /// The parameters read and written so far.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub(super) struct Parameters {
     entries: BTreeMap<String, Entry>,
     again_at: Option<Instant>,

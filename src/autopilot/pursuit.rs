@@ -76,7 +76,7 @@ impl Aim {
 }
 
 /// One aim, pursued.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(super) struct Pursuit {
     aim: Aim,
     since: Instant,

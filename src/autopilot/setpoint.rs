@@ -69,7 +69,7 @@ pub(super) struct Surroundings {
 }
 
 /// The stream of setpoints. It has no clock of its own: who sets setpoints sets the pace.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(super) struct Stream {
     actuation: Actuation,
     /// Time that the first setpoint of a stream stands for.

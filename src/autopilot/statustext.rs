@@ -34,7 +34,7 @@ fn chunks(severity: MavSeverity, text: &str, id: u16) -> Vec<MavMessage> {
 }
 
 /// Puts chunks together again.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct Assembly {
     id: u16,
     next: u8,
@@ -63,7 +63,7 @@ impl Assembly {
 }
 
 /// The autopilot's texts and our own.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub(super) struct Texts {
     assembly: Assembly,
     last: Option<Timed<String>>,

@@ -22,7 +22,7 @@ const REQUEST_INTERVAL: Duration = Duration::from_secs(1);
 /// The local origin is asked for for ever: an estimator may move it.
 const ORIGIN_INTERVAL: Duration = Duration::from_secs(5);
 
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 struct Stream {
     id: u32,
     name: &'static str,
@@ -36,14 +36,14 @@ struct Stream {
 }
 
 /// A message that is wanted once.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 struct Single {
     id: u32,
     known: bool,
 }
 
 /// The streams asked for and how they come.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub(super) struct Streams {
     streams: Vec<Stream>,
     singles: Vec<Single>,

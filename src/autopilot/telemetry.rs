@@ -20,7 +20,7 @@ const ORIGIN_TOLERANCE_M: f64 = 0.5;
 const EKF_VARIANCE_LIMIT: f32 = 1.0;
 
 /// Reads telemetry.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(super) struct Telemetry {
     mission: Geodetic,
     position_jump_m: f64,

@@ -5,7 +5,7 @@ mod limits;
 use std::path::{Path, PathBuf};
 
 use crate::config::file::{read_text, text_of};
-use crate::config::{Diagnostics, Mission};
+use crate::config::{Diagnostics, Mission, plan_of_text};
 use crate::planner::document::{EditedPlan, FORMAT, PlanDocument};
 use crate::planner::plan::{BoundKind, SlotPlan, Status, VehiclePlan};
 use crate::planner::slots::{Plan, PlannedSlot, hex};
@@ -16,8 +16,6 @@ use super::{Exit, load_mission, print_json, print_text};
 
 /// Largest plan that is read: some hundred thousand slots.
 const MAX_BYTES: u64 = 1 << 28;
-const REMEDY: &str =
-    "give a document that `veilwing plan MISSION --json` wrote; poses and powers in it may be edited";
 
 /// Score the poses and powers of a plan (perhaps edited) under the mission's model.
 #[derive(Debug, clap::Args)]
@@ -72,20 +70,7 @@ fn read(path: &Path, name: &str) -> Result<EditedPlan, Diagnostics> {
     } else {
         read_text(path, MAX_BYTES)
     }?;
-    let refuse = |at, message: String| Diagnostics::of_text(name, &text, at, message, REMEDY);
-    let plan: EditedPlan = serde_json::from_str(&text).map_err(|error| {
-        let at = (error.line(), error.column());
-        let told = error.to_string();
-        let why = told.split(&format!(" at line {} column {}", at.0, at.1)).next().unwrap_or(&told);
-        refuse(at, format!("this is no plan document: {why}"))
-    })?;
-    if plan.format != FORMAT {
-        return Err(refuse((1, 1), format!("`format` is {:?}, not {FORMAT:?}", plan.format)));
-    }
-    if plan.slots.is_empty() {
-        return Err(refuse((1, 1), "`slots` is empty: there is nothing to score".to_owned()));
-    }
-    Ok(plan)
+    plan_of_text(name, &text)
 }
 
 fn score(mission: &Mission, edited: &EditedPlan, samples: usize) -> Result<PlanDocument, String> {

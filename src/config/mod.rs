@@ -12,6 +12,7 @@ pub(crate) mod kind;
 mod mission;
 mod mission_checks;
 mod mission_file;
+mod plan_file;
 pub(crate) mod reader;
 pub(crate) mod reading;
 mod schema;
@@ -26,6 +27,7 @@ pub use draft::{
 };
 pub use mission::{Difference, Mission, NamedEavesdropper, PowerLimit, Settled, User, VehicleSettings};
 pub use mission_file::METHODS;
+pub use plan_file::plan_of_text;
 pub use schema::schema;
 pub use vehicle::Vehicle;
 pub use vehicle_links::ExposedLink;

@@ -71,7 +71,7 @@ pub(super) enum Stopping {
 ///
 /// Every input ends in the service's decision on power, so that a fault silences the transmitter at the message that
 /// shows it (S4).
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Executive {
     pub(super) settings: Settings,
     pub(super) autopilot: Autopilot,

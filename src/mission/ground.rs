@@ -11,7 +11,7 @@ use super::start::Start;
 use super::waiting::Waiting;
 
 /// What the time on the ground leaves behind.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(super) struct Ground {
     /// What the mission waits for to begin.
     pub start: Start,

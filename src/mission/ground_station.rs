@@ -16,7 +16,7 @@ use crate::time::Instant;
 use crate::service::Tolerance;
 
 /// What is remembered of it.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(super) struct GroundStation {
     /// Parameters still to be sent, by index.
     listing: VecDeque<usize>,

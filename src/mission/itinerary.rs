@@ -20,7 +20,7 @@ pub(super) enum NoItinerary {
 }
 
 /// See the module.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(super) struct Itinerary {
     table: Table,
     /// From the last slot's poses to above the homes, where both can fly at once.

@@ -15,7 +15,7 @@ const GRAIN: Duration = Duration::from_millis(100);
 const SETTLED: Duration = Duration::from_secs(1);
 
 /// Receipt minus stamp, over a window.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub(super) struct Envelope {
     since: Option<Instant>,
     /// (Receipt, receipt minus stamp in microseconds), both rising: what is later and less delayed takes the place of what

@@ -45,7 +45,7 @@ impl Exchange {
 }
 
 /// What was asked and answered of late.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub(super) struct Exchanges {
     ask_at: Instant,
     /// Questions without an answer so far: what they carried, and when they were sent.

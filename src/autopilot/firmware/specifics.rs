@@ -16,7 +16,7 @@ use crate::geo::Attitude;
 use crate::preflight::Check;
 
 /// The parts of one firmware.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(in crate::autopilot) enum Specifics {
     Px4 { guard: Option<LandDetectorGuard>, rotors: Option<RotorScales> },
     ArduPilot { bridge: Option<Bridge> },

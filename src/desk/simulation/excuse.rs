@@ -124,7 +124,7 @@ mod tests {
     }
 
     #[test]
-    fn val_a_late_world_excuses_what_depends_on_time_near_its_lateness_and_nothing_else() {
+    fn spec_a_late_world_excuses_what_depends_on_time_near_its_lateness_and_nothing_else() {
         let late = |from_s: u64, by_ms: u64| Late {
             from: Duration::from_secs(from_s),
             by: Duration::from_millis(by_ms),
@@ -156,7 +156,7 @@ mod tests {
     }
 
     #[test]
-    fn val_a_named_cause_is_told_with_its_kind_and_its_duration() {
+    fn spec_a_named_cause_is_told_with_its_kind_and_its_duration() {
         let violation = Violation {
             at: Duration::from_secs(3),
             vehicle: Some(0),

@@ -44,7 +44,8 @@ pub const fn index(role: Role) -> usize {
 }
 
 /// The first instant of a companion's own time; a process's time does not begin at zero, nor the two together.
-const fn reads_at_start(role: Role) -> Duration {
+#[must_use]
+pub const fn reads_at_start(role: Role) -> Duration {
     match role {
         Role::I => Duration::from_secs(1),
         Role::J => Duration::from_secs(7),

@@ -39,7 +39,7 @@ enum Switch {
 }
 
 /// What the script was asked and what it answered.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub(in crate::autopilot) struct Bridge {
     probed: Outcome,
     switch: Switch,

@@ -14,7 +14,7 @@ const NEEDED_ABOVE_RAD: f64 = 0.35;
 pub(in crate::autopilot::firmware) const LEVEL_BELOW_RAD: f64 = 0.26;
 
 /// The guard of the land detector.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(in crate::autopilot) struct LandDetectorGuard {
     /// What the parameter is put back to.
     restore: f64,

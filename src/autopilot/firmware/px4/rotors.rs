@@ -23,7 +23,7 @@ struct Rotor {
 }
 
 /// The scales of the thrust axes, as far as the parameters have told the rotors.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub(in crate::autopilot) struct RotorScales {
     thrust_n: Option<[f64; 3]>,
 }

@@ -1,12 +1,16 @@
-//! What the fuzz target and the test suite's smoke run do with bytes from the pair link: both companions, in the middle
-//! of a slot, take them, and whatever they say must not raise a power, lengthen a lease or call for a flood of answers.
+//! The service of a slot on both vehicles: in the middle of a slot they take what comes over the pair link, and whatever
+//! is said must not raise a power, lengthen a lease or call for a flood of answers; nor may a vehicle that is not fit
+//! radiate.
 
+use std::sync::OnceLock;
 use std::time::Duration;
 
-use mavlink::MavHeader;
+use arbitrary::Unstructured;
 use mavlink::dialects::ardupilotmega::{COMMAND_ACK_DATA, MavCmd, MavMessage, MavResult};
+use mavlink::{MavHeader, Message};
 use veilwing::geo::{Enu, Pose};
 use veilwing::link::codec::{Decoder, Encoder};
+use veilwing::link::envelope::PAYLOAD_TYPE;
 use veilwing::link::{Counters, Envelope, Form, Rejection};
 use veilwing::pair::wire;
 use veilwing::pair::{self, PlanTerms, SlotTerms};
@@ -15,6 +19,10 @@ use veilwing::role::{PerVehicle, Role};
 use veilwing::service::{Ceilings, Freshness, Outgoing, Settings, SlotService, Tolerance, Vehicle};
 use veilwing::time::{Instant, Utc};
 use veilwing::transmitter::{self, Kind, Transmitter};
+
+use crate::reached::Reached;
+use crate::target::Target;
+use crate::wire::{bytes as wire_bytes, frame_v2, tunnel};
 
 const LEASE: Duration = Duration::from_millis(500);
 const NEEDS: Duration = Duration::from_secs(1);
@@ -26,16 +34,20 @@ const POSE: Pose =
     Pose { position_enu_m: Enu::new(1.0, 2.0, 80.0), roll_rad: 0.5, pitch_rad: 0.1, yaw_rad: 0.0 };
 
 /// One companion as far as the pair link can reach: the service that flies.
+#[derive(Clone)]
 struct Companion {
     role: Role,
     service: SlotService,
+    vehicle: Fitness,
+    reached: Reached,
     said: Vec<wire::MavMessage>,
     decoder: Decoder<Envelope>,
     encoder: Encoder,
 }
 
 /// Two companions that radiate in a slot, and what their links have counted.
-pub struct Target {
+#[derive(Clone)]
+pub struct Pair {
     companions: PerVehicle<Companion>,
     now: Instant,
     /// What was turned away and why.
@@ -44,6 +56,44 @@ pub struct Target {
     pub taken: u64,
     /// A frame of every kind that each has sent, as it was on the wire.
     pub recorded: PerVehicle<Vec<Vec<u8>>>,
+}
+
+/// What there is to say against a vehicle; nothing at first.
+#[derive(Debug, Clone, Copy, Default)]
+struct Fitness(u8);
+
+impl Fitness {
+    const STALE: u8 = 1;
+    const LOST_CONTROL: u8 = 2;
+    const BAD_ESTIMATE: u8 = 4;
+    const ASTRAY: u8 = 8;
+    const UNPREPARED: u8 = 16;
+
+    fn has(self, what: u8) -> bool {
+        self.0 & what != 0
+    }
+
+    /// Whether it must be silent for it.
+    fn is_unfit(self) -> bool {
+        self.has(Self::STALE | Self::LOST_CONTROL | Self::BAD_ESTIMATE | Self::ASTRAY)
+    }
+
+    fn evidence(self, now: Instant) -> Vehicle {
+        let sampled = if self.has(Self::STALE) { Instant::ZERO } else { now };
+        let aside_m = if self.has(Self::ASTRAY) { 2.0 } else { 0.0 };
+        Vehicle {
+            state_received_at: Some(sampled),
+            state_taken_from: Some(sampled),
+            state_period: TICK,
+            position_enu_m: Some(POSE.position_enu_m + Enu::new(aside_m, 0.0, 0.0)),
+            attitude: Some((POSE.attitude(), sampled)),
+            in_control: !self.has(Self::LOST_CONTROL),
+            estimator_ok: !self.has(Self::BAD_ESTIMATE),
+            arrived: true,
+            preflight_ok: !self.has(Self::UNPREPARED),
+            ..Vehicle::default()
+        }
+    }
 }
 
 /// Three slots, all alike.
@@ -91,7 +141,15 @@ impl Companion {
             SlotService::new(settings, Transmitter::new(radio, now), Tolerance::for_jitter(0.0), now);
         service.set_plan(plan());
         service.join(0, None, now);
-        Self { role, service, said: Vec::new(), decoder: Decoder::default(), encoder: Encoder::default() }
+        Self {
+            role,
+            service,
+            vehicle: Fitness::default(),
+            reached: Reached::default(),
+            said: Vec::new(),
+            decoder: Decoder::default(),
+            encoder: Encoder::default(),
+        }
     }
 
     /// What is due, and what the present state allows.
@@ -103,21 +161,15 @@ impl Companion {
 
     fn react(&mut self, now: Instant) {
         self.service.advance(Some(utc(now)), now);
-        let events = std::iter::from_fn(|| self.service.poll_event()).count();
+        let mut events = 0;
+        while let Some(event) = self.service.poll_event() {
+            events += 1;
+            self.reached.sentence("event", &format!("{} {event:?}", self.role));
+        }
         assert!(events <= 3, "{}: {events} events at once", self.role);
-        let vehicle = Vehicle {
-            state_received_at: Some(now),
-            state_taken_from: Some(now),
-            state_period: TICK,
-            position_enu_m: Some(POSE.position_enu_m),
-            attitude: Some((POSE.attitude(), now)),
-            in_control: true,
-            estimator_ok: true,
-            arrived: true,
-            preflight_ok: true,
-            ..Vehicle::default()
-        };
-        self.service.decide(&vehicle, now);
+        self.service.decide(&self.vehicle.evidence(now), now);
+        let unfit = self.vehicle.is_unfit();
+        assert!(!(unfit && self.service.interlock().is_on()), "{}: on with {:?}", self.role, self.vehicle);
         self.check(now);
     }
 
@@ -129,6 +181,7 @@ impl Companion {
         while let Some(outgoing) = self.service.poll_transmit() {
             let command = match outgoing {
                 Outgoing::Pair(message) => {
+                    self.reached.note(format_args!("{} says {}", self.role, message.message_name()));
                     self.said.push(*message);
                     continue;
                 }
@@ -163,16 +216,43 @@ impl Companion {
     }
 }
 
+/// The service of a slot.
+pub const TARGET: Target = Target {
+    name: "slot",
+    what: "the pair link's frames, a vehicle's state and time to both vehicles' service of a slot",
+    words: &[],
+    seeds,
+    run,
+    generated: 1500,
+};
+
+fn seeds() -> Vec<Vec<u8>> {
+    // Both on a good link for a while; each kind of frame of either, as it was; either unfit and fit again.
+    let linked = vec![0x3E; 20];
+    let repeated = (0..8).flat_map(|which| [0x60, which, 255, 0, 0x61, which, 255, 0]).collect();
+    let unfit = [1, 2, 4, 8, 16].iter().flat_map(|what| [0x43, *what, 0x3E, 0x5F, 0, 0x3E]).collect();
+    vec![linked, repeated, unfit]
+}
+
+fn run(input: &[u8], reached: &mut Reached) {
+    static FRESH: OnceLock<Pair> = OnceLock::new();
+    let mut pair = FRESH.get_or_init(Pair::new).clone();
+    // An input that ends within an event has none there.
+    let _ = pair.take(&mut Unstructured::new(input));
+    pair.note(reached);
+}
+
 fn utc(now: Instant) -> Utc {
     Utc { unix_us: 1_800_000_000_000_000 } + now.since_start()
 }
 
-impl Target {
+impl Pair {
     /// Both on the air in slot 0.
     ///
     /// # Panics
     /// If a pair on a perfect link does not come to radiate.
     #[must_use]
+    #[allow(clippy::new_without_default, reason = "it flies to where it begins, and may fail on the way")]
     pub fn new() -> Self {
         let mut target = Self {
             companions: PerVehicle::from_fn(Companion::new),
@@ -215,16 +295,69 @@ impl Target {
         }
     }
 
-    /// Takes a string of datagrams: to whom (the lowest bit of a byte; the next four: ticks that pass before), the
-    /// length, the bytes.
-    pub fn take(&mut self, mut input: &[u8]) {
-        while let [head, length, rest @ ..] = input {
-            for _ in 0..(head >> 1) & 0xF {
-                self.pass(false);
+    /// Takes a string of events: of whom (the lowest bit of a byte), after how many ticks (the next four) and of which
+    /// kind (the rest), then what its kind needs.
+    ///
+    /// # Errors
+    /// When the input ends within one.
+    pub fn take(&mut self, u: &mut Unstructured<'_>) -> arbitrary::Result<()> {
+        while !u.is_empty() {
+            let head: u8 = u.arbitrary()?;
+            let role = if head & 1 == 0 { Role::I } else { Role::J };
+            let (ticks, kind) = ((head >> 1) & 0xF, head >> 5);
+            (0..ticks).for_each(|_| self.pass(kind == 1));
+            let from = (1 + role.peer() as u8, 191);
+            match kind {
+                0 | 1 => {}
+                2 => {
+                    self.companions[role].vehicle = Fitness(u.arbitrary()?);
+                    let now = self.now;
+                    self.companions[role].react(now);
+                }
+                3 => {
+                    // A frame that the peer has sent, some of its payload other than it was.
+                    let (which, at, to): (u8, u8, u8) = u.arbitrary()?;
+                    let recorded = &self.recorded[role.peer()];
+                    let Some(frame) = recorded.get(usize::from(which) % recorded.len().max(1)) else {
+                        continue;
+                    };
+                    let id = u32::from_le_bytes([frame[7], frame[8], frame[9], 0]);
+                    let mut payload = frame[10..frame.len() - 2].to_vec();
+                    if let Some(byte) = payload.get_mut(usize::from(at)) {
+                        *byte = to;
+                    }
+                    self.datagram(role, &frame_v2::<Envelope>(from, 0, id, &payload));
+                }
+                4 | 5 => {
+                    let id = 42_100 + u32::from(u.arbitrary::<u8>()? % 12);
+                    let payload = wire_bytes(u)?;
+                    let plain = frame_v2::<Envelope>(from, 0, id, payload);
+                    let tunnelled = frame_v2::<Envelope>(from, 0, 385, &tunnel(PAYLOAD_TYPE, &plain));
+                    self.datagram(role, if kind == 4 { &plain } else { &tunnelled });
+                }
+                _ => {
+                    let datagram = wire_bytes(u)?;
+                    self.datagram(role, datagram);
+                }
             }
-            let (datagram, rest) = rest.split_at(rest.len().min(usize::from(*length)));
-            self.datagram(if head & 1 == 0 { Role::I } else { Role::J }, datagram);
-            input = rest;
+        }
+        Ok(())
+    }
+
+    /// What the inputs have come to.
+    fn note(&self, reached: &mut Reached) {
+        for reason in Rejection::ALL {
+            reached.count(&format!("{reason:?}"), self.counters.rejected.get(*reason));
+        }
+        for role in Role::BOTH {
+            let service = &self.companions[role].service;
+            let slot = service.slot().map(|_| ());
+            let (on, killed) = (service.interlock().is_on(), service.orders().is_killed());
+            let state =
+                (slot, on, killed, service.orders().is_paused(), service.agrees(), service.is_abandoning());
+            reached.note(format_args!("{role} {state:?} {}", service.slot_number()));
+            reached.note(format_args!("{role} lease {}", service.jam_lease(self.now).is_some()));
+            reached.join(&self.companions[role].reached);
         }
     }
 

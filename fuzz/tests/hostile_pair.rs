@@ -1,22 +1,19 @@
-//! The fuzz target's body (`fuzz/`) over a million seeded frames: noise, frames of any content, frames that the pair
-//! itself has sent with a few bytes changed, whole or cut, plain or in TUNNEL.
+//! A million seeded frames over the pair link: noise, frames of any content, frames that the pair itself has sent with a
+//! few bytes changed, whole or cut, plain or in TUNNEL.
 //!
-//! `cargo test --test fuzz_smoke -- --nocapture` prints what became of them, and how long it took.
+//! `cargo test -p veilwing-fuzz --test hostile_pair -- --nocapture` prints what became of them, and how long it took.
 
-#![cfg(feature = "companion")]
 // Helpers of tests may fail the test.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
 
-#[path = "../fuzz/body.rs"]
-mod body;
-
-use body::Target;
+use arbitrary::Unstructured;
 use mavlink::Message;
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use veilwing::link::envelope::PAYLOAD_TYPE;
 use veilwing::link::{Clock, Counters, Envelope};
 use veilwing::role::Role;
+use veilwing_fuzz::targets::slot::Pair;
 
 const FRAMES: u64 = 1_000_000;
 /// Frames between two fresh pairs.
@@ -91,20 +88,20 @@ fn prop_a_million_random_frames_neither_panic_nor_raise_a_power() {
     let clock = Clock::real();
     let mut rng = ChaCha8Rng::seed_from_u64(42_100);
     let (mut taken, mut turned_away, mut counters) = (0, 0, Counters::default());
-    let mut target = Target::new();
+    let mut target = Pair::new();
     for number in 0..FRAMES {
         if number % A_PAIR == 0 {
             taken += target.taken;
             turned_away += target.counters.rejected.total();
-            counters = std::mem::replace(&mut target, Target::new()).counters;
+            counters = std::mem::replace(&mut target, Pair::new()).counters;
         }
         let to = if rng.random_bool(0.5) { Role::I } else { Role::J };
         let bytes = datagram(&mut rng, to.peer(), &target.recorded[to.peer()]);
         if rng.random_range(0..50) == 0 {
             // As the fuzzer feeds it, with time passing.
             let length = u8::try_from(bytes.len()).unwrap_or(255);
-            let head = (rng.random_range(0..16) << 1) | u8::from(to == Role::J);
-            target.take(&[&[head, length][..], &bytes].concat());
+            let head = 0xE0 | (rng.random_range(0..16) << 1) | u8::from(to == Role::J);
+            let _ = target.take(&mut Unstructured::new(&[&[head, length][..], &bytes].concat()));
         } else {
             target.datagram(to, &bytes);
         }
@@ -121,7 +118,7 @@ fn prop_a_million_random_frames_neither_panic_nor_raise_a_power() {
 
 #[test]
 fn spec_a_fresh_pair_radiates_and_has_sent_every_kind_of_message_but_orders_and_silences() {
-    let target = Target::new();
+    let target = Pair::new();
     let ids = |role: Role| -> Vec<u32> {
         target.recorded[role].iter().map(|f| u32::from_le_bytes([f[7], f[8], f[9], 0])).collect()
     };
