@@ -154,3 +154,28 @@ fn own(vehicle: &Vehicle) -> (u8, u8) {
     };
     (vehicle.autopilot.system_id.unwrap_or(default), vehicle.autopilot.component_id)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::VehicleDraft;
+    use crate::link::{HostPort, LinkAddress};
+
+    #[test]
+    fn spec_each_vehicle_s_ceilings_are_its_own() {
+        let mission = Mission::parse("mission.toml", include_str!("../../config/mission.toml")).unwrap();
+        let watts = PerVehicle { i: 0.3, j: 0.2 };
+        let mission = mission.changed(|draft| draft.radio.max_power_w = watts).unwrap();
+        for role in Role::BOTH {
+            let link = LinkAddress::UdpOut(HostPort { host: "127.0.0.1".into(), port: 1 });
+            let mut draft = VehicleDraft::new(role, link);
+            assert_eq!(
+                settings(&mission, &Vehicle::new(draft.clone()).unwrap(), 1, false).ceilings.vehicle_w,
+                f64::INFINITY
+            );
+            draft.limits.max_power_w = Some(watts[role] / 2.0);
+            let ceilings = settings(&mission, &Vehicle::new(draft).unwrap(), 1, false).ceilings;
+            assert_eq!((ceilings.mission_w, ceilings.vehicle_w), (watts[role], watts[role] / 2.0));
+        }
+    }
+}

@@ -181,3 +181,108 @@ fn spec_j_committed_alone_says_so() {
     assert_eq!(i.commitment(), None, "I does not fly unconfirmed");
     assert!(left.len() == 1 && (5000..5200).contains(&left[0]), "{left:?}");
 }
+
+/// In slot 0, J vouching for a second, at 6.1 s: I has asked for a lease, J has granted it, and I has not heard it yet.
+fn granted() -> (Coordinator, Coordinator, wire::VEILWING_LEASE_REQUEST_DATA, wire::VEILWING_LEASE_GRANT_DATA)
+{
+    let (mut i, mut j) = pair();
+    i.propose(0, utc(6000), at(2000));
+    for ms in (2000..6100).step_by(50) {
+        run(&mut i, &mut j, ms);
+    }
+    assert!(i.commitment().is_some() && j.commitment().is_some());
+    j.set_vouch(Some(Vouch { until: at(7000), closes_at: at(7000) }));
+    i.want_lease(true, at(6100));
+    i.handle_timeout(at(6100));
+    let request = sent(&mut i).into_iter().find_map(|m| match m {
+        MavMessage::VEILWING_LEASE_REQUEST(request) => Some(request),
+        _ => None,
+    });
+    let request = request.unwrap();
+    j.handle_message(&MavMessage::VEILWING_LEASE_REQUEST(request.clone()), at(6100));
+    let grant = sent(&mut j).into_iter().find_map(|m| match m {
+        MavMessage::VEILWING_LEASE_GRANT(grant) => Some(grant),
+        _ => None,
+    });
+    (i, j, request, grant.unwrap())
+}
+
+#[test]
+fn spec_a_grant_of_which_one_field_is_another_s_is_none() {
+    let (i, _, _, grant) = granted();
+    let hear = |grant: wire::VEILWING_LEASE_GRANT_DATA| {
+        let mut i = i.clone();
+        i.handle_message(&MavMessage::VEILWING_LEASE_GRANT(grant), at(6110));
+        i.lease(at(6110))
+    };
+    assert_eq!(hear(grant.clone()), Some(at(6600)));
+    let mut other_plan = grant.clone();
+    other_plan.plan_digest[0] ^= 1;
+    let others = [
+        other_plan,
+        wire::VEILWING_LEASE_GRANT_DATA { boot_id: 12, ..grant.clone() },
+        wire::VEILWING_LEASE_GRANT_DATA { proposal: grant.proposal + 1, ..grant.clone() },
+        wire::VEILWING_LEASE_GRANT_DATA { slot: 1, ..grant.clone() },
+        wire::VEILWING_LEASE_GRANT_DATA { time_us: grant.time_us + 100_000, ..grant.clone() },
+        wire::VEILWING_LEASE_GRANT_DATA { duration_ms: 0, ..grant.clone() },
+    ];
+    for other in others {
+        assert_eq!(hear(other.clone()), None, "{other:?}");
+    }
+    // Longer than any lease may be, it is no longer than that.
+    assert!(hear(wire::VEILWING_LEASE_GRANT_DATA { duration_ms: 60_000, ..grant }) <= Some(at(6600)));
+}
+
+#[test]
+fn spec_a_request_of_which_one_field_is_another_s_is_granted_nothing() {
+    let (_, j, request, _) = granted();
+    let answers = |request: wire::VEILWING_LEASE_REQUEST_DATA| {
+        let mut j = j.clone();
+        j.handle_message(&MavMessage::VEILWING_LEASE_REQUEST(request), at(6110));
+        sent(&mut j).len()
+    };
+    assert_eq!(answers(request.clone()), 1);
+    for other in [
+        wire::VEILWING_LEASE_REQUEST_DATA { boot_id: 12, ..request.clone() },
+        wire::VEILWING_LEASE_REQUEST_DATA { proposal: request.proposal + 1, ..request.clone() },
+        wire::VEILWING_LEASE_REQUEST_DATA { slot: 1, ..request },
+    ] {
+        assert_eq!(answers(other.clone()), 0, "{other:?}");
+    }
+}
+
+#[test]
+fn spec_a_proposal_of_which_one_field_is_another_plan_s_is_refused() {
+    let (mut i, j) = pair();
+    i.propose(0, utc(6000), at(2000));
+    i.handle_timeout(at(2000));
+    let propose = sent(&mut i).into_iter().find_map(|m| match m {
+        MavMessage::VEILWING_PROPOSE(propose) => Some(propose),
+        _ => None,
+    });
+    let propose = propose.unwrap();
+    let answer = |propose: wire::VEILWING_PROPOSE_DATA| {
+        let mut j = j.clone();
+        j.handle_message(&MavMessage::VEILWING_PROPOSE(propose), at(2010));
+        sent(&mut j).into_iter().find_map(|m| match m {
+            MavMessage::VEILWING_ANSWER(answer) => Some(answer.answer),
+            _ => None,
+        })
+    };
+    assert_eq!(answer(propose.clone()), Some(VeilwingAnswer::VEILWING_ANSWER_ACCEPTED));
+    let changes: [fn(&mut wire::VEILWING_PROPOSE_DATA); 7] = [
+        |p| p.plan_digest[7] ^= 1,
+        |p| p.i_position_enu_m[2] += 0.01,
+        |p| p.i_euler_rad[0] += 0.001,
+        |p| p.i_power_w *= 1.001,
+        |p| p.j_position_enu_m[0] += 0.01,
+        |p| p.j_euler_rad[1] += 0.001,
+        |p| p.j_power_w *= 0.999,
+    ];
+    for (k, change) in changes.into_iter().enumerate() {
+        let mut other = propose.clone();
+        change(&mut other);
+        assert_eq!(answer(other), Some(VeilwingAnswer::VEILWING_ANSWER_WRONG_PLAN), "{k}");
+    }
+    assert_eq!(answer(wire::VEILWING_PROPOSE_DATA { boot_id: 12, ..propose }), None);
+}
