@@ -350,8 +350,9 @@ impl Pair {
         for role in Role::BOTH {
             let service = &self.companions[role].service;
             let slot = service.slot().map(|_| ());
-            let (on, killed) = (service.interlock().is_on(), service.interlock().is_killed());
-            let state = (slot, on, killed, service.is_paused(), service.agrees(), service.is_abandoning());
+            let (on, killed) = (service.interlock().is_on(), service.orders().is_killed());
+            let state =
+                (slot, on, killed, service.orders().is_paused(), service.agrees(), service.is_abandoning());
             reached.note(format_args!("{role} {state:?} {}", service.slot_number()));
             reached.note(format_args!("{role} lease {}", service.jam_lease(self.now).is_some()));
             reached.join(&self.companions[role].reached);
