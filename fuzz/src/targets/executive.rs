@@ -66,7 +66,7 @@ struct Run {
     next: usize,
     /// Simulation time.
     at: Duration,
-    /// An accepted radio kill: nothing is on from then on.
+    /// A radio kill was accepted, and nobody wanted it lifted since: nothing is on.
     killed: bool,
     reached: Reached,
 }
@@ -175,12 +175,13 @@ impl Run {
     }
 
     fn hear_aboard(&mut self, header: MavHeader, message: &Aboard) {
-        let now = self.now();
+        let (now, lifts) = (self.now(), lifts_the_kill(message));
         match message {
             Aboard::Common(message) => self.executive.handle_autopilot(header, message, now),
             Aboard::Radio(message) => self.executive.handle_radio(header, message.message(), now),
         }
         self.drain();
+        self.killed &= !lifts;
     }
 
     fn step(&mut self, u: &mut Unstructured<'_>, heard: &[Heard]) -> arbitrary::Result<()> {
@@ -331,6 +332,16 @@ impl Run {
             self.reached.sentence("outcome", &format!("{} {outcome:?}", self.role));
         }
     }
+}
+
+/// Whether somebody wants the radio kill lifted, which is accepted at once or not at all.
+fn lifts_the_kill(message: &Aboard) -> bool {
+    let (command, param1) = match message {
+        Aboard::Common(MavMessage::COMMAND_LONG(c)) => (c.command, c.param1),
+        Aboard::Common(MavMessage::COMMAND_INT(c)) => (c.command, c.param1),
+        _ => return false,
+    };
+    command == MavCmd::MAV_CMD_USER_2 && param1 == 1.0
 }
 
 #[cfg(test)]
