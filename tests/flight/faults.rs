@@ -116,7 +116,7 @@ fn radiated(flight: &Flight, role: Role, since: Duration) -> Duration {
 
 /// What comes is old, by the autopilot's own clock, however promptly one message follows the other.
 #[test]
-fn val_telemetry_that_is_late_silences_both_until_it_is_prompt_again() {
+fn spec_telemetry_that_is_late_silences_both_until_it_is_prompt_again() {
     for role in Role::BOTH {
         // In one step or two: nothing at all for a second would be a lost link.
         for steps in [vec![300], vec![600], vec![500, 1000]] {

@@ -244,7 +244,7 @@ fn val_the_counter_wraps_after_49_days_and_the_answers_do_not() {
 }
 
 #[test]
-fn val_after_a_restart_nothing_is_fresh_until_the_new_clock_is_known() {
+fn spec_after_a_restart_nothing_is_fresh_until_the_new_clock_is_known() {
     let mut world = World::new(constant(100 * MS), constant(10 * MS));
     world.run(15_000);
     let restarted_at = world.now;
@@ -265,7 +265,7 @@ fn val_after_a_restart_nothing_is_fresh_until_the_new_clock_is_known() {
 }
 
 #[test]
-fn val_a_message_that_was_overtaken_is_no_restart() {
+fn spec_a_message_that_was_overtaken_is_no_restart() {
     let mut world = World::new(constant(MS), constant(MS));
     world.run(60_000);
     let now = at(world.now);
@@ -310,7 +310,7 @@ fn val_an_autopilot_that_never_answers_is_judged_by_its_least_delayed_message() 
 }
 
 #[test]
-fn val_who_answered_once_must_go_on_answering() {
+fn spec_who_answered_once_must_go_on_answering() {
     let mut world = World::new(constant(MS), constant(MS));
     world.run(5_000);
     world.answers = false;
@@ -343,7 +343,7 @@ fn val_a_clock_that_is_set_makes_nothing_fresh() {
 }
 
 #[test]
-fn val_only_answers_to_our_own_questions_count_and_each_once() {
+fn spec_only_answers_to_our_own_questions_count_and_each_once() {
     let mut clock = BootClock::default();
     let question = |clock: &mut BootClock, now| match clock.ask(AUTOPILOT, at(now)) {
         Some(MavMessage::TIMESYNC(question)) => question,

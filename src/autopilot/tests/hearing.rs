@@ -267,7 +267,7 @@ fn verdict(world: &World, name: &str) -> (Verdict, String) {
 }
 
 #[test]
-fn val_telemetry_that_is_late_is_not_fresh_however_promptly_it_comes() {
+fn spec_telemetry_that_is_late_is_not_fresh_however_promptly_it_comes() {
     for actuation in [Actuation::Pose, Actuation::ThrustVector] {
         let mut fake = Fake::new(Firmware::Px4);
         fake.body = (actuation == Actuation::ThrustVector).then(|| omnicopter::Body::new(Vector3::zeros()));
@@ -298,7 +298,7 @@ fn val_telemetry_that_is_late_is_not_fresh_however_promptly_it_comes() {
 }
 
 #[test]
-fn val_copies_and_what_was_overtaken_are_no_news() {
+fn spec_copies_and_what_was_overtaken_are_no_news() {
     let mut world = World::new(Fake::new(Firmware::Px4), |_| {});
     world.connect();
     world.run(10.0);
@@ -322,7 +322,7 @@ fn val_copies_and_what_was_overtaken_are_no_news() {
 }
 
 #[test]
-fn val_an_autopilot_that_does_not_answer_timesync_flies_with_a_warning() {
+fn spec_an_autopilot_that_does_not_answer_timesync_flies_with_a_warning() {
     let mut world = World::new(Fake::new(Firmware::ArduPilot), |_| {});
     world.connect();
     let (result, detail) = verdict(&world, "age of telemetry");
