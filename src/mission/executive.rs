@@ -228,7 +228,7 @@ impl Executive {
     /// Of the operator's orders, what a later process must be given as [`orders`](crate::pair::Settings::orders), if that has changed. To
     /// be kept before messages are sent, as far as the disk allows.
     pub fn poll_record(&mut self) -> Option<Record> {
-        self.service.poll_record()
+        self.service.orders_mut().poll_record()
     }
 
     /// The process is asked to end: silent, the peer told, the autopilot left in its own hold. J first lets I go

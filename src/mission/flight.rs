@@ -31,7 +31,7 @@ impl Executive {
     /// Lets the present phase act.
     pub(super) fn step(&mut self, now: Instant) {
         if self.phase.is_waiting() && self.autopilot.state().is_armed() {
-            self.service.forget_start();
+            self.service.orders_mut().forget_start();
             self.ground.start.void(Void::Armed);
         }
         match &self.phase {
@@ -39,7 +39,7 @@ impl Executive {
                 if self.autopilot.fresh(now) && self.estimator_ok() {
                     self.phase = Phase::Standby;
                     if self.autopilot.state().is_disarmed() {
-                        self.service.began_on_the_ground(now);
+                        self.service.orders_mut().began_on_the_ground();
                     }
                 }
             }
@@ -88,7 +88,7 @@ impl Executive {
         missing.extend(self.await_start(&missing, now));
         let start = self.here().filter(|_| missing.is_empty());
         let Some(start) = start else { return self.wait_for(&missing, failed, now) };
-        self.service.set_flying(true, now);
+        self.service.orders_mut().begin();
         self.notice(Notice::TakingOff);
         self.phase = Phase::TakingControl(Motion { trajectory: Trajectory::rest(&start), starts_at: now });
         self.autopilot.take_control(now);
@@ -103,13 +103,13 @@ impl Executive {
             let (utc, climb) = (self.autopilot.utc(now), self.climb_time());
             match self.ground.start.is_due(utc, climb, now) {
                 Ok(()) => {
-                    self.service.order(Order::Start, now);
+                    self.service.orders_mut().give(Order::Start, now);
                 }
                 Err(why) => awaited = Some(why),
             }
         }
         let ready = missing.is_empty() && awaited.is_none() && pending(self);
-        self.service.set_ready(ready, now);
+        self.service.orders_mut().set_ready(ready);
         match awaited {
             Some(Awaited::Time(text)) => {
                 self.ground.set_obstacle(std::slice::from_ref(&text));

@@ -72,7 +72,7 @@ impl Executive {
                 None => MavResult::MAV_RESULT_DENIED,
             },
             Wanted::Lift if self.phase.is_waiting() && self.autopilot.state().is_disarmed() => {
-                self.service.lift_kill(now);
+                self.service.orders_mut().lift();
                 if self.service.orders().is_lifted_here_alone() {
                     self.notice(Notice::KillLiftedHere(self.settings.role.peer()));
                 }
@@ -115,7 +115,7 @@ impl Executive {
             }
             (Order::Pause | Order::Continue, _) => return None,
         };
-        Some((order, self.service.order(order, now)))
+        Some((order, self.service.orders_mut().give(order, now)))
     }
 
     /// Answers the operator's orders, as far as there is something to say.
@@ -172,7 +172,7 @@ impl Executive {
             if !self.phase.is_waiting() {
                 self.autopilot.release(now);
                 self.autopilot.disarm(now);
-                self.service.set_flying(false, now);
+                self.service.orders_mut().stand_down();
                 self.phase = Phase::Standby;
             }
         }

@@ -19,7 +19,7 @@ use crate::role::Role;
 use crate::time::{Instant, Utc};
 
 use super::clock::Offset;
-use super::orders::{Change, Order, Orders, Record};
+use super::orders::Orders;
 use super::peer::Peer;
 use super::wire::{self, MavMessage, VeilwingAnswer, VeilwingSilence};
 use acquaintance::{Acquaintance, Meeting};
@@ -105,7 +105,7 @@ impl Coordinator {
     /// Local facts; a change of what the peer acts on is told at once.
     pub fn set_local(&mut self, local: Local, now: Instant) {
         let acts_on = |l: &Local| (l.airborne, l.on_station, l.radiating, l.ended, l.landed, l.returning);
-        if acts_on(&local) != acts_on(&self.local) {
+        if acts_on(&local) != acts_on(&self.local) || self.orders.poll_untold() {
             self.next_status = now;
         }
         self.local = local;
@@ -184,61 +184,16 @@ impl Coordinator {
         self.transmit.extend((0..3).map(|_| MavMessage::VEILWING_SILENT(message.clone())));
     }
 
-    /// Takes an operator's order for both, given at this vehicle: its number. What comes about follows as events.
-    pub fn order(&mut self, order: Order, now: Instant) -> u32 {
-        let (number, change) = self.orders.give(order, now);
-        self.tell_orders(change, now);
-        number
-    }
-
-    /// A person at this vehicle lifts the radio kill, here.
-    pub fn lift_kill(&mut self, now: Instant) {
-        let change = self.orders.lift();
-        self.tell_orders(change, now);
-    }
-
-    /// This process found its vehicle on the ground: see [`Orders::began_on_the_ground`].
-    pub fn began_on_the_ground(&mut self, now: Instant) {
-        let change = self.orders.began_on_the_ground();
-        self.tell_orders(change, now);
-    }
-
-    /// Whether nothing here speaks against a take-off.
-    pub fn set_ready(&mut self, ready: bool, now: Instant) {
-        if self.orders.set_ready(ready) {
-            self.next_status = now;
-        }
-    }
-
-    /// The vehicle was armed, and not by this mission: see [`Orders::forget_start`].
-    pub fn forget_start(&mut self) {
-        self.orders.forget_start();
-    }
-
-    /// Takes up the START that both stand by, or takes it back before the vehicle has left the ground.
-    pub fn set_flying(&mut self, flying: bool, now: Instant) {
-        if flying {
-            self.orders.begin();
-        } else {
-            self.orders.stand_down();
-        }
-        self.next_status = now;
-    }
-
     /// The operator's orders.
     #[must_use]
     pub fn orders(&self) -> &Orders {
         &self.orders
     }
 
-    /// Of the orders, what is to be kept over a restart, if that has changed.
-    pub fn poll_record(&mut self) -> Option<Record> {
-        self.orders.poll_record()
-    }
-
-    fn tell_orders(&mut self, changes: impl IntoIterator<Item = Change>, now: Instant) {
-        self.events.extend(changes.into_iter().map(Event::Ordered));
-        self.next_status = now;
+    /// The operator's orders, to give some. The peer is told at the next [`set_local`](Self::set_local), and what comes
+    /// about follows as [`Event::Ordered`].
+    pub fn orders_mut(&mut self) -> &mut Orders {
+        &mut self.orders
     }
 
     /// I: the end of the lease in force.
@@ -303,7 +258,7 @@ impl Coordinator {
 
     /// The next event.
     pub fn poll_event(&mut self) -> Option<Event> {
-        self.events.pop_front()
+        self.events.pop_front().or_else(|| self.orders.poll_change().map(Event::Ordered))
     }
 
     /// The next message to send.
@@ -348,9 +303,7 @@ impl Coordinator {
         }
         self.transmit.extend(self.time.ask(now));
         self.advance_proposal(now);
-        if let Some(change) = self.orders.handle_timeout(now) {
-            self.tell_orders([change], now);
-        }
+        self.orders.handle_timeout(now);
         if let (Part::I(leader), Some(agreed)) = (&mut self.part, self.agreed) {
             self.transmit.extend(leader.request(agreed.commitment, now));
         }
@@ -418,10 +371,7 @@ impl Coordinator {
         if !self.acquaintance.take_status(status, now) {
             return;
         }
-        let changes = self.orders.hear(status, now);
-        if !changes.is_empty() {
-            self.tell_orders(changes, now);
-        }
+        self.orders.hear(status, now);
         match &mut self.part {
             Part::J(follower) => follower.book.returned(status.released_us),
             Part::I(leader) => {

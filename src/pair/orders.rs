@@ -12,6 +12,7 @@
 //!   both take off once each knows that the other stands by the same one (F4). What is done with, by take-off or
 //!   because the vehicle was armed by another hand, never counts again.
 
+use std::collections::VecDeque;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
@@ -101,6 +102,9 @@ pub struct Orders {
     /// The START that we fly by, and whether the other was seen to stand by it.
     flying: Option<(u32, bool)>,
     unsaved: bool,
+    /// The peer has not been told of what has changed.
+    untold: bool,
+    changes: VecDeque<Change>,
 }
 
 impl Orders {
@@ -115,6 +119,8 @@ impl Orders {
             ready: false,
             flying: None,
             unsaved: false,
+            untold: false,
+            changes: VecDeque::new(),
         }
     }
 
@@ -123,23 +129,36 @@ impl Orders {
         std::mem::take(&mut self.unsaved).then_some(self.record)
     }
 
+    /// What has come about.
+    pub fn poll_change(&mut self) -> Option<Change> {
+        self.changes.pop_front()
+    }
+
+    /// Whether the peer is to be told at once.
+    pub(super) fn poll_untold(&mut self) -> bool {
+        std::mem::take(&mut self.untold)
+    }
+
+    fn tell(&mut self, change: Change) {
+        self.changes.push_back(change);
+        self.untold = true;
+    }
+
     /// What is to be kept.
     #[must_use]
     pub fn record(&self) -> &Record {
         &self.record
     }
 
-    /// Takes an order given at this vehicle. One that already holds keeps its number. Returns the number, and what comes
-    /// about.
-    pub fn give(&mut self, order: Order, now: Instant) -> (u32, Option<Change>) {
-        let before = self.record;
+    /// Takes an order given at this vehicle: its number. One that already holds keeps its own.
+    pub fn give(&mut self, order: Order, now: Instant) -> u32 {
         let number = match order {
-            Order::Kill if self.is_killed() => return (self.record.kill, None),
+            Order::Kill if self.is_killed() => return self.record.kill,
             Order::Pause | Order::Continue if self.is_paused() == (order == Order::Pause) => {
-                return (self.record.hold, None);
+                return self.record.hold;
             }
             Order::Start => match self.pending {
-                Some((number, _)) => return (number, None),
+                Some((number, _)) => return number,
                 None => self.next(),
             },
             Order::Kill | Order::Pause | Order::Continue | Order::Recall => self.next(),
@@ -166,8 +185,8 @@ impl Orders {
                 Change::StartPending
             }
         };
-        self.unsaved |= self.record != before;
-        (number, Some(change))
+        self.tell(change);
+        number
     }
 
     fn next(&mut self) -> u32 {
@@ -189,22 +208,25 @@ impl Orders {
     }
 
     /// A person at this vehicle lifts the kill, here.
-    pub fn lift(&mut self) -> Option<Change> {
-        self.lift_up_to(self.record.kill)
+    pub fn lift(&mut self) {
+        self.lift_up_to(self.record.kill);
     }
 
     /// This process began on the ground: a kill that it found on record is lifted here.
-    pub fn began_on_the_ground(&mut self) -> Option<Change> {
-        self.lift_up_to(self.inherited_kill)
+    pub fn began_on_the_ground(&mut self) {
+        self.lift_up_to(self.inherited_kill);
     }
 
-    fn lift_up_to(&mut self, kill: u32) -> Option<Change> {
-        let was_killed = self.is_killed();
-        if kill > self.record.lifted {
-            self.record.lifted = kill;
-            self.unsaved = true;
+    fn lift_up_to(&mut self, kill: u32) {
+        if kill <= self.record.lifted {
+            return;
         }
-        (was_killed && !self.is_killed()).then_some(Change::KillLifted)
+        let was_killed = self.is_killed();
+        self.record.lifted = kill;
+        (self.unsaved, self.untold) = (true, true);
+        if was_killed && !self.is_killed() {
+            self.tell(Change::KillLifted);
+        }
     }
 
     /// The vehicle was armed, and not by this mission: what was asked for before counts no more (F4).
@@ -218,9 +240,8 @@ impl Orders {
     }
 
     /// Takes in the peer's state of orders.
-    pub fn hear(&mut self, said: &VEILWING_STATUS_DATA, now: Instant) -> Vec<Change> {
+    pub fn hear(&mut self, said: &VEILWING_STATUS_DATA, now: Instant) {
         let (before, was_killed, was_paused) = (self.record, self.is_killed(), self.is_paused());
-        let mut changes = Vec::new();
         self.peer = Peer {
             kill: said.kill,
             lifted: said.kill_lifted,
@@ -239,33 +260,35 @@ impl Orders {
             self.drop_start();
         }
         match (was_killed, self.is_killed()) {
-            (false, true) => changes.push(Change::Killed),
-            (true, false) => changes.push(Change::KillLifted),
+            (false, true) => self.tell(Change::Killed),
+            (true, false) => self.tell(Change::KillLifted),
             _ => {}
         }
         if self.record.recall > before.recall {
-            changes.push(Change::Recalled);
+            self.tell(Change::Recalled);
         }
         if self.is_paused() != was_paused {
-            changes.push(Change::Held(self.is_paused()));
+            self.tell(Change::Held(self.is_paused()));
         }
-        changes.extend(self.hear_start(said.start, now));
+        self.hear_start(said.start, now);
         self.unsaved |= self.record != before;
-        changes
     }
 
-    fn hear_start(&mut self, start: u32, now: Instant) -> Option<Change> {
+    fn hear_start(&mut self, start: u32, now: Instant) {
         if let Some((number, stood_by)) = &mut self.flying {
             let withdrawn = *stood_by && start != *number;
             *stood_by = start == *number;
-            return withdrawn.then_some(Change::StartWithdrawn);
+            if withdrawn {
+                self.tell(Change::StartWithdrawn);
+            }
+            return;
         }
         let known = self.pending.map_or(self.record.begun, |(number, _)| number);
         let new = start > known && start > self.record.begun && self.sees_alike() && !self.is_killed();
-        new.then(|| {
+        if new {
             self.pending = Some((start, now + START_EXPIRES));
-            Change::StartPending
-        })
+            self.tell(Change::StartPending);
+        }
     }
 
     /// The peer knows of every order that speaks against a START, and we of all of its.
@@ -282,12 +305,12 @@ impl Orders {
     }
 
     /// A START that was pending too long is none.
-    pub fn handle_timeout(&mut self, now: Instant) -> Option<Change> {
-        let (number, _) = self.pending.filter(|(_, expires)| *expires <= now)?;
+    pub fn handle_timeout(&mut self, now: Instant) {
+        let Some((number, _)) = self.pending.filter(|(_, expires)| *expires <= now) else { return };
         self.pending = None;
         self.record.begun = self.record.begun.max(number);
         self.unsaved = true;
-        Some(Change::StartExpired)
+        self.tell(Change::StartExpired);
     }
 
     /// When [`Self::handle_timeout`] is due.
@@ -296,11 +319,11 @@ impl Orders {
         self.pending.map(|(_, expires)| expires)
     }
 
-    /// Whether nothing here speaks against a take-off; `true` if what the peer is told of it changes.
-    pub fn set_ready(&mut self, ready: bool) -> bool {
+    /// Whether nothing here speaks against a take-off.
+    pub fn set_ready(&mut self, ready: bool) {
         let before = self.stands_by();
         self.ready = ready;
-        before != self.stands_by()
+        self.untold |= before != self.stands_by();
     }
 
     /// The START that we stand by: we are ready for it, or fly by it. 0: none.
@@ -340,13 +363,14 @@ impl Orders {
         let Some((number, _)) = self.pending.take() else { return };
         self.record.begun = self.record.begun.max(number);
         self.flying = Some((number, self.peer.start == number));
-        self.unsaved = true;
+        (self.unsaved, self.untold) = (true, true);
         self.spend();
     }
 
     /// What was begun is taken back before the vehicle has left the ground.
     pub fn stand_down(&mut self) {
         self.flying = None;
+        self.untold = true;
     }
 
     /// Whether a radio kill holds.

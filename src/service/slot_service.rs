@@ -6,7 +6,7 @@ use std::time::Duration;
 use mavlink::MavHeader;
 use mavlink::dialects::ardupilotmega::MavMessage;
 
-use crate::pair::orders::{Change, Order, Orders, Record};
+use crate::pair::orders::{Change, Orders};
 use crate::pair::wire::{self, VeilwingAnswer, VeilwingFlags, VeilwingSilence};
 use crate::pair::{self, Commitment, Coordinator, Local, Peer, PlanTerms, Vouch};
 use crate::role::Role;
@@ -48,7 +48,7 @@ enum Stage {
 /// See the module of the room.
 ///
 /// # Calling contract
-/// 1. Hand in what happened: any of `handle_pair`, `handle_radio`, `handle_timeout`, an operator's `order`.
+/// 1. Hand in what happened: any of `handle_pair`, `handle_radio`, `handle_timeout`, an operator's order (`orders_mut`).
 /// 2. [`advance`](Self::advance): agreements, refusals and the ends of slots follow from it.
 /// 3. Drain [`poll_event`](Self::poll_event) and do what the events ask for.
 /// 4. [`decide`](Self::decide): the interlock decides on what is known now. A fault silences the transmitter at the very
@@ -207,46 +207,15 @@ impl SlotService {
         self.pair.silent(reason, now);
     }
 
-    /// Takes an operator's order for both vehicles, given at this one: its number. What comes about follows as
-    /// [`Event::Ordered`].
-    pub fn order(&mut self, order: Order, now: Instant) -> u32 {
-        self.pair.order(order, now)
-    }
-
-    /// A person at this vehicle lifts the radio kill, here.
-    pub fn lift_kill(&mut self, now: Instant) {
-        self.pair.lift_kill(now);
-    }
-
-    /// This process found its vehicle on the ground: see [`Orders::began_on_the_ground`].
-    pub fn began_on_the_ground(&mut self, now: Instant) {
-        self.pair.began_on_the_ground(now);
-    }
-
-    /// Whether nothing at this vehicle speaks against a take-off.
-    pub fn set_ready(&mut self, ready: bool, now: Instant) {
-        self.pair.set_ready(ready, now);
-    }
-
-    /// The vehicle was armed, and not by this mission: see [`Orders::forget_start`].
-    pub fn forget_start(&mut self) {
-        self.pair.forget_start();
-    }
-
-    /// Takes up the START that both stand by, or takes it back before the vehicle has left the ground.
-    pub fn set_flying(&mut self, flying: bool, now: Instant) {
-        self.pair.set_flying(flying, now);
-    }
-
     /// The operator's orders.
     #[must_use]
     pub fn orders(&self) -> &Orders {
         self.pair.orders()
     }
 
-    /// Of the orders, what is to be kept over a restart, if that has changed.
-    pub fn poll_record(&mut self) -> Option<Record> {
-        self.pair.poll_record()
+    /// The operator's orders, to give some: what comes about follows as [`Event::Ordered`].
+    pub fn orders_mut(&mut self) -> &mut Orders {
+        self.pair.orders_mut()
     }
 
     /// Everything aboard shares the autopilot's MAVLink system, which is known once the autopilot is found.

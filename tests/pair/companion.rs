@@ -76,7 +76,7 @@ impl Companion {
 
     pub fn order(&mut self, pause: bool, t: Duration) {
         let order = if pause { Order::Pause } else { Order::Continue };
-        self.service.order(order, self.clocks.local(t));
+        self.service.orders_mut().give(order, self.clocks.local(t));
         self.react(t);
     }
 

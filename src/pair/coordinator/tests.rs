@@ -24,7 +24,7 @@ fn coordinator(role: Role, boot_id: u32) -> Coordinator {
         lease: Duration::from_millis(500),
         peer_timeout: Duration::from_secs(3),
         clock_tolerance: Duration::from_millis(250),
-        orders: Record::default(),
+        orders: super::super::orders::Record::default(),
     };
     let pose = Pose { position_enu_m: Enu::new(1.0, 2.0, 80.0), roll_rad: 0.5, pitch_rad: 0.1, yaw_rad: 0.0 };
     let vehicle = VehiclePlan { pose, tx_power_w: 0.5 };

@@ -14,6 +14,10 @@ fn status(orders: &Orders) -> VEILWING_STATUS_DATA {
     status
 }
 
+fn changes(orders: &mut Orders) -> Vec<Change> {
+    std::iter::from_fn(|| orders.poll_change()).collect()
+}
+
 /// Both vehicles, on the ground and ready.
 struct Pair {
     sides: [Orders; 2],
@@ -31,12 +35,14 @@ impl Pair {
     }
 
     fn give(&mut self, side: usize, order: Order) -> u32 {
-        self.sides[side].give(order, self.now).0
+        self.sides[side].give(order, self.now)
     }
 
     fn say(&mut self, from: usize) -> Vec<Change> {
         let status = status(&self.sides[from]);
-        self.sides[1 - from].hear(&status, self.now)
+        changes(&mut self.sides[1 - from]);
+        self.sides[1 - from].hear(&status, self.now);
+        changes(&mut self.sides[1 - from])
     }
 
     fn talk(&mut self) {
@@ -104,8 +110,11 @@ fn spec_a_start_that_is_not_confirmed_expires_at_both() {
     let expires = at(0) + START_EXPIRES;
     for orders in &mut pair.sides {
         assert_eq!(orders.poll_timeout(), Some(expires));
-        assert_eq!(orders.handle_timeout(expires - Duration::from_millis(1)), None);
-        assert_eq!(orders.handle_timeout(expires), Some(Change::StartExpired));
+        changes(orders);
+        orders.handle_timeout(expires - Duration::from_millis(1));
+        assert_eq!(changes(orders), []);
+        orders.handle_timeout(expires);
+        assert_eq!(changes(orders), [Change::StartExpired]);
     }
     pair.sides[1].set_ready(true);
     pair.talk();
@@ -138,7 +147,8 @@ fn spec_a_start_that_the_other_has_taken_back_is_withdrawn_from_who_has_begun() 
     pair.say(0);
     pair.say(1);
     assert!(pair.take_off(0));
-    assert_eq!(pair.sides[1].handle_timeout(at(0) + START_EXPIRES), Some(Change::StartExpired));
+    pair.sides[1].handle_timeout(at(0) + START_EXPIRES);
+    assert_eq!(changes(&mut pair.sides[1]), [Change::StartPending, Change::StartExpired]);
     assert_eq!(pair.say(1), [Change::StartWithdrawn]);
     assert!(pair.say(1).is_empty(), "once");
 }
@@ -151,7 +161,7 @@ fn spec_a_kill_holds_until_it_is_lifted_at_both_by_a_person_or_a_restart_on_the_
         assert_eq!(pair.killed(), [true, false]);
         assert_eq!(pair.say(0), [Change::Killed]);
         let release = |pair: &mut Pair, side: usize| match lift {
-            true => drop(pair.sides[side].lift()),
+            true => pair.sides[side].lift(),
             false => pair.restart(side, true),
         };
         // A restart in the air lifts nothing, nor does a START, which is dropped.
@@ -193,7 +203,7 @@ fn spec_the_later_of_pause_and_continue_holds_and_a_start_ends_both() {
     pair.give(0, Order::Pause);
     pair.talk();
     pair.give(0, Order::Continue);
-    let (number, _) = pair.sides[1].give(Order::Continue, at(1));
+    let number = pair.sides[1].give(Order::Continue, at(1));
     pair.talk();
     pair.give(0, Order::Pause);
     assert!(number < pair.sides[0].record().hold);
