@@ -24,7 +24,7 @@ from mavsdk.plugins.mavlink_direct import MavlinkDirect, MavlinkMessage
 from mavsdk.plugins.param import Param, ParamError, ProtocolVersion
 
 COMPANION = 191
-ACCEPTED, DENIED, UNSUPPORTED = 0, 2, 3
+ACCEPTED, DENIED, UNSUPPORTED, IN_PROGRESS = 0, 2, 3, 5
 MISSION_START, PAUSE_CONTINUE, RETURN, RADIO_KILL, UNKNOWN = 300, 193, 20, 31011, 31012
 REQUEST_MESSAGE, AUTOPILOT_VERSION, COMPONENT_INFORMATION_BASIC = 512, 148, 396
 # Answers of MAVProxy's own words.
@@ -158,6 +158,17 @@ class Operator(MavProxy):
         who = " and ".join(map(str, systems))
         self.wait("STATUSTEXT", take, simulated_s, f'companion {who} says "{text}"', since_typed=True)
 
+    def ready(self):
+        """Nothing is missing but the start."""
+        left = {1, 2}
+
+        def take(m):
+            if m.get_srcComponent() == COMPANION and m.text.startswith("waiting: MISSION_START"):
+                left.discard(m.get_srcSystem())
+            return not left
+
+        self.wait("STATUSTEXT", take, 60, "both companions wait for the start alone")
+
     def parameters(self, system, role):
         """The companion's own parameters, as an operator types for them."""
         self.type(f"vehicle {system}:{COMPANION}")
@@ -207,7 +218,7 @@ class Operator(MavProxy):
         self.type(f"vehicle {system}:{COMPANION}")
         self.type(f"long {command} {param1}")
         mine = lambda m: (m.get_srcSystem(), m.get_srcComponent()) == (system, COMPANION)  # noqa: E731
-        answers = lambda m: mine(m) and m.command == command  # noqa: E731
+        answers = lambda m: mine(m) and m.command == command and m.result != IN_PROGRESS  # noqa: E731
         answer = self.wait("COMMAND_ACK", answers, 10, f"{what}: answered", since_typed=True)
         check(answer.result == result, f"MAVProxy: {what}: {WORDS[result]} ({answer.result})")
         # It keeps the answers to requests for messages to itself.
@@ -241,7 +252,10 @@ def first_flight(arguments):
                 sdk.parameters(system, float(system - 1))
             operator.who(1)
             operator.command(1, UNKNOWN, UNSUPPORTED, "a command that no companion has")
-            operator.command(1, PAUSE_CONTINUE, DENIED, "pause on the ground")
+            operator.ready()
+            operator.command(1, PAUSE_CONTINUE, DENIED, "continue on the ground", 1)
+            operator.command(1, PAUSE_CONTINUE, ACCEPTED, "pause on the ground: no start any more")
+            operator.says("the start was taken back", 10)
             operator.command(1, MISSION_START, ACCEPTED, "start")
             operator.says("preflight passed, taking off", 10)
             operator.command(2, MISSION_START, DENIED, "start once more")
@@ -264,6 +278,7 @@ def second_flight(arguments):
     with Flight(arguments) as flight:
         with Operator(f"udpin:127.0.0.1:{port}", port + 1, arguments.speed, sdk_output) as operator:
             operator.both("HEARTBEAT", lambda m: True, 20, "both companions' heartbeats")
+            operator.ready()
             Sdk(port + 2).command(2, MISSION_START, ACCEPTED, "start at vehicle J")
             operator.says("slot 0: on", 90)
             operator.command(2, RADIO_KILL, ACCEPTED, "radio kill")

@@ -85,18 +85,18 @@ def fly(arguments, running):
     station = mavutil.mavlink_connection(f"udpin:127.0.0.1:{arguments.port}", dialect="ardupilotmega")
     out = start(arguments, running)
     companions = [running["companion-i"], running["companion-j"]]
-    heard, started, end = set(), False, time.monotonic() + 60.0 + 300.0 / arguments.speed
+    ready, started, end = set(), False, time.monotonic() + 60.0 + 300.0 / arguments.speed
     while time.monotonic() < end and any(c.poll() is None for c in companions):
-        message = station.recv_match(type=["HEARTBEAT", "COMMAND_ACK"], blocking=True, timeout=0.2)
+        message = station.recv_match(type=["STATUSTEXT", "COMMAND_ACK"], blocking=True, timeout=0.2)
         if message is None:
             continue
-        if message.get_srcComponent() == 191:
-            heard.add(message.get_srcSystem())
-        if message.get_type() == "COMMAND_ACK" and message.command == 300:
+        if message.get_type() == "STATUSTEXT" and message.text.startswith("waiting: MISSION_START"):
+            ready.add(message.get_srcSystem())
+        if message.get_type() == "COMMAND_ACK" and message.command == 300 and message.result != 5:
             check(message.result == 0, "the start is accepted")
-        if heard == {1, 2} and not started:
+        if ready == {1, 2} and not started:
             started = True
-            check(True, "both companions are heard over their vehicles' routers")
+            check(True, "both companions are heard over their vehicles' routers, and wait for the start alone")
             station.mav.command_long_send(1, 191, 300, 0, 0, 0, 0, 0, 0, 0, 0)
     ends = [c.poll() for c in companions]
     check(ends == [0, 0], f"both companions complete the mission (exit codes {ends})")
