@@ -85,7 +85,11 @@ fn fly(role: &str, seconds: f64, links: &str) {
     let companion = Companion {
         autopilot: (vehicle.autopilot.link.clone(), link("autopilot", vehicle.autopilot.system_id, true)),
         radio: None,
-        pair: (vehicle.pair_link.clone(), link("pair", None, false), pair_form(&vehicle)),
+        pair: (
+            vehicle.pair_link.clone(),
+            link("pair", Some(if role == Role::I { 2 } else { 1 }), false),
+            pair_form(&vehicle),
+        ),
         transmitter: Transmitter::new(transmitter_settings(&vehicle, std::process::id()), clock.now()),
         settings: settings(&mission, &vehicle, std::process::id(), true),
         orders: None,

@@ -56,6 +56,12 @@ pub enum AddressError {
 }
 
 impl LinkAddress {
+    /// Whether it waits for its peer, wherever that is, instead of naming it.
+    #[must_use]
+    pub fn learns_its_peer(&self) -> bool {
+        matches!(self, Self::UdpIn(_) | Self::TcpIn(_))
+    }
+
     /// Whether it is a wire that ends at one peer, so that nobody else can speak on it.
     #[must_use]
     pub fn is_point_to_point(&self) -> bool {

@@ -35,6 +35,9 @@ impl Rejection {
             Self::Unsigned | Self::WrongSignature => Some(
                 "the other end signs with another key, or not at all: give both vehicle files the same key_file",
             ),
+            Self::Reflected => Some(
+                "both ends speak as the same MAVLink system and component, or what is sent comes back: give each autopilot a system of its own",
+            ),
             Self::OtherForm => Some(
                 "the other companion sends its pair messages in the other form: set [pair] tunnel alike in both vehicle files",
             ),
@@ -58,6 +61,10 @@ rejections! {
     TooNew, "too_new", "The first signed frame of a stream, a month and more ahead of this machine's clock; or any that is beyond 2100.";
     OtherForm, "other_form", "A pair message in the form, plain or in TUNNEL, for which this end is not configured.";
     ForeignSystem, "foreign_system", "The frame is from a system other than the link's peer.";
+    Reflected, "reflected", "A signed frame in our own name: our own, come back, or the other end speaks as the same system and component.";
+    Unproven, "unproven", "A signed frame from a new address, which has yet to answer a challenge.";
+    Unasked, "unasked", "An answer to a challenge that was never made, or made too long ago.";
+    Unpinned, "unpinned", "The frame is from a system of which it is not known whether it is the link's peer.";
     Stranger, "stranger", "A datagram or a connection from an address other than the peer's.";
 }
 
@@ -86,6 +93,8 @@ pub struct Counters {
     pub noise_bytes: u64,
     /// Times that the peer was found: connected, or learnt from its frames.
     pub connections: u64,
+    /// Times that a peer that had been found was found elsewhere.
+    pub path_changes: u64,
     /// Errors of the operating system.
     pub io_errors: u64,
     /// Records that the `.tlog` missed: its disk was slow or full.
@@ -151,6 +160,7 @@ impl fmt::Display for Counters {
             ("neutralised", self.neutralised),
             ("noise_bytes", self.noise_bytes),
             ("connections", self.connections),
+            ("path_changes", self.path_changes),
             ("io_errors", self.io_errors),
             ("tlog_dropped", self.tlog_dropped),
         ];

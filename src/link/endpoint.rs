@@ -8,13 +8,13 @@ use std::pin::Pin;
 use std::task::{Context, Poll, Waker, ready};
 use std::time::Duration;
 
-use mavlink::Message;
-
 use super::LinkError;
 use super::clock::Clock;
-use super::codec::{Decoder, Encoder};
+use super::codec::Decoder;
 use super::counters::{Counters, Rejection};
+use super::dialogue::Dialogue;
 use super::frame::{Frame, RawFrame};
+use super::gate::{self, Gate, GateConfig};
 use super::outbox::Outbox;
 use super::signing::{Signing, SigningConfig};
 use super::tlog::TlogWriter;
@@ -34,7 +34,7 @@ pub struct LinkConfig {
     /// What logs call it.
     pub name: String,
     /// The peer's system id. A peer whose address is not given is learnt from this system's frames alone.
-    /// `None`: from any well-formed frame.
+    /// `None`: from those of the only system heard in three seconds, or, with [`Self::accept_foreign`], from any.
     pub peer_system: Option<u8>,
     /// Whether frames of other systems are accepted from the peer's address: on an autopilot's link, behind
     /// which ground stations speak. They never tell where the peer is.
@@ -60,24 +60,20 @@ pub struct Link<M> {
     name: String,
     /// `None` in memory, where nothing ever has to be reopened.
     address: Option<LinkAddress>,
-    peer_system: Option<u8>,
-    accept_foreign: bool,
-    signing: Option<Signing>,
+    gate: Gate<M>,
     tlog: Option<TlogWriter>,
     clock: Clock,
     way: Way,
     backoff: Duration,
-    encoder: Encoder,
     outbox: Outbox,
     decoders: BTreeMap<Origin, Decoder<M>>,
     /// Whose bytes are being decoded, and whether nothing will follow them.
     draining: Option<(Origin, bool)>,
     buffer: Vec<u8>,
     counters: Counters,
-    admits: fn(&M) -> Result<(), Rejection>,
 }
 
-impl<M: Message> Link<M> {
+impl<M: Dialogue> Link<M> {
     /// Opens a link. What cannot be reached yet is tried again by [`Self::recv`].
     ///
     /// # Errors
@@ -116,29 +112,27 @@ impl<M: Message> Link<M> {
         let LinkConfig { name, peer_system, accept_foreign, signing, tlog } = config;
         let signing = signing.map(|signing| Signing::open(signing, clock.utc())).transpose();
         let signing = signing.map_err(|source| LinkError::Signing { name: name.clone(), source })?;
+        let open_to_anyone = address.as_ref().is_some_and(LinkAddress::learns_its_peer);
+        let gate = GateConfig { peer_system, open_to_anyone, accept_foreign, signing };
         Ok(Self {
             name,
             address,
-            peer_system,
-            accept_foreign,
-            signing,
+            gate: Gate::new(gate, clock.utc()),
             tlog,
             clock,
             way,
             backoff: BACKOFF_FIRST,
-            encoder: Encoder::default(),
             outbox: Outbox::default(),
             decoders: BTreeMap::new(),
             draining: None,
             buffer: vec![0; READ_BYTES],
             counters: Counters::default(),
-            admits: |_| Ok(()),
         })
     }
 
     /// Turns away, before it changes anything, what this function refuses. Nothing, unless it is told.
     pub(super) fn admit_only(&mut self, admits: fn(&M) -> Result<(), Rejection>) {
-        self.admits = admits;
+        self.gate.admit_only(admits);
     }
 
     /// The next frame of the peer's. Never ends: a link that is down is reopened in here. Safe to cancel, and
@@ -152,26 +146,23 @@ impl<M: Message> Link<M> {
     /// congested way the oldest one that waits, and either is counted.
     pub fn send(&mut self, from: (u8, u8), message: &M) {
         if !self.is_connected() {
+            // Those who ask at the gate are asked back in this name.
+            self.gate.speak_as(from);
             self.counters.dropped_unconnected += 1;
             return;
         }
-        let raw = match &mut self.signing {
-            None => self.encoder.encode(from, message),
-            Some(signing) => {
-                let mut raw = self.encoder.encode_for_signing(from, message);
-                let signed = signing.sign(&mut raw, self.clock.utc());
-                self.counters.unrecorded = signing.unrecorded();
-                if let Err(error) = signed {
-                    self.counters.dropped_unsigned += 1;
-                    if self.counters.dropped_unsigned.is_power_of_two() {
-                        tracing::warn!(link = self.name, %error, "frames are not sent");
-                    }
-                    return;
+        let sealed = self.gate.seal(from, message, self.clock.utc());
+        self.counters.unrecorded = self.gate.unrecorded();
+        match sealed {
+            Ok(raw) => self.counters.dropped_congested += u64::from(self.outbox.push(raw)),
+            Err(error) => {
+                self.counters.dropped_unsigned += 1;
+                if self.counters.dropped_unsigned.is_power_of_two() {
+                    tracing::warn!(link = self.name, %error, "frames are not sent");
                 }
-                raw
+                return;
             }
-        };
-        self.counters.dropped_congested += u64::from(self.outbox.push(RawFrame::V2(raw)));
+        }
         // What does not go out at once does in `recv`, which also registers for a wake-up.
         self.flush(&mut Context::from_waker(Waker::noop()));
     }
@@ -299,46 +290,69 @@ impl<M: Message> Link<M> {
                 self.draining = None;
                 return None;
             };
-            match self.admit(&raw, origin) {
-                Ok(frame) => return Some(frame),
+            let admitted = self.admit(&raw, origin);
+            self.follow_up();
+            match admitted {
+                Ok(Some(frame)) => return Some(frame),
+                Ok(None) => {}
                 Err(reason) => self.reject(reason),
             }
         }
         None
     }
 
-    /// Judges a frame whose checksum is right: the system, the signature, the content, and what follows for
-    /// the peer's whereabouts.
-    fn admit(&mut self, raw: &RawFrame, origin: Origin) -> Result<Frame<M>, Rejection> {
-        let is_peer = self.peer_system.is_none_or(|peer| raw.header().system_id == u32::from(peer));
-        if !is_peer && (origin != Origin::Peer || !self.accept_foreign) {
-            return Err(Rejection::ForeignSystem);
-        }
-        let utc = self.clock.utc();
-        if let Some(signing) = &mut self.signing {
-            let proven = signing.verify(raw, utc)?;
-            self.counters.unrecorded = signing.unrecorded();
-            if !proven && origin != Origin::Peer {
-                return Err(Rejection::Unsigned);
-            }
-        }
-        let frame = raw.parse::<M>()?;
-        (self.admits)(&frame.message)?;
+    /// Has a frame whose checksum is right judged, and notes what follows for the peer's whereabouts.
+    fn admit(&mut self, raw: &RawFrame, origin: Origin) -> Result<Option<Frame<M>>, Rejection> {
+        let at = gate::Arrival { origin, now: self.clock.now(), utc: self.clock.utc() };
+        let frame = self.gate.admit(raw, at)?;
         self.note_peer(origin)?;
         self.backoff = BACKOFF_FIRST;
         self.counters.received += 1;
-        self.counters.neutralised += u64::from(frame.neutralised);
-        self.log(utc, raw);
+        self.counters.neutralised += u64::from(frame.as_ref().is_some_and(|frame| frame.neutralised));
+        self.log(at.utc, raw);
         Ok(frame)
+    }
+
+    /// Sends and tells what the gate wants sent and told.
+    fn follow_up(&mut self) {
+        self.counters.unrecorded = self.gate.unrecorded();
+        while let Some((origin, raw)) = self.gate.poll_reply() {
+            let Way::Up(transport) = &mut self.way else { continue };
+            if origin == Origin::Peer {
+                self.counters.dropped_congested += u64::from(self.outbox.push(raw));
+            } else if transport.send_to(origin, raw.bytes()) {
+                self.counters.sent += 1;
+                self.counters.sent_bytes += raw.bytes().len() as u64;
+                self.log(self.clock.utc(), &raw);
+            } else {
+                self.counters.dropped_unconnected += 1;
+            }
+        }
+        while let Some(notice) = self.gate.poll_notice() {
+            tracing::warn!(link = self.name, "{notice}");
+        }
     }
 
     /// Notes that the peer is alive, and is where `origin` says.
     fn note_peer(&mut self, origin: Origin) -> Result<(), Rejection> {
         let Way::Up(transport) = &mut self.way else { return Ok(()) };
+        let before = transport.peer_address();
         let moved = transport.peer_heard(origin, self.clock.now());
         if moved {
             self.counters.connections += 1;
-            tracing::info!(link = self.name, connections = self.counters.connections, "peer found");
+            let at = transport.peer_address().map(tracing::field::display);
+            match before {
+                Some(before) => {
+                    self.counters.path_changes += 1;
+                    tracing::warn!(link = self.name, %before, at, path_changes = self.counters.path_changes, "the peer was silent where it was, and is elsewhere now");
+                }
+                None => tracing::info!(
+                    link = self.name,
+                    at,
+                    connections = self.counters.connections,
+                    "peer found"
+                ),
+            }
             // What was meant for the place where it was is stale.
             self.counters.dropped_unconnected += self.outbox.clear() as u64;
             let decoder = self.decoders.remove(&origin).unwrap_or_default();

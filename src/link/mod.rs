@@ -9,9 +9,11 @@ mod address;
 pub mod clock;
 pub mod codec;
 pub mod counters;
+pub mod dialogue;
 mod endpoint;
 pub mod envelope;
 pub mod frame;
+pub mod gate;
 mod outbox;
 pub mod pair;
 pub mod signing;
@@ -30,7 +32,7 @@ pub use frame::{Frame, RawFrame};
 pub use pair::PairLink;
 pub use signing::{Key, SigningConfig};
 pub use tlog::{TlogReader, TlogWriter};
-pub use transport::MemoryEnd;
+pub use transport::{LearntPath, MemoryEnd, Origin};
 
 /// Why a link cannot be opened, now or ever. What may heal by itself (a peer not up yet, a device not plugged
 /// in, a name that does not resolve) is no error but retried.

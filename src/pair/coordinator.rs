@@ -322,6 +322,8 @@ impl Coordinator {
             MavMessage::VEILWING_LEASE_GRANT(grant) => self.take_grant(grant, now),
             MavMessage::VEILWING_SILENT(silent) => self.take_silence(silent, now),
             MavMessage::VEILWING_CLOCK(clock) => self.transmit.extend(self.time.take(clock, now)),
+            // Of the link, which keeps them to itself where it is signed.
+            MavMessage::VEILWING_CHALLENGE(_) | MavMessage::VEILWING_RESPONSE(_) => {}
         }
     }
 

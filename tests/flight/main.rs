@@ -7,6 +7,7 @@
 mod agreement;
 mod face;
 mod faults;
+mod forged;
 mod harness;
 mod kinds;
 mod mutations;

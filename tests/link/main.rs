@@ -4,6 +4,7 @@
 // Clippy's own exception for tests does not reach their helpers.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
+mod clocks;
 mod codec;
 mod common;
 mod dialect;

@@ -7,6 +7,7 @@ use rand_chacha::ChaCha8Rng;
 use tokio::net::UdpSocket;
 use veilwing::link::LinkAddress;
 use veilwing::link::codec::Encoder;
+use veilwing::link::dialogue::Dialogue;
 use veilwing::link::envelope::PAYLOAD_TYPE;
 use veilwing::link::{
     Clock, Counters, Envelope, Form, Key, LinkConfig, MemoryEnd, PairLink, RawFrame, Rejection, SigningConfig,
@@ -111,14 +112,28 @@ async fn prop_both_forms_carry_every_message_over_udp_signed() {
         let port = near.local_address().unwrap().port();
         let mut far =
             PairLink::open(LinkAddress::UdpOut(loopback(port)), config("far", 1), form, clock).await.unwrap();
-        for &id in MavMessage::all_ids() {
-            let message = MavMessage::default_message_from_id(id).unwrap();
+        // The listener has a name, and the caller proves that it is there.
+        near.send((1, 191), &commit(0));
+        far.send((2, 191), &commit(0));
+        while !near.is_connected() {
+            tokio::select! {
+                biased;
+                frame = near.recv() => panic!("{frame:?}"),
+                frame = far.recv() => panic!("{frame:?}"),
+                () = tokio::task::yield_now() => {}
+            }
+        }
+        let messages =
+            MavMessage::all_ids().iter().map(|id| MavMessage::default_message_from_id(*id).unwrap());
+        // What is of the link itself it keeps.
+        for message in messages.filter(|message| message.said().is_none()) {
             far.send((2, 191), &message);
             assert_eq!(heard(&mut near, &mut far).await, message, "{form:?}");
             near.send((1, 191), &message);
             assert_eq!(heard(&mut far, &mut near).await, message, "{form:?}");
         }
-        assert_eq!((near.counters().rejected.total(), far.counters().rejected.total()), (0, 0));
+        assert_eq!(reasons(near.counters()), [(Rejection::Unproven, 1)]);
+        assert_eq!(far.counters().rejected.total(), 0);
     }
 }
 

@@ -2,6 +2,7 @@
 //! where the peer is, is for [`super::Link`] to judge.
 
 mod memory;
+mod path;
 #[cfg(feature = "serial")]
 mod serial;
 mod tcp;
@@ -13,24 +14,27 @@ use std::task::{Context, Poll};
 use std::time::Duration;
 
 pub use memory::MemoryEnd;
+pub use path::LearntPath;
 
 use super::clock::Clock;
 use crate::link::LinkAddress;
 use crate::time::Instant;
 
-/// A peer silent for longer gives way to whoever proves to be the peer at another address: an autopilot that
-/// was restarted comes back from another port. Three HEARTBEATs.
+/// A peer silent for longer gives way to whoever proves to be the peer at another address (by signature and challenge
+/// where there is a key): an autopilot that was restarted comes back from another port. Three HEARTBEATs.
 const PEER_TIMEOUT: Duration = Duration::from_secs(3);
 /// A connection attempt that takes longer is given up.
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// Where bytes came from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) enum Origin {
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Origin {
     /// The peer's address.
     Peer,
-    /// Somebody who may yet prove to be the peer.
-    Candidate(u64),
+    /// A connection of somebody who may yet prove to be the peer.
+    Connection(u64),
+    /// An address of the same.
+    Address(SocketAddr),
 }
 
 /// What a transport has read.
@@ -63,9 +67,19 @@ pub(super) trait Transport: Send {
         true
     }
 
+    /// Sends a frame to somebody who may yet prove to be the peer, at once or not at all. Whether it went out.
+    fn send_to(&mut self, _origin: Origin, _frame: &[u8]) -> bool {
+        false
+    }
+
     /// A frame from `origin` was the peer's. Returns whether this makes a candidate the peer.
     fn peer_heard(&mut self, _origin: Origin, _now: Instant) -> bool {
         false
+    }
+
+    /// Where the peer is, if it was learnt.
+    fn peer_address(&self) -> Option<SocketAddr> {
+        None
     }
 
     /// The local end, if it has an address.

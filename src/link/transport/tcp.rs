@@ -146,7 +146,7 @@ impl TcpIn {
                 Poll::Ready(Err(_)) => return Poll::Ready(self.candidates.remove(index).gone()),
                 Poll::Ready(Ok(length)) => {
                     candidate.bytes += length;
-                    let origin = Origin::Candidate(candidate.id);
+                    let origin = Origin::Connection(candidate.id);
                     return Poll::Ready(Arrival::Bytes { origin, length, ends: false });
                 }
             }
@@ -158,7 +158,7 @@ impl TcpIn {
 impl Candidate {
     /// Says that nothing more will come of it.
     fn gone(self) -> Arrival {
-        Arrival::Bytes { origin: Origin::Candidate(self.id), length: 0, ends: true }
+        Arrival::Bytes { origin: Origin::Connection(self.id), length: 0, ends: true }
     }
 }
 
@@ -202,6 +202,16 @@ impl Transport for TcpIn {
         self.peer.is_some()
     }
 
+    fn send_to(&mut self, origin: Origin, frame: &[u8]) -> bool {
+        let candidate = self.candidates.iter().find(|candidate| origin == Origin::Connection(candidate.id));
+        // Nothing else was ever written there, so that a frame has room, or the peer does not read.
+        candidate.is_some_and(|c| c.stream.try_write(frame).is_ok_and(|written| written == frame.len()))
+    }
+
+    fn peer_address(&self) -> Option<SocketAddr> {
+        self.peer.as_ref().and_then(|(stream, _)| stream.peer_addr().ok())
+    }
+
     fn peer_heard(&mut self, origin: Origin, now: Instant) -> bool {
         match origin {
             Origin::Peer => {
@@ -210,7 +220,8 @@ impl Transport for TcpIn {
                 }
                 false
             }
-            Origin::Candidate(id) => {
+            Origin::Address(_) => false,
+            Origin::Connection(id) => {
                 let Some(index) = self.candidates.iter().position(|candidate| candidate.id == id) else {
                     return false;
                 };

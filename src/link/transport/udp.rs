@@ -7,7 +7,8 @@ use std::task::{Context, Poll, ready};
 use tokio::io::ReadBuf;
 use tokio::net::{UdpSocket, lookup_host};
 
-use super::{Arrival, Origin, PEER_TIMEOUT, Transport};
+use super::path::LearntPath;
+use super::{Arrival, Origin, Transport};
 use crate::link::HostPort;
 use crate::time::Instant;
 
@@ -66,15 +67,13 @@ impl Transport for UdpOut {
 /// `udpin:`: a bound socket whose peer is whoever proves to be it.
 pub struct UdpIn {
     socket: UdpSocket,
-    peer: Option<(SocketAddr, Instant)>,
-    /// Who sent the last datagram that was not the peer's.
-    candidate: Option<SocketAddr>,
+    path: LearntPath,
 }
 
 impl UdpIn {
     /// Binds to the host's port.
     pub async fn bind(at: &HostPort) -> io::Result<Self> {
-        Ok(Self { socket: UdpSocket::bind((at.host.as_str(), at.port)).await?, peer: None, candidate: None })
+        Ok(Self { socket: UdpSocket::bind((at.host.as_str(), at.port)).await?, path: LearntPath::default() })
     }
 }
 
@@ -88,42 +87,34 @@ impl Transport for UdpIn {
         let mut buffer = ReadBuf::new(buffer);
         let from = ready!(self.socket.poll_recv_from(cx, &mut buffer))?;
         let length = buffer.filled().len();
-        Poll::Ready(Ok(match self.peer {
-            Some((peer, _)) if peer == from => Arrival::Bytes { origin: Origin::Peer, length, ends: true },
-            Some((_, heard)) if now.saturating_since(heard) < PEER_TIMEOUT => Arrival::Stranger { length },
-            _ => {
-                self.candidate = Some(from);
-                // One at a time: a datagram is judged before the next one is read.
-                Arrival::Bytes { origin: Origin::Candidate(0), length, ends: true }
-            }
+        Poll::Ready(Ok(match self.path.origin(from, now) {
+            Some(origin) => Arrival::Bytes { origin, length, ends: true },
+            None => Arrival::Stranger { length },
         }))
     }
 
     fn poll_write(&mut self, cx: &mut Context<'_>, frame: &[u8]) -> Poll<io::Result<usize>> {
-        let Some((peer, _)) = self.peer else { return Poll::Ready(Ok(frame.len())) };
+        let Some(peer) = self.path.peer() else { return Poll::Ready(Ok(frame.len())) };
         // Unreachable today may be reachable tomorrow, and rebinding would forget who the peer is.
         let written = ready!(self.socket.poll_send_to(cx, frame, peer));
         Poll::Ready(written.map_err(|error| io::Error::new(io::ErrorKind::ConnectionRefused, error)))
     }
 
     fn has_peer(&self) -> bool {
-        self.peer.is_some()
+        self.path.peer().is_some()
+    }
+
+    fn send_to(&mut self, origin: Origin, frame: &[u8]) -> bool {
+        let Origin::Address(to) = origin else { return false };
+        self.socket.try_send_to(frame, to).is_ok_and(|sent| sent == frame.len())
+    }
+
+    fn peer_address(&self) -> Option<SocketAddr> {
+        self.path.peer()
     }
 
     fn peer_heard(&mut self, origin: Origin, now: Instant) -> bool {
-        match origin {
-            Origin::Peer => {
-                if let Some((_, heard)) = &mut self.peer {
-                    *heard = now;
-                }
-                false
-            }
-            Origin::Candidate(_) => {
-                let Some(address) = self.candidate.take() else { return false };
-                self.peer = Some((address, now));
-                true
-            }
-        }
+        self.path.heard(origin, now)
     }
 
     fn local_address(&self) -> Option<SocketAddr> {
