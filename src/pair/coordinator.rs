@@ -445,7 +445,8 @@ impl Coordinator {
     }
 
     fn take_request(&mut self, request: &wire::VEILWING_LEASE_REQUEST_DATA, now: Instant) {
-        let commitment = self.commitment().filter(|c| c.proposal == request.proposal);
+        let of_slot = |c: &Commitment| c.proposal == request.proposal && c.slot == request.slot;
+        let commitment = self.commitment().filter(of_slot);
         let (Part::J(follower), Some(commitment), Some(plan)) = (&mut self.part, commitment, &self.plan)
         else {
             return;
