@@ -26,7 +26,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     for std_deg in levels_deg {
         let mission = file.changed(|m| m.jitter.std_deg = std_deg).map_err(|errors| errors.to_string())?;
         let plan = planning::plan(&mission)?;
-        let flown = fly(&Scenario::new(&mission, &plan)?, mission.seed, flights)?;
+        let flown = fly(&Scenario::new(&mission, &plan, None)?, mission.seed, flights)?;
         println!("{}", row(std_deg, &mission, &plan, &flown));
     }
     Ok(())

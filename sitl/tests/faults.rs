@@ -200,6 +200,55 @@ fn spec_a_transmitter_that_ignores_its_expiry_radiates_on() {
 }
 
 #[test]
+fn spec_a_transmitter_without_power_is_off_and_starts_with_a_series_of_its_own() {
+    let mut f = Flight::new(config());
+    f.pass(1000);
+    f.clients[1].numbered(&mut f.world, 10.0, 1, 400);
+    f.clients[1].numbered(&mut f.world, 10.0, 2, 400);
+    assert!(f.world.snapshot().vehicles[1].tx_power_w.is_some());
+    f.pass(200);
+    let (before, _) = *f.clients[1].reports.last().unwrap();
+    f.world.inject(Fault::TransmitterRestart { vehicle: 1, on: true });
+    assert_eq!(f.world.snapshot().vehicles[1].tx_power_w, None);
+    f.clients[1].reports.clear();
+    f.clients[1].numbered_as(&mut f.world, &before, 10.0, 3, 400);
+    f.pass(1000);
+    assert_eq!((f.clients[1].reports.len(), f.world.snapshot().vehicles[1].tx_power_w), (0, None));
+    f.world.inject(Fault::TransmitterRestart { vehicle: 1, on: false });
+    f.pass(200);
+    let (after, _) = *f.clients[1].reports.last().unwrap();
+    assert!(after.time_ms < 250 && after.series != before.series && after.boot == 0, "{after:?}");
+    // What is still under way from before counts for nothing.
+    f.clients[1].numbered_as(&mut f.world, &before, 10.0, 4, 400);
+    f.pass(20);
+    assert_eq!(f.world.snapshot().vehicles[1].tx_power_w, None);
+    f.clients[1].numbered(&mut f.world, 10.0, 5, 400);
+    assert!(f.world.snapshot().vehicles[1].tx_power_w.is_some());
+}
+
+#[test]
+fn val_a_clock_that_drifts_gains_what_it_is_told() {
+    let mut f = Flight::new(config());
+    let utc_us = |f: &Flight| {
+        f.clients[0].last(|m| match m {
+            MavMessage::SYSTEM_TIME(t) => Some((t.time_unix_usec, t.time_boot_ms)),
+            _ => None,
+        })
+    };
+    f.clients[0].command(&mut f.world, MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL, &[2.0, 100_000.0]);
+    f.pass(2000);
+    let (utc, boot) = utc_us(&f).unwrap();
+    f.world.inject(Fault::ClockDrift { vehicle: 0, ppm: -500.0 });
+    f.pass(10_000);
+    f.world.inject(Fault::ClockDrift { vehicle: 0, ppm: 0.0 });
+    f.pass(5000);
+    let (later, later_boot) = utc_us(&f).unwrap();
+    let gained_us = (later - utc) as f64 - f64::from(later_boot - boot) * 1e3;
+    // 10 s at -500 millionths; the boot clock is told in whole ms.
+    assert!((gained_us + 5000.0).abs() <= 1000.0, "{gained_us}");
+}
+
+#[test]
 fn spec_noise_and_lag_show_in_the_truth_and_stay_small() {
     let mut config = config();
     for vehicle in &mut config.vehicles {

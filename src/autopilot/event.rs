@@ -8,7 +8,7 @@ use mavlink::dialects::ardupilotmega::{MavResult, MavSeverity};
 use super::firmware::Firmware;
 
 /// Why the autopilot's estimate is not to be trusted.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, strum::IntoStaticStr, strum::VariantNames)]
 pub enum EstimatorFault {
     /// A message carried a number that is not finite, or a quaternion that is no rotation.
     NotFinite {

@@ -10,7 +10,7 @@ use super::refusal::Refusal;
 use super::words;
 
 /// The first of what ended a mission before its time.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[derive(Debug, Clone, PartialEq, thiserror::Error, strum::IntoStaticStr, strum::VariantNames)]
 pub enum Cause {
     /// The autopilot left the companion's mode, and not by the companion's hand (F2).
     #[error("the autopilot went to {0} by another hand")]

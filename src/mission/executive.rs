@@ -10,7 +10,7 @@ use crate::autopilot::Autopilot;
 use crate::geo::Enu;
 use crate::pair::{Record, wire};
 use crate::planner::slots::Plan;
-use crate::service::{self, Freshness, SlotService, Tolerance};
+use crate::service::{self, Freshness, SlotService, Standing, Tolerance};
 use crate::time::Instant;
 use crate::transmitter::Transmitter;
 use crate::transmitter::wire::MavMessage as RadioMessage;
@@ -268,6 +268,12 @@ impl Executive {
     #[must_use]
     pub fn phase_name(&self) -> &'static str {
         self.phase.name(self.service.slot().is_some())
+    }
+
+    /// What the pair's service is doing, likewise.
+    #[must_use]
+    pub fn standing(&self) -> Standing {
+        self.service.standing()
     }
 
     pub(super) fn notice(&mut self, notice: Notice) {

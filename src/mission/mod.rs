@@ -25,5 +25,6 @@ mod words;
 pub use cause::Cause;
 pub use executive::{Executive, Outcome, Outgoing};
 pub use notice::Notice;
+pub use phase::NAMES as PHASES;
 pub use scene::Scene;
 pub use settings::{Operators, Settings};

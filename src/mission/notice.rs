@@ -19,7 +19,7 @@ use super::words;
 
 /// A line for the operator: goes out as STATUSTEXT and into the log. Its `Display` is the text, in plain words with the
 /// number that matters.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[derive(Debug, Clone, PartialEq, thiserror::Error, strum::IntoStaticStr, strum::VariantNames)]
 pub enum Notice {
     /// A plan is there, of so many slots.
     #[error("planned {0} slots")]

@@ -29,6 +29,23 @@ impl Motion {
     }
 }
 
+/// The phases' names, in the order of a flight; in the pair's service there are two, without a slot that is agreed on
+/// and with one.
+pub const NAMES: [&str; 12] = [
+    "connecting",
+    "standby",
+    "taking control",
+    "arming",
+    "climbing",
+    "ready",
+    "slot",
+    "holding",
+    "returning",
+    "landing",
+    "surrendered",
+    "ended",
+];
+
 /// See the module.
 #[derive(Debug, Clone)]
 pub(super) enum Phase {
@@ -63,23 +80,10 @@ pub(super) const HOLD: Duration = Duration::from_secs(3);
 impl Phase {
     /// For logs. `in_slot`: a slot is agreed on.
     pub fn name(&self, in_slot: bool) -> &'static str {
-        match self {
-            Self::Connecting => "connecting",
-            Self::Standby => "standby",
-            Self::TakingControl(_) => "taking control",
-            Self::Arming(_) => "arming",
-            Self::Climbing(_) => "climbing",
-            Self::InService { .. } if in_slot => "slot",
-            Self::InService { .. } => "ready",
-            Self::Holding { .. } => "holding",
-            Self::Returning(_) => "returning",
-            Self::Landing => "landing",
-            Self::Surrendered { .. } => "surrendered",
-            Self::Ended => "ended",
-        }
+        NAMES[usize::from(self.number(in_slot))]
     }
 
-    /// Its place in the order of a flight.
+    /// Its place in the order of a flight, and in [`NAMES`].
     pub fn number(&self, in_slot: bool) -> u8 {
         match self {
             Self::Connecting => 0,

@@ -20,4 +20,4 @@ pub use pose_monitor::{Off, PoseMonitor, Tolerance};
 pub use slot::{Served, Slot};
 pub use slot_service::SlotService;
 pub use staleness::Freshness;
-pub use terms::{Event, GiveUp, Outgoing, Settings};
+pub use terms::{Event, GiveUp, Outgoing, Settings, Standing};

@@ -21,7 +21,7 @@ use super::pose_monitor::Tolerance;
 use super::refusals::{Refusal, Refusals};
 use super::slot::{Served, Slot};
 use super::staleness::Staleness;
-use super::terms::{Event, GiveUp, Outgoing, Settings, may_recover, silence_reason};
+use super::terms::{Event, GiveUp, Outgoing, Settings, Standing, may_recover, silence_reason};
 
 /// I asks for leases this long before it may radiate, so that it holds one when its time comes.
 const ASK_EARLY: Duration = Duration::from_millis(200);
@@ -229,6 +229,26 @@ impl SlotService {
         match &self.stage {
             Stage::Committed(slot) => Some(slot),
             Stage::Away | Stage::Between { .. } => None,
+        }
+    }
+
+    /// What it is doing.
+    #[must_use]
+    pub fn standing(&self) -> Standing {
+        match &self.stage {
+            Stage::Away => Standing::Away,
+            Stage::Between { .. } if self.paused => Standing::Paused,
+            Stage::Between { .. } => Standing::Between,
+            Stage::Committed(_) if self.killing => Standing::JammingOnKilled,
+            Stage::Committed(_) if self.abandoning => Standing::JammingOnLeaving,
+            Stage::Committed(slot) => match (slot.closing, self.interlock.is_on(), slot.served) {
+                (true, true, _) => Standing::Closing,
+                (true, false, _) => Standing::Closed,
+                (false, true, _) => Standing::OnAir,
+                (false, false, Served::Yes) => Standing::Interrupted,
+                (false, false, Served::No(None)) => Standing::Agreed,
+                (false, false, Served::No(Some(_))) => Standing::Hindered,
+            },
         }
     }
 

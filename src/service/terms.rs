@@ -26,8 +26,36 @@ pub struct Settings {
     pub freshness: Freshness,
 }
 
+/// What a service is doing.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, strum::IntoStaticStr, strum::VariantNames)]
+#[strum(serialize_all = "kebab-case")]
+pub enum Standing {
+    /// It takes no part: on the ground, or on its way up or home.
+    Away,
+    /// A slot is to be agreed on.
+    Between,
+    /// The same, and the operator has paused it.
+    Paused,
+    /// A slot is agreed on; its airtime has not begun.
+    Agreed,
+    /// Its airtime has begun, and this vehicle has not been on the air yet, for some reason.
+    Hindered,
+    /// On the air.
+    OnAir,
+    /// It was, and is not now: by the slot's end, or for some reason.
+    Interrupted,
+    /// The slot is ended early, in order, and the vehicle is still on the air: J, while I is.
+    Closing,
+    /// The same, and the vehicle is silent.
+    Closed,
+    /// J, killed by the operator: on the air while I may be.
+    JammingOnKilled,
+    /// J, about to leave the mission: likewise.
+    JammingOnLeaving,
+}
+
 /// Why the pair's service cannot go on.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, strum::IntoStaticStr, strum::VariantNames)]
 pub enum GiveUp {
     /// Nothing was heard from the peer for this long.
     PeerLost(Duration),

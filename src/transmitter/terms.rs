@@ -67,7 +67,7 @@ pub struct Vouched {
 }
 
 /// Why a power cannot be commanded, or a slot not be served.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error, strum::IntoStaticStr, strum::VariantNames)]
 pub enum NotReady {
     /// Never heard in the form that it should speak.
     #[error("the radio has not been heard")]

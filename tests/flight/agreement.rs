@@ -157,15 +157,14 @@ fn flies_over(pair: Path) {
 fn prop_a_lossy_slow_repeating_pair_link_costs_time_on_the_air_and_nothing_else() {
     // 200 ms there and back.
     let delay = Duration::from_millis(100);
-    flies_over(Path { loss: 0.2, duplication: 0.3, delay, spread: Duration::ZERO });
+    flies_over(Path { loss: 0.2, duplication: 0.3, delay, ..Path::GOOD });
 }
 
 #[test]
 fn spec_a_pair_link_too_slow_for_leases_is_safe_and_says_that_slots_go_unserved() {
     // There and back in 480 ms: a grant is counted from its request (S1), so nothing is left of 500 ms when it
     // arrives, less the margins of the jammer's own lease.
-    let pair =
-        Path { loss: 0.2, duplication: 0.3, delay: Duration::from_millis(240), spread: Duration::ZERO };
+    let pair = Path { loss: 0.2, duplication: 0.3, delay: Duration::from_millis(240), ..Path::GOOD };
     let mut flight = Flight::new(Setup { pair, ..Setup::default() });
     flight.fly_out();
     flight.assert_safe();
@@ -195,7 +194,7 @@ fn spec_a_companion_told_to_end_in_mid_slot_ends_silent_and_in_order() {
 #[test]
 fn prop_a_reordering_pair_link_costs_time_on_the_air_and_nothing_else() {
     let (delay, spread) = (Duration::from_millis(20), Duration::from_millis(150));
-    flies_over(Path { loss: 0.2, duplication: 0.3, delay, spread });
+    flies_over(Path { loss: 0.2, duplication: 0.3, delay, spread, ..Path::GOOD });
 }
 
 #[test]

@@ -66,6 +66,17 @@ impl Vehicle {
         self.autopilot.jump_clock(by_s);
     }
 
+    pub(crate) fn let_clock_drift(&mut self, ppm: f64, now: Duration) {
+        self.autopilot.let_clock_drift(ppm, now);
+    }
+
+    pub(crate) fn cut_radio_power(&mut self, cut: bool, now: Duration) {
+        match cut {
+            true => self.transmitter.lose_power(),
+            false => self.transmitter.start(now),
+        }
+    }
+
     /// The autopilot starts afresh: its motors stop, what it was told since power-on is forgotten, its parameters and
     /// the vehicle's motion stay.
     pub(crate) fn restart_autopilot(&mut self, now: Duration) {

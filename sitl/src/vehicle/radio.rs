@@ -81,9 +81,12 @@ impl Vehicle {
     /// What the radio does by `now`: hears what has arrived, says what is due; and what of it has arrived goes on.
     pub(super) fn run_radio(&mut self, now: Duration) {
         while let Some((from, message)) = self.hop.down.arrived(now) {
-            self.radio(from, message, now);
+            if !self.transmitter.dark {
+                self.radio(from, message, now);
+            }
         }
-        if now >= self.hop.next_heartbeat {
+        let speaks = !self.transmitter.dark;
+        if speaks && now >= self.hop.next_heartbeat {
             self.hop.next_heartbeat = now + HEARTBEAT_EVERY;
             let heartbeat = HEARTBEAT_DATA {
                 mavtype: MavType::MAV_TYPE_RADIO,
@@ -94,7 +97,7 @@ impl Vehicle {
             };
             self.radio_says(To::All, MavMessage::HEARTBEAT(heartbeat), now);
         }
-        if now >= self.hop.next_report && self.config.power_form == PowerForm::Second {
+        if speaks && now >= self.hop.next_report && self.config.power_form == PowerForm::Second {
             self.hop.next_report = now + REPORT_EVERY;
             let report = self.transmitter.report(now);
             self.hop.up.send((To::All, Said::Report(report)), now);

@@ -64,6 +64,8 @@ pub(crate) struct Transmitter {
     pub endless: bool,
     /// A fault: neither expiry nor command changes what is radiated.
     pub stuck: bool,
+    /// A fault: it has no power, and so is off and silent.
+    pub dark: bool,
 }
 
 impl Transmitter {
@@ -83,7 +85,20 @@ impl Transmitter {
             numbered: Numbered::new(noise),
             endless: !expires,
             stuck: false,
+            dark: false,
         }
+    }
+
+    /// It has no power any more.
+    pub fn lose_power(&mut self) {
+        self.dark = true;
+        self.emission = None;
+    }
+
+    /// It has power again, and remembers nothing.
+    pub fn start(&mut self, now: Duration) {
+        (self.dark, self.emission, self.due) = (false, None, None);
+        self.numbered.start(now);
     }
 
     pub fn emission(&self) -> Option<Emission> {

@@ -1,5 +1,10 @@
 //! What the world cannot see by itself and its host can: how a companion fares.
 
+use std::time::Duration;
+
+/// What is sent over a good link arrives within this, with the steps of all who take part.
+const GOOD_WAY: Duration = Duration::from_millis(5);
+
 /// How datagrams fare on a way.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
 pub enum Passage {
@@ -23,10 +28,21 @@ pub struct Circumstances {
     pub vehicle_link: Passage,
     /// From its peer to it.
     pub from_peer: Passage,
+    /// What is sent over the vehicle's link from now on is under way for so long at most.
+    pub vehicle_way: Duration,
+    /// The same from its peer to it.
+    pub peer_way: Duration,
 }
 
 impl Default for Circumstances {
     fn default() -> Self {
-        Self { runs: true, life: 0, vehicle_link: Passage::Good, from_peer: Passage::Good }
+        Self {
+            runs: true,
+            life: 0,
+            vehicle_link: Passage::Good,
+            from_peer: Passage::Good,
+            vehicle_way: GOOD_WAY,
+            peer_way: GOOD_WAY,
+        }
     }
 }

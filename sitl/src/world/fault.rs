@@ -60,6 +60,13 @@ pub enum Fault {
         /// Seconds, forward if positive.
         by_s: f64,
     },
+    /// The autopilot's clock (SYSTEM_TIME) runs fast or slow from now on.
+    ClockDrift {
+        /// 0 for I, 1 for J.
+        vehicle: usize,
+        /// Millionths, fast if positive.
+        ppm: f64,
+    },
     /// The autopilot restarts: its motors stop, it is silent for 3 s, and knows its parameters alone.
     AutopilotRestart {
         /// 0 for I, 1 for J.
@@ -106,6 +113,14 @@ pub enum Fault {
         /// 0 for I, 1 for J.
         vehicle: usize,
     },
+    /// The transmitter loses its power (`on`), or has it again: it is off and silent meanwhile, and starts afterwards
+    /// with a clock and a series of its own, and no commander.
+    TransmitterRestart {
+        /// 0 for I, 1 for J.
+        vehicle: usize,
+        /// Without power, or starting.
+        on: bool,
+    },
     /// The companion has been killed, and does not run until the host says so. Nothing else changes in the world.
     CompanionLost {
         /// 0 for I, 1 for J.
@@ -140,6 +155,8 @@ impl Fault {
             | Self::GpsLoss { vehicle, .. }
             | Self::EstimatorReset { vehicle, .. }
             | Self::ClockJump { vehicle, .. }
+            | Self::ClockDrift { vehicle, .. }
+            | Self::TransmitterRestart { vehicle, .. }
             | Self::AutopilotRestart { vehicle }
             | Self::PilotMode { vehicle }
             | Self::EstimatorFailure { vehicle }

@@ -195,6 +195,11 @@ impl World {
             Fault::GpsLoss { on, .. } => vehicle.lose_gps(on, self.now),
             Fault::EstimatorReset { jump_enu_m, .. } => vehicle.reset_estimator(Vector3::from(jump_enu_m)),
             Fault::ClockJump { by_s, .. } => vehicle.jump_clock(by_s),
+            Fault::ClockDrift { ppm, .. } => vehicle.let_clock_drift(ppm, self.now),
+            Fault::TransmitterRestart { on, .. } => {
+                vehicle.cut_radio_power(on, self.now);
+                self.watch();
+            }
             Fault::AutopilotRestart { .. } => vehicle.restart_autopilot(self.now),
             Fault::PilotMode { .. } => vehicle.pilot_takes_over(),
             Fault::EstimatorFailure { .. } => vehicle.fail_estimator(),
@@ -261,7 +266,10 @@ impl World {
                 (power_w.unwrap_or(0.0) - planned_w).abs() <= PLANNED_POWER_MARGIN * planned_w
             }),
             begins_out: turns_on
-                && plan.is_some_and(|p| self.trails[k].was_out(off, &p, &self.config.tolerance, self.now)),
+                && plan.is_some_and(|p| {
+                    let late = self.monitor.command_is_late_by(k);
+                    self.trails[k].was_out(off, &p, &self.config.tolerance, self.now, late)
+                }),
         }
     }
 

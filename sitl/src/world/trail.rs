@@ -8,6 +8,9 @@ use nalgebra::{UnitQuaternion, Vector3};
 use super::config::{Off, Reference, Tolerance};
 use super::monitor::{FAINT_REACTION, POSE_REACTION};
 
+/// No command is carried out later: it expires.
+const LATEST: Duration = Duration::from_millis(650);
+
 /// One instant.
 #[derive(Debug, Clone, Copy)]
 struct Step {
@@ -25,20 +28,28 @@ pub(crate) struct Trail {
 impl Trail {
     /// Where it is now.
     pub fn keep(&mut self, now: Duration, position: Vector3<f64>, attitude: UnitQuaternion<f64>) {
-        while self.steps.front().is_some_and(|step| step.at + FAINT_REACTION < now) {
+        while self.steps.front().is_some_and(|step| step.at + FAINT_REACTION + LATEST < now) {
             self.steps.pop_front();
         }
         self.steps.push_back(Step { at: now, position, attitude });
     }
 
-    /// Whether a vehicle that is now so far off has been so for longer than that may be overlooked.
-    pub fn was_out(&self, off: Off, plan: &Reference, tolerance: &Tolerance, now: Duration) -> bool {
+    /// Whether a vehicle that is now so far off has been so for longer than that may be overlooked, by a command that may
+    /// have been under way for so long.
+    pub fn was_out(
+        &self,
+        off: Off,
+        plan: &Reference,
+        tolerance: &Tolerance,
+        now: Duration,
+        under_way: Duration,
+    ) -> bool {
         let reaction = match off {
             Off::Nothing => return false,
             Off::Little => FAINT_REACTION,
             Off::Much => POSE_REACTION,
         };
-        let recent = self.steps.iter().rev().take_while(|step| step.at + reaction >= now);
+        let recent = self.steps.iter().rev().take_while(|step| step.at + reaction + under_way >= now);
         recent.map(|step| tolerance.judge(plan, &step.position, &step.attitude)).all(|was| was >= off)
     }
 }

@@ -174,6 +174,18 @@ impl Client {
     /// A numbered command, by what the radio said last of its clock and its series.
     pub fn numbered(&mut self, world: &mut World, dbm: f32, number: u32, ahead_ms: i32) {
         let (last, _) = *self.reports.last().expect("the radio speaks by itself");
+        self.numbered_as(world, &last, dbm, number, ahead_ms);
+    }
+
+    /// The same by what the radio said at some time.
+    pub fn numbered_as(
+        &mut self,
+        world: &mut World,
+        last: &RadioReport,
+        dbm: f32,
+        number: u32,
+        ahead_ms: i32,
+    ) {
         let message = MavMessage::COMMAND_INT(COMMAND_INT_DATA {
             param1: dbm,
             param2: number as f32,

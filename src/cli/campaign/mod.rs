@@ -8,7 +8,9 @@ use std::path::{Path, PathBuf};
 
 use sha2::{Digest, Sha256};
 
+use crate::autopilot::Actuation;
 use crate::config::Mission;
+use crate::desk::campaign::coverage::{self, Tally};
 use crate::desk::campaign::{
     CampaignDocument, Done, FlightLine, Identity, Times, ViolationLine, fly_all, merge,
 };
@@ -42,12 +44,20 @@ pub(super) struct Args {
     /// What may go wrong, a TOML file: config/faults.toml is one to start from. Without it, nothing does.
     #[arg(long)]
     faults: Option<PathBuf>,
+    /// How both vehicles are commanded, whatever their airframes: thrust_vector, pose or position. As the airframes ask
+    /// for if not given.
+    #[arg(long, value_parser = actuation)]
+    actuation: Option<Actuation>,
     /// Fly the I-th of K parts only.
     #[arg(long, value_name = "I/K")]
     shard: Option<Shard>,
     /// Flights at the same time; as many as there are processors if not given. No figure depends on it.
     #[arg(long)]
     threads: Option<std::num::NonZeroUsize>,
+    /// Print how often the companions came to each of their kinds of state, news and refusal too (the document has it in
+    /// any case).
+    #[arg(long)]
+    coverage: bool,
     /// Print the campaign as one JSON document.
     #[arg(long)]
     json: bool,
@@ -55,8 +65,15 @@ pub(super) struct Args {
     #[arg(long)]
     out: Option<PathBuf>,
     /// Instead of flying: one document from those of all parts, or from the directories that hold them.
-    #[arg(long, num_args = 1.., value_name = "FILE|DIR", conflicts_with_all = ["mission", "runs", "seed", "faults", "shard", "threads", "out"])]
+    #[arg(long, num_args = 1.., value_name = "FILE|DIR", conflicts_with_all = ["mission", "runs", "seed", "faults", "actuation", "shard", "threads", "out"])]
     merge: Vec<PathBuf>,
+}
+
+/// As a vehicle file spells it.
+fn actuation(text: &str) -> Result<Actuation, String> {
+    let known = [Actuation::ThrustVector, Actuation::Pose, Actuation::Position];
+    let found = known.into_iter().find(|actuation| actuation.to_string() == text);
+    found.ok_or_else(|| "give thrust_vector, pose or position".to_owned())
 }
 
 pub(super) fn run(args: &Args) -> Exit {
@@ -100,12 +117,13 @@ fn fly(args: &Args, (mission, file): (&Mission, &Path), faults: &Faults) -> Resu
     let options = crate::planning::options(mission);
     let timed = plan_mission(mission, &options).map_err(|error| error.to_string())?;
     let plan = plan_document(mission, &options, &timed);
-    let scenario = Scenario::new(mission, &timed.plan).map_err(|error| error.to_string())?;
+    let scenario = Scenario::new(mission, &timed.plan, args.actuation).map_err(|error| error.to_string())?;
     let seed = args.seed.unwrap_or(mission.seed);
     let identity = Identity {
         mission: mission.name.clone(),
         mission_digest: mission.digest_hex(),
         plan_digest: plan.plan_digest.clone(),
+        actuation: args.actuation.map(|actuation| actuation.to_string()),
         faults_digest: args.faults.as_ref().map(|_| hex(&Sha256::digest(&faults.canonical))),
         seed,
         campaign_runs: args.runs,
@@ -117,14 +135,15 @@ fn fly(args: &Args, (mission, file): (&Mission, &Path), faults: &Faults) -> Resu
         let began = wall.now();
         let seed = seed.wrapping_add(run);
         let faults = draw(faults, seed, scenario.lengths());
+        let mut tally = Tally::default();
         let (flown, record) = match &out {
             Some(out) if alone => {
-                let (flown, record) = out.fly_with_logs(mission, &scenario, seed, faults)?;
+                let (flown, record) = out.fly_with_logs(mission, &scenario, seed, faults, &mut tally)?;
                 (flown, Some(record))
             }
-            _ => (scenario.fly(seed, faults, &mut ())?, None),
+            _ => (scenario.fly(seed, faults, &mut tally)?, None),
         };
-        let line = FlightLine::new(run, seed, &flown);
+        let line = FlightLine::new(run, seed, &flown, tally.finish());
         if let Some(out) = &out {
             let wall_s = wall.now().saturating_since(began).as_secs_f64();
             let record = record.as_ref().map(|record| (file, record));
@@ -186,9 +205,16 @@ fn show(args: &Args, document: &CampaignDocument) -> Exit {
         Some(_) => format!(" --faults {}", name(&args.faults, "FAULTS")),
         None => String::new(),
     };
+    let actuation = document.identity.actuation.as_ref();
+    let actuation = actuation.map_or(String::new(), |actuation| format!(" --actuation {actuation}"));
     let mission = name(&args.mission, "MISSION");
-    let replay = format!("veilwing campaign {mission} --runs 1 --seed SEED{faults} --out run-SEED");
-    let shown = if args.json { print_json(document) } else { print_text(&document.table(&replay)) };
+    let replay =
+        format!("veilwing campaign {mission} --runs 1 --seed SEED{faults}{actuation} --out run-SEED");
+    let table = || {
+        let coverage = if args.coverage { coverage::table(&document.coverage) } else { String::new() };
+        coverage + &document.table(&replay)
+    };
+    let shown = if args.json { print_json(document) } else { print_text(&table()) };
     match shown {
         Exit::Done if !document.violations.is_empty() => Exit::Bad,
         shown => shown,

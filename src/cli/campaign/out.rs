@@ -14,6 +14,7 @@ use crate::cli::sitl::document::{FlightDocument, FlightResult, Messages};
 use crate::cli::sitl::files::Directory;
 use crate::config::Mission;
 use crate::config::file::{usable_directory, write_whole};
+use crate::desk::campaign::coverage::Tally;
 use crate::desk::campaign::{CampaignDocument, FaultLine, FlightLine};
 use crate::desk::report::{self, Event, EventKind, Severity, Timeline};
 use crate::desk::simulation::{Change, Fault, Flown, Observer, Scenario, ScenarioError, Wire, Witness};
@@ -98,9 +99,10 @@ impl Out {
         scenario: &Scenario,
         seed: u64,
         faults: Vec<Fault>,
+        tally: &mut Tally,
     ) -> Result<(Flown, Timeline), ScenarioError> {
         let mut logs = Logs::new(scenario.utc_start_us());
-        let flown = scenario.fly(seed, faults, &mut logs)?;
+        let flown = scenario.fly(seed, faults, &mut (&mut logs, tally))?;
         self.report(logs.write(&self.path));
         let records = logs.recorder.finish();
         let judged = (flown.report.violations.as_slice(), flown.excused.as_slice());

@@ -5,7 +5,7 @@ use tokio::net::UdpSocket;
 use crate::link::{HostPort, LinkAddress};
 
 /// The link of each vehicle's router that goes to the ground station; link 0 is the companion's.
-pub(super) const GROUND_LINK: usize = 1;
+pub(super) const GROUND_LINK: usize = crate::desk::simulation::STATION_LINK;
 
 /// The address of an option: only `udpout:` makes sense, for ground stations listen.
 pub(super) fn parse_ground_station(text: &str) -> Result<HostPort, String> {

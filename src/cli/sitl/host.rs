@@ -26,6 +26,10 @@ use super::process::{Companion, End, Line, Spawning, describe_end, spawn_compani
 const STEP: Duration = Duration::from_millis(2);
 /// A step that is later than this, in flight time, makes vehicles late to each other: less than what silences I.
 const LATE: Duration = Duration::from_millis(20);
+/// What this machine takes to carry a datagram, in flight time.
+const WIRE: Duration = Duration::from_millis(20);
+/// Somebody else's relay is taken to hold a datagram up for no longer.
+const RELAY: Duration = Duration::from_millis(400);
 /// Progress lines without news come this often, in flight time.
 const PROGRESS_EVERY: Duration = Duration::from_secs(10);
 /// The timeline has a record this often, and at each change.
@@ -235,6 +239,7 @@ impl Host<'_> {
     fn tell_world(&mut self) {
         for role in Role::BOTH {
             let companion = &self.companions[role];
+            let [vehicle_way, peer_way] = self.links.longest_ways(role);
             let told = sim::Circumstances {
                 runs: companion.lives() && !companion.frozen,
                 life: self.lives[role],
@@ -244,6 +249,9 @@ impl Host<'_> {
                     Some(_) => sim::Passage::Impaired,
                     None => self.links.pair_passage(role.peer()),
                 },
+                vehicle_way: WIRE + vehicle_way,
+                // As above.
+                peer_way: WIRE + self.setup.pair_relay.map_or(peer_way, |_| RELAY),
             };
             if std::mem::replace(&mut self.told[role], told) != told {
                 self.setup.world.set_circumstances(index(role), told);
@@ -317,7 +325,7 @@ impl Host<'_> {
 }
 
 impl simulation::Host for Host<'_> {
-    const LINK: &'static [FaultKind] = &[FaultKind::LinkLoss, FaultKind::LinkDegraded];
+    const LINK: &'static [FaultKind] = &[FaultKind::LinkLoss, FaultKind::LinkDegraded, FaultKind::LinkFrozen];
 
     fn world(&mut self) -> &mut World {
         &mut self.setup.world

@@ -1,6 +1,8 @@
 //! The links of a simulated flight over loopback UDP: each companion to its vehicle and to its peer, and a ground station
 //! to both vehicles.
 
+use std::time::Duration;
+
 use veilwing_sitl::{Passage, World};
 
 use crate::desk::simulation::{Path, index};
@@ -72,11 +74,12 @@ impl Links {
     /// Hands out what the vehicles have to say, and what is through.
     pub fn deliver(&mut self, world: &mut World) {
         while let Some((vehicle, link, frame)) = world.poll_transmit() {
-            if let (GROUND_LINK, Some(ground)) = (link, &self.ground) {
-                ground.send(&frame);
-                continue;
+            match &self.ground {
+                _ if link != GROUND_LINK => self.autopilot[Role::BOTH[vehicle]].send(&frame, world.now()),
+                Some(ground) => ground.send(&frame),
+                // What a fault file's operator is answered.
+                None => {}
             }
-            self.autopilot[Role::BOTH[vehicle]].send(&frame, world.now());
         }
         for role in Role::BOTH {
             self.autopilot[role].deliver(world.now());
@@ -103,6 +106,11 @@ impl Links {
     /// How datagrams fare from a companion to its peer.
     pub fn pair_passage(&self, from: Role) -> Passage {
         self.pair[from].passage()
+    }
+
+    /// For how long what a companion and its vehicle send each other is held up here, and what its peer sends it.
+    pub fn longest_ways(&self, role: Role) -> [Duration; 2] {
+        [self.autopilot[role].longest_way(), self.pair[role.peer()].longest_way()]
     }
 
     pub fn traffic(&self) -> Traffic {

@@ -106,7 +106,7 @@ fn fly(args: &Args, mission: &Mission, faults: &Faults) -> Result<Exit, String> 
         [] => (Vec::new(), LONGEST),
         // Times of faults may depend on the length of the flight, which one in virtual time tells.
         _ => {
-            let scenario = Scenario::new(mission, &timed.plan).map_err(|error| error.to_string())?;
+            let scenario = Scenario::new(mission, &timed.plan, None).map_err(|error| error.to_string())?;
             let longest = if args.wait_for_start { LONGEST } else { scenario.longest() };
             (draw(faults, mission.seed, scenario.lengths()), longest)
         }

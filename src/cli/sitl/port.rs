@@ -64,6 +64,11 @@ impl Port {
         self.from_companion.path.passage()
     }
 
+    /// For how long at most what the companion sends is held up here.
+    pub fn longest_way(&self) -> Duration {
+        self.from_companion.path.longest_way()
+    }
+
     /// Takes in what the companion has sent.
     pub fn listen(&mut self, now: Duration) {
         let mut buffer = [0; 2048];

@@ -10,6 +10,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::desk::simulation::{Excused, Flown};
 
+use super::coverage::{self, Counts};
+
 /// The document's format.
 pub const FORMAT: &str = "veilwing-campaign/1";
 
@@ -22,6 +24,8 @@ pub struct Identity {
     pub mission_digest: String,
     /// SHA-256 of poses and powers, hexadecimal.
     pub plan_digest: String,
+    /// How both vehicles are commanded, if not as their airframes ask for.
+    pub actuation: Option<String>,
     /// Of the fault file in canonical form; absent without one.
     pub faults_digest: Option<String>,
     /// Of flight 0; flight k has this plus k.
@@ -102,6 +106,8 @@ pub struct FlightLine {
     pub emitted_out_of_pose_s: f64,
     /// Faults that came about.
     pub faults: Vec<FaultLine>,
+    /// How often each kind of state, news and refusal was reached.
+    pub coverage: Counts,
     /// Violations that count.
     pub violations: Vec<ViolationLine>,
     /// What no companion could have kept.
@@ -111,7 +117,7 @@ pub struct FlightLine {
 impl FlightLine {
     /// The line of a flight that was flown.
     #[must_use]
-    pub fn new(run: u64, seed: u64, flown: &Flown) -> Self {
+    pub fn new(run: u64, seed: u64, flown: &Flown, coverage: Counts) -> Self {
         let line = |v: &veilwing_sitl::Violation| ViolationLine {
             invariant: v.invariant().name().to_owned(),
             seed,
@@ -142,6 +148,7 @@ impl FlightLine {
             unprotected_s: flown.report.unprotected_s,
             emitted_out_of_pose_s: out_of_pose.i + out_of_pose.j,
             faults: faults.collect(),
+            coverage,
             violations: flown.report.violations.iter().map(line).collect(),
             excused: flown.excused.iter().map(excused).collect(),
         }
@@ -233,6 +240,8 @@ pub struct CampaignDocument {
     pub achieved_over_planned: Mean,
     /// How often each kind of fault came about.
     pub faults: BTreeMap<String, u64>,
+    /// How often the companions came to each of their kinds of state, news and refusal, those never reached included.
+    pub coverage: Counts,
     /// In the order of their numbers.
     pub flights: Vec<FlightLine>,
 }
@@ -261,6 +270,8 @@ impl CampaignDocument {
         for fault in flights.iter().flat_map(|flight| &flight.faults) {
             *faults.entry(fault.kind.clone()).or_default() += 1;
         }
+        let mut coverage = coverage::nothing();
+        flights.iter().for_each(|flight| coverage::add(&mut coverage, &flight.coverage));
         let ratios: Vec<f64> = flights.iter().filter_map(|flight| flight.achieved_over_planned).collect();
         let count = |wanted: fn(&FlightLine) -> bool| flights.iter().filter(|f| wanted(f)).count() as u64;
         Self {
@@ -280,6 +291,7 @@ impl CampaignDocument {
             cpu_s: times.cpu_s,
             achieved_over_planned: Mean::of(&ratios),
             faults,
+            coverage,
             flights,
         }
     }

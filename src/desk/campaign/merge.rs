@@ -37,7 +37,7 @@ pub enum MergeError {
     },
     /// Parts of different campaigns.
     #[error(
-        "{}: part of another campaign: mission, plan, faults, --seed and --runs must be the same in all parts",
+        "{}: part of another campaign: mission, plan, faults, --actuation, --seed and --runs must be the same in all parts",
         .0.display()
     )]
     AnotherCampaign(PathBuf),

@@ -1,5 +1,6 @@
 //! Many flights of one mission: flown on several threads, told in one document, merged from parts.
 
+pub mod coverage;
 mod document;
 mod merge;
 mod pool;

@@ -171,6 +171,11 @@ impl Flight {
             life: self.lives[role],
             vehicle_link: self.to_vehicle[role].path.passage().max(self.to_companion[role].path.passage()),
             from_peer: self.pair[role.peer()].path.passage(),
+            vehicle_way: self.to_vehicle[role]
+                .path
+                .longest_way()
+                .max(self.to_companion[role].path.longest_way()),
+            peer_way: self.pair[role.peer()].path.longest_way(),
         };
         self.world.set_circumstances(index(role), circumstances);
     }
@@ -398,6 +403,10 @@ impl Flight {
 
     /// Sends and tells all that a companion has to say.
     fn send(&mut self, role: Role, process: &mut Process, observer: &mut impl Observer) {
+        let stands = (process.executive.phase_name(), process.executive.standing());
+        if process.stands.replace(stands) != Some(stands) {
+            observer.stands(self.now, role, stands.0, stands.1);
+        }
         let own = process.executive.own();
         while let Some(outgoing) = process.executive.poll_transmit() {
             observer.sent(self.now, role, &outgoing);

@@ -19,20 +19,35 @@ pub struct Path {
     pub delay: Duration,
     /// Uniform addition to the delay of each: they may overtake one another.
     pub spread: Duration,
+    /// Nothing arrives; what was held up arrives at once when it goes on.
+    pub frozen: bool,
 }
 
 impl Path {
     /// A wire: a millisecond, nothing lost.
-    pub const GOOD: Self =
-        Self { loss: 0.0, duplication: 0.0, delay: Duration::from_millis(1), spread: Duration::ZERO };
+    pub const GOOD: Self = Self {
+        loss: 0.0,
+        duplication: 0.0,
+        delay: Duration::from_millis(1),
+        spread: Duration::ZERO,
+        frozen: false,
+    };
     /// Nothing arrives.
     pub const CUT: Self = Self { loss: 1.0, ..Self::GOOD };
+    /// Nothing arrives yet.
+    pub const FROZEN: Self = Self { frozen: true, ..Self::GOOD };
+
+    /// What is sent is under way for so long at most.
+    #[must_use]
+    pub fn longest_way(&self) -> Duration {
+        self.delay + self.spread
+    }
 
     /// As the world's monitor is to take it.
     #[must_use]
     pub fn passage(&self) -> Passage {
         let whole = self.loss <= 0.0 && self.duplication <= 0.0;
-        match self.loss >= 1.0 {
+        match self.loss >= 1.0 || self.frozen {
             true => Passage::Cut,
             false if whole && self.delay + self.spread <= Self::GOOD.delay => Passage::Good,
             false => Passage::Impaired,
@@ -77,12 +92,13 @@ impl Pipe {
 
     /// When the next datagram arrives, or arrived.
     pub fn next_arrival(&self) -> Option<Duration> {
-        self.under_way.first_key_value().map(|((at, _), _)| *at)
+        let first = self.under_way.first_key_value().filter(|_| !self.path.frozen)?;
+        Some(first.0.0)
     }
 
     /// The next datagram that has arrived.
     pub fn receive(&mut self, now: Duration) -> Option<Vec<u8>> {
-        let first = self.under_way.first_entry()?;
+        let first = self.under_way.first_entry().filter(|_| !self.path.frozen)?;
         (first.key().0 <= now).then(|| first.remove())
     }
 
@@ -140,6 +156,21 @@ mod tests {
             let way = *at - u32::from(*k) * MS;
             way >= MS && way <= 11 * MS
         }));
+    }
+
+    #[test]
+    fn spec_a_frozen_path_holds_up_what_it_carries_and_lets_it_go_at_once() {
+        let mut pipe = Pipe::new(Path::GOOD, 5, 0);
+        pipe.send(&[0], Duration::ZERO);
+        pipe.path = Path::FROZEN;
+        (1..5).for_each(|k| {
+            pipe.send(&[k], u32::from(k) * MS);
+        });
+        assert_eq!((pipe.next_arrival(), pipe.receive(99 * MS)), (None, None));
+        assert_eq!(pipe.path.passage(), Passage::Cut);
+        pipe.path = Path::GOOD;
+        let held: Vec<u8> = std::iter::from_fn(|| pipe.receive(100 * MS)).map(|bytes| bytes[0]).collect();
+        assert_eq!(held, [0, 1, 2, 3, 4]);
     }
 
     #[test]

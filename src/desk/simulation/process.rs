@@ -10,6 +10,7 @@ use crate::mission::Executive;
 use crate::pair::Record;
 use crate::planner::slots::Plan;
 use crate::role::Role;
+use crate::service::Standing;
 use crate::time::Instant;
 use crate::transmitter::Transmitter;
 
@@ -37,6 +38,8 @@ pub(super) struct Process {
     pub form: Form,
     /// Stopped by a signal: it does nothing, and its sockets fill up.
     pub frozen: bool,
+    /// Its phase and what its service is doing, as an observer was last told.
+    pub stands: Option<(&'static str, Standing)>,
     /// The simulation time at which it wants to be called, as it said when it was last called.
     pub wakes_at: Duration,
     role: Role,
@@ -61,6 +64,7 @@ impl Process {
             from_peer: Decoder::default(),
             form: pair_form(&given.vehicle),
             frozen: false,
+            stands: None,
             wakes_at: now,
             role,
             began: now,

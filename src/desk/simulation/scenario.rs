@@ -5,7 +5,8 @@ use std::time::Duration;
 
 use veilwing_sitl::{self as sim, World};
 
-use crate::config::Mission;
+use crate::autopilot::Actuation;
+use crate::config::{Mission, Vehicle};
 use crate::link::counters::Counters;
 use crate::mission::Outcome;
 use crate::planner::slots::Plan;
@@ -18,7 +19,7 @@ use super::observer::Observer;
 use super::path::Path;
 use super::process::Given;
 use super::supervisor::{Host, Supervisor};
-use super::{index, vehicle, world_config};
+use super::{index, vehicle_draft, world_config};
 
 /// After being asked to stop, a companion has this long before it is killed.
 const STOP_WITHIN: Duration = Duration::from_secs(5);
@@ -102,15 +103,25 @@ pub trait Witness: Observer {
 
 impl Witness for () {}
 
+impl<A: Witness, B: Witness> Witness for (&mut A, &mut B) {
+    fn fault(&mut self, at: Duration, change: &Change) {
+        self.0.fault(at, change);
+        self.1.fault(at, change);
+    }
+}
+
 impl Scenario {
-    /// Makes the world of a mission and its plan, and flies it once, without faults, to know its length.
+    /// Makes the world of a mission and its plan, and flies it once, without faults, to know its length. `actuation`: how
+    /// both vehicles are commanded, if not as their airframes ask for.
     ///
     /// # Errors
     /// A plan that cannot be flown.
-    pub fn new(mission: &Mission, plan: &Plan) -> Result<Self, ScenarioError> {
+    pub fn new(mission: &Mission, plan: &Plan, actuation: Option<Actuation>) -> Result<Self, ScenarioError> {
         let mut given = Vec::new();
         for role in Role::BOTH {
-            let vehicle = vehicle(mission, role).map_err(|e| ScenarioError::World(e.to_string()))?;
+            let mut draft = vehicle_draft(mission, role, [1, 2]);
+            draft.autopilot.actuation = actuation.unwrap_or(draft.autopilot.actuation);
+            let vehicle = Vehicle::new(draft).map_err(|e| ScenarioError::World(e.to_string()))?;
             given.push(Arc::new(Given { mission: mission.clone(), plan: plan.clone(), vehicle }));
         }
         let world = world_config(mission, plan).map_err(ScenarioError::World)?;
@@ -209,7 +220,7 @@ impl Run {
 
 impl Host for Flight {
     /// A cut is the world's.
-    const LINK: &'static [FaultKind] = &[FaultKind::LinkDegraded];
+    const LINK: &'static [FaultKind] = &[FaultKind::LinkDegraded, FaultKind::LinkFrozen];
 
     fn world(&mut self) -> &mut World {
         &mut self.world

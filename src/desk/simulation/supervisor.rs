@@ -10,13 +10,16 @@ use crate::role::{PerVehicle, Role};
 use super::fault::{Change, Fault, FaultKind, Schedule};
 use super::index;
 use super::path::Path;
+use super::station::{STATION_LINK, Station};
 
 /// A companion whose peer has ended may take this much longer (flight time) before it is asked to stop ...
 const LAST_ONE: Duration = Duration::from_secs(300);
 /// ... and this much if its vehicle neither obeys it nor comes down: it has nothing left to do.
 const LAST_ONE_IDLE: Duration = Duration::from_secs(15);
 /// The kinds of fault of the pair link.
-const PAIR: [FaultKind; 2] = [FaultKind::PairLoss, FaultKind::PairDegraded];
+const PAIR: [FaultKind; 3] = [FaultKind::PairLoss, FaultKind::PairDegraded, FaultKind::PairFrozen];
+/// The kinds in which the companion does nothing for a while.
+const STOPPED: [FaultKind; 2] = [FaultKind::CompanionStop, FaultKind::DiskStall];
 
 /// Runs the companions and carries their datagrams.
 pub trait Host {
@@ -64,6 +67,7 @@ pub struct Supervisor {
     first_end: Option<Duration>,
     asked_to_stop: PerVehicle<Option<Duration>>,
     longest: Duration,
+    station: Station,
 }
 
 impl Supervisor {
@@ -77,6 +81,7 @@ impl Supervisor {
             first_end: None,
             asked_to_stop: PerVehicle::default(),
             longest,
+            station: Station::default(),
         }
     }
 
@@ -128,10 +133,16 @@ impl Supervisor {
                     self.start_if_due(role, host);
                 }
             }
-            FaultKind::CompanionStop => host.freeze(role, still),
+            FaultKind::CompanionStop | FaultKind::DiskStall => {
+                host.freeze(role, STOPPED.iter().any(|kind| self.schedule.runs(*kind, role)));
+            }
             FaultKind::DiskFull => host.fill_disk(role, still),
-            FaultKind::PairLoss | FaultKind::PairDegraded => {
+            FaultKind::PairLoss | FaultKind::PairDegraded | FaultKind::PairFrozen => {
                 host.set_pair_path(role, self.schedule.path(&PAIR, role));
+            }
+            FaultKind::Operator(order) if on => {
+                let frame = self.station.order(order, role, fault.is_to_all());
+                host.world().handle(index(role), STATION_LINK, &frame);
             }
             kind => {
                 if H::LINK.contains(&kind) {

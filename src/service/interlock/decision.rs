@@ -69,7 +69,7 @@ pub struct Permit {
 }
 
 /// Why a vehicle must not radiate.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error, strum::IntoStaticStr, strum::VariantNames)]
 pub enum Silence {
     /// The operator's kill holds.
     #[error("the radio kill holds")]

@@ -86,6 +86,8 @@ pub(crate) struct Autopilot {
     airframe: Airframe,
     frame: LocalFrame,
     utc_start_us: u64,
+    /// By how much the clock runs too fast, of 1, and since when.
+    drifts: Option<(f64, Duration)>,
     booted_at: Duration,
     /// Still booting: neither hears nor speaks.
     silent_until: Duration,
@@ -144,6 +146,7 @@ impl Autopilot {
             airframe: config.airframe,
             frame: local_frame(mission, origin, config.firmware),
             utc_start_us,
+            drifts: None,
             booted_at: Duration::ZERO,
             silent_until: Duration::ZERO,
             ready_after: Duration::try_from_secs_f64(config.ready_after_s).unwrap_or_default(),
@@ -205,6 +208,20 @@ impl Autopilot {
     pub fn jump_clock(&mut self, by_s: f64) {
         let by_us = (by_s * 1e6) as i64;
         self.utc_start_us = self.utc_start_us.saturating_add_signed(by_us);
+    }
+
+    /// The clock runs fast or slow from now on.
+    pub fn let_clock_drift(&mut self, ppm: f64, now: Duration) {
+        let shows_us = self.utc_us(now);
+        self.drifts = Some((ppm * 1e-6, now));
+        self.utc_start_us = shows_us.saturating_sub(now.as_micros() as u64);
+    }
+
+    /// What the clock shows.
+    fn utc_us(&self, now: Duration) -> u64 {
+        let gained_us =
+            self.drifts.map_or(0.0, |(rate, since)| now.saturating_sub(since).as_secs_f64() * rate * 1e6);
+        (self.utc_start_us + now.as_micros() as u64).saturating_add_signed(gained_us as i64)
     }
 
     /// Why the vehicle cannot arm, if it cannot.
@@ -331,7 +348,7 @@ impl Autopilot {
     }
 
     fn tell(&mut self, sensed: &Sensed, router: &mut Router) {
-        router.signing().set_utc(self.utc_start_us + sensed.now.as_micros() as u64);
+        router.signing().set_utc(self.utc_us(sensed.now));
         if sensed.now >= self.next_heartbeat {
             self.next_heartbeat = sensed.now + HEARTBEAT_INTERVAL;
             router.send(To::All, COMPONENT, &self.heartbeat());

@@ -41,7 +41,7 @@ impl Autopilot {
             GPS_GLOBAL_ORIGIN_DATA::ID => self.origin_message(sensed),
             HOME_POSITION_DATA::ID => self.home_message(sensed),
             SYSTEM_TIME_DATA::ID => MavMessage::SYSTEM_TIME(SYSTEM_TIME_DATA {
-                time_unix_usec: self.utc_start_us + sensed.now.as_micros() as u64,
+                time_unix_usec: self.utc_us(sensed.now),
                 time_boot_ms: ms,
             }),
             SYS_STATUS_DATA::ID => self.system_status(sensed),

@@ -85,6 +85,13 @@ impl Numbered {
         Self { clock: Clock { began_us, rate }, noise, boot: 0, newest: 0, series, commander: None }
     }
 
+    /// From power-up on: its clock begins anew.
+    pub fn start(&mut self, now: Duration) {
+        self.clock.began_us = -now.as_secs_f64() * 1e6 * self.clock.rate;
+        (self.boot, self.newest, self.commander) = (0, 0, None);
+        self.series = draw(&mut self.noise);
+    }
+
     /// Whether it has a commander that numbers its commands: then no others are taken.
     pub fn is_in_use(&self) -> bool {
         self.boot != 0

@@ -18,8 +18,33 @@ const REACTION: Duration = Duration::from_millis(150);
 const LEASED: Duration = LEASE.saturating_add(WIRE);
 /// A cut link: S4's reaction, and the lease of a command that could still be given within it.
 const CUT: Duration = LEASED.saturating_add(Duration::from_millis(100));
-/// What a companion has sent may be under way for so long, on a good link and on an impaired one.
-const UNDER_WAY: [Duration; 2] = [Duration::from_millis(100), Duration::from_millis(500)];
+/// The steps of all who take part in what is under way.
+const STEPS: Duration = Duration::from_millis(100);
+
+/// For how long what was sent may be under way.
+#[derive(Debug, Clone, Copy, Default)]
+struct Way {
+    /// Of what is sent now.
+    longest: Duration,
+    /// Of what was sent before, and until when that arrives.
+    before: Duration,
+    until: Duration,
+}
+
+impl Way {
+    /// From now on.
+    fn change(&mut self, longest: Duration, now: Duration) {
+        if longest != self.longest {
+            let before = self.longest(now);
+            *self = Self { longest, before, until: now + before };
+        }
+    }
+
+    /// Of what has not arrived yet.
+    fn longest(&self, now: Duration) -> Duration {
+        if now < self.until { self.longest.max(self.before) } else { self.longest }
+    }
+}
 
 /// What is known of one companion.
 #[derive(Debug, Clone, Default)]
@@ -36,8 +61,13 @@ pub(super) struct Side {
     /// When the process of this life began.
     started_at: Option<Duration>,
     cut_since: Option<Duration>,
+    /// What a link held up arrived then.
+    mended_at: Option<Duration>,
     /// Nothing of its peer has reached it since.
     unheard_since: Option<Duration>,
+    /// Of what passes between it and its vehicle, and from its peer to it.
+    vehicle_way: Way,
+    peer_way: Way,
 }
 
 impl Side {
@@ -79,6 +109,8 @@ impl Monitor {
         if told.life != before.life {
             self.sides[v].started_at = Some(now);
         }
+        self.sides[v].vehicle_way.change(told.vehicle_way, now);
+        self.sides[v].peer_way.change(told.peer_way, now);
         self.reckon(now);
     }
 
@@ -99,6 +131,15 @@ impl Monitor {
         self.sides[v].radio_hop_troubled = troubled;
     }
 
+    /// By how much later than on good ways a command may arrive that its companion gave before it could know better.
+    pub fn command_is_late_by(&self, v: usize) -> Duration {
+        let side = &self.sides[v];
+        match side.radio_hop_troubled || side.link() != Passage::Good {
+            true => CUT,
+            false => Duration::ZERO,
+        }
+    }
+
     fn reckon(&mut self, now: Duration) {
         for v in 0..2 {
             let peer_runs = self.sides[1 - v].told.runs;
@@ -110,6 +151,9 @@ impl Monitor {
             }
             side.unreached = unreached;
             side.gone_since = since(!side.told.runs, side.gone_since);
+            if side.cut_since.is_some() && side.link() != Passage::Cut {
+                side.mended_at = Some(now);
+            }
             side.cut_since = since(side.link() == Passage::Cut, side.cut_since);
             side.unheard_since = since(!peer_runs || side.told.from_peer == Passage::Cut, side.unheard_since);
         }
@@ -132,11 +176,8 @@ impl Monitor {
         let reached = side.reached_since.unwrap_or_default();
         let state = traces.state_due().filter(|_| !side.unreached).map(|due| due.max(reached));
         // A peer's datagrams may be under way for a while yet; a lease that was granted counts from before.
-        let under_way = if v == 1 {
-            UNDER_WAY[usize::from(side.told.from_peer == Passage::Impaired)]
-        } else {
-            Duration::ZERO
-        };
+        let unheard_since = side.unheard_since.unwrap_or_default();
+        let under_way = if v == 1 { STEPS + side.peer_way.longest(unheard_since) } else { Duration::ZERO };
         let of = |since: Option<Duration>, allowed: Duration| {
             since.map(|since| now.saturating_sub(since)).filter(|held| radiates && *held > allowed)
         };
@@ -189,11 +230,15 @@ impl Monitor {
             setpoint.checked_sub(since?).filter(|after| *after > allowed)
         };
         let taken = side.knows_of(traces.taken).and_then(|taken| side.sign(taken.shown));
-        let goes_on = after(taken, REACTION + self.allowance);
-        let under_way = UNDER_WAY[usize::from(side.link() != Passage::Good)] + self.allowance;
+        let mended_at = side.mended_at.unwrap_or_default();
+        let way = side.vehicle_way.longest(mended_at.max(taken.unwrap_or_default()));
+        let goes_on = after(taken, REACTION + way + self.allowance);
+        // What a cut or a freeze held up arrives when it is over.
+        let gone = side.gone_since.map(|gone| gone.max(mended_at));
+        let under_way = STEPS + side.vehicle_way.longest(gone.unwrap_or_default()) + self.allowance;
         let heard = [traces.setpoint_at, traces.heartbeat_at].into_iter().flatten().max();
         let ghost = heard
-            .zip(side.gone_since)
+            .zip(gone)
             .and_then(|(heard, gone)| heard.checked_sub(gone))
             .filter(|after| *after > under_way);
         let back = side.knows_of(traces.taken_back).is_some();

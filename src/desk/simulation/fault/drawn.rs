@@ -75,14 +75,22 @@ impl Fault {
     pub fn path(&self) -> Option<Path> {
         match self.kind {
             FaultKind::PairLoss | FaultKind::LinkLoss => Some(Path::CUT),
+            FaultKind::PairFrozen | FaultKind::LinkFrozen => Some(Path::FROZEN),
             FaultKind::PairDegraded | FaultKind::LinkDegraded => Some(Path {
                 loss: self.size(Magnitude::Loss),
                 duplication: self.size(Magnitude::Duplication),
                 delay: Duration::from_secs_f64(self.size(Magnitude::Delay)),
                 spread: Duration::from_secs_f64(self.size(Magnitude::Spread)),
+                frozen: false,
             }),
             _ => None,
         }
+    }
+
+    /// Whether an order is addressed to all components.
+    #[must_use]
+    pub fn is_to_all(&self) -> bool {
+        self.size(Magnitude::ToAll) > 0.0
     }
 
     /// How the hop to a radio behaves under the fault, or after it.
@@ -119,6 +127,7 @@ impl Fault {
             FaultKind::RadioAnswersFrozen => {
                 Some(sim::Fault::RadioHopFrozen { vehicle, toward: sim::Toward::Companion, on })
             }
+            FaultKind::TransmitterRestart => Some(sim::Fault::TransmitterRestart { vehicle, on }),
             _ if !on => None,
             FaultKind::EstimatorReset => {
                 let jump_enu_m = self.horizontal(Magnitude::Jump);
@@ -126,6 +135,9 @@ impl Fault {
             }
             FaultKind::ClockJump => {
                 Some(sim::Fault::ClockJump { vehicle, by_s: self.size(Magnitude::ClockStep) })
+            }
+            FaultKind::ClockDrift => {
+                Some(sim::Fault::ClockDrift { vehicle, ppm: self.size(Magnitude::ClockDrift) })
             }
             FaultKind::AutopilotRestart => Some(sim::Fault::AutopilotRestart { vehicle }),
             FaultKind::BatteryLow => {
@@ -146,9 +158,13 @@ impl Fault {
             | FaultKind::CompanionRestart
             | FaultKind::CompanionStop
             | FaultKind::DiskFull
+            | FaultKind::DiskStall
             | FaultKind::LinkDegraded
+            | FaultKind::LinkFrozen
             | FaultKind::PairLoss
-            | FaultKind::PairDegraded => None,
+            | FaultKind::PairDegraded
+            | FaultKind::PairFrozen
+            | FaultKind::Operator(_) => None,
         }
     }
 }

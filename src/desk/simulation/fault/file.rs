@@ -21,6 +21,8 @@ use super::law::{FaultLaw, Frequency, Whom};
 
 /// No flight is longer, in seconds.
 const LONGEST_S: f64 = 86_400.0;
+/// No clock is further off: ten years, in seconds.
+const FARTHEST_S: f64 = 315_360_000.0;
 
 /// A size's key, sentence, range and default.
 struct Size {
@@ -78,8 +80,15 @@ const SIZES: &[Size] = &[
         magnitude: Magnitude::ClockStep,
         key: "step_s",
         sentence: "How far the autopilot's clock jumps, forward if positive; 1 if not given.",
-        range: Number::within("s", -LONGEST_S, LONGEST_S),
+        range: Number::within("s", -FARTHEST_S, FARTHEST_S),
         default: [1.0; 2],
+    },
+    Size {
+        magnitude: Magnitude::ClockDrift,
+        key: "drift_ppm",
+        sentence: "How much too fast the autopilot's clock runs from then on, in millionths; 100 if not given.",
+        range: Number::within("ppm", -1.0e5, 1.0e5),
+        default: [100.0; 2],
     },
     Size {
         magnitude: Magnitude::Charge,
@@ -93,6 +102,13 @@ const SIZES: &[Size] = &[
         key: "rotor",
         sentence: "Number of the rotor, from 0; 0 if not given. One that the airframe has not changes nothing.",
         range: Number::within("", 0.0, 31.0),
+        default: [0.0; 2],
+    },
+    Size {
+        magnitude: Magnitude::ToAll,
+        key: "to_all",
+        sentence: "1: the order is addressed to all components, 0 (if not given): to the companion's own.",
+        range: Number::within("", 0.0, 1.0),
         default: [0.0; 2],
     },
 ];
@@ -174,7 +190,7 @@ fn check(drafts: &[Draft], file: &mut Document) {
         }
         if draft.duration_s.is_none() && kind.must_end() {
             let message = format!("{} has no `duration_s`", kind.name());
-            refuse("kind", message, "give the time until the companion is started again, in seconds");
+            refuse("kind", message, "give the time until it is over, in seconds");
         }
         for (size, given) in SIZES.iter().zip(&draft.sizes) {
             if given.is_some() && !kind.magnitudes().contains(&size.magnitude) {
@@ -256,13 +272,15 @@ mod tests {
 
     #[test]
     fn spec_every_kind_has_a_name_of_its_own_and_is_in_the_example() {
-        let example = include_str!("../../../../config/faults.toml");
-        let laws = laws(example);
+        let laws = laws(include_str!("../../../../config/faults.toml"));
+        let harsh = self::laws(include_str!("../../../../config/faults-harsh.toml"));
         let names: std::collections::BTreeSet<_> = FaultKind::ALL.iter().map(|kind| kind.name()).collect();
         assert_eq!(names.len(), FaultKind::ALL.len());
         assert_eq!(NAMES.len(), FaultKind::ALL.len());
         for kind in FaultKind::ALL {
-            assert!(laws.iter().any(|law| law.kind == *kind), "{} is not in config/faults.toml", kind.name());
+            for laws in [&laws, &harsh] {
+                assert!(laws.iter().any(|law| law.kind == *kind), "{} is not in an example", kind.name());
+            }
             assert!(!kind.name().is_empty());
         }
     }

@@ -6,10 +6,13 @@ pub(super) const NAMES: &[(&str, FaultKind)] = &[
     ("companion-restart", FaultKind::CompanionRestart),
     ("companion-stop", FaultKind::CompanionStop),
     ("disk-full", FaultKind::DiskFull),
+    ("disk-stall", FaultKind::DiskStall),
     ("link-loss", FaultKind::LinkLoss),
     ("link-degraded", FaultKind::LinkDegraded),
+    ("link-frozen", FaultKind::LinkFrozen),
     ("pair-loss", FaultKind::PairLoss),
     ("pair-degraded", FaultKind::PairDegraded),
+    ("pair-frozen", FaultKind::PairFrozen),
     ("radio-commands-degraded", FaultKind::RadioCommandsDegraded),
     ("radio-answers-degraded", FaultKind::RadioAnswersDegraded),
     ("radio-commands-frozen", FaultKind::RadioCommandsFrozen),
@@ -19,13 +22,35 @@ pub(super) const NAMES: &[(&str, FaultKind)] = &[
     ("gps-loss", FaultKind::GpsLoss),
     ("estimator-reset", FaultKind::EstimatorReset),
     ("clock-jump", FaultKind::ClockJump),
+    ("clock-drift", FaultKind::ClockDrift),
     ("autopilot-restart", FaultKind::AutopilotRestart),
     ("battery-low", FaultKind::BatteryLow),
     ("rotor-loss", FaultKind::RotorLoss),
     ("wind-step", FaultKind::WindStep),
     ("transmitter-ignores-expiry", FaultKind::TransmitterIgnoresExpiry),
     ("transmitter-stuck", FaultKind::TransmitterStuck),
+    ("transmitter-restart", FaultKind::TransmitterRestart),
+    ("operator-start", FaultKind::Operator(Order::Start)),
+    ("operator-pause", FaultKind::Operator(Order::Pause)),
+    ("operator-continue", FaultKind::Operator(Order::Continue)),
+    ("operator-return", FaultKind::Operator(Order::Return)),
+    ("operator-kill", FaultKind::Operator(Order::Kill)),
 ];
+
+/// What an operator orders of a companion by MAVLink.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Order {
+    /// MISSION_START.
+    Start,
+    /// DO_PAUSE_CONTINUE, pause.
+    Pause,
+    /// DO_PAUSE_CONTINUE, continue.
+    Continue,
+    /// NAV_RETURN_TO_LAUNCH.
+    Return,
+    /// MAV_CMD_USER_2: radio kill.
+    Kill,
+}
 
 /// Kinds of fault.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -38,14 +63,21 @@ pub enum FaultKind {
     CompanionStop,
     /// The disk under the companion's logs takes nothing.
     DiskFull,
+    /// That disk answers nothing, and the companion waits for it: as in [`Self::CompanionStop`], nothing is done
+    /// meanwhile.
+    DiskStall,
     /// No frame passes between the vehicle and its companion.
     LinkLoss,
     /// That link loses, repeats, delays and reorders.
     LinkDegraded,
+    /// Nothing passes over that link, either way, and all of it at once afterwards.
+    LinkFrozen,
     /// No datagram passes between the companions.
     PairLoss,
     /// That link loses, repeats, delays and reorders.
     PairDegraded,
+    /// Nothing passes over that link, and all of it at once afterwards.
+    PairFrozen,
     /// The hop from the autopilot to its radio loses, repeats, delays and reorders.
     RadioCommandsDegraded,
     /// So does the hop from the radio back.
@@ -64,6 +96,8 @@ pub enum FaultKind {
     EstimatorReset,
     /// The autopilot's UTC jumps.
     ClockJump,
+    /// The autopilot's UTC runs fast or slow.
+    ClockDrift,
     /// The autopilot restarts, in the air with its motors stopped.
     AutopilotRestart,
     /// The battery's charge falls at once.
@@ -76,6 +110,10 @@ pub enum FaultKind {
     TransmitterIgnoresExpiry,
     /// The transmitter keeps what it radiates, whatever it is told.
     TransmitterStuck,
+    /// The transmitter loses its power for a while: off and silent, and it remembers nothing afterwards.
+    TransmitterRestart,
+    /// An operator orders something of the companion.
+    Operator(Order),
 }
 
 impl FaultKind {
@@ -83,8 +121,10 @@ impl FaultKind {
     pub const ALL: &[Self] = &[
         Self::LinkLoss,
         Self::LinkDegraded,
+        Self::LinkFrozen,
         Self::PairLoss,
         Self::PairDegraded,
+        Self::PairFrozen,
         Self::RadioCommandsDegraded,
         Self::RadioAnswersDegraded,
         Self::RadioCommandsFrozen,
@@ -93,17 +133,25 @@ impl FaultKind {
         Self::CompanionRestart,
         Self::CompanionStop,
         Self::DiskFull,
+        Self::DiskStall,
         Self::PilotMode,
         Self::EstimatorFailure,
         Self::GpsLoss,
         Self::EstimatorReset,
         Self::ClockJump,
+        Self::ClockDrift,
         Self::AutopilotRestart,
         Self::BatteryLow,
         Self::RotorLoss,
         Self::WindStep,
         Self::TransmitterIgnoresExpiry,
         Self::TransmitterStuck,
+        Self::TransmitterRestart,
+        Self::Operator(Order::Start),
+        Self::Operator(Order::Pause),
+        Self::Operator(Order::Continue),
+        Self::Operator(Order::Return),
+        Self::Operator(Order::Kill),
     ];
 
     /// The kind as files and documents spell it.
@@ -126,10 +174,13 @@ impl FaultKind {
             Self::CompanionRestart => "companion killed (SIGKILL), to be started again",
             Self::CompanionStop => "companion stopped (SIGSTOP)",
             Self::DiskFull => "disk under the companion's logs full",
+            Self::DiskStall => "disk under the companion's logs stalls",
             Self::LinkLoss => "link between autopilot and companion cut",
             Self::LinkDegraded => "link between autopilot and companion degraded",
+            Self::LinkFrozen => "link between autopilot and companion frozen",
             Self::PairLoss => "pair link cut",
             Self::PairDegraded => "pair link degraded",
+            Self::PairFrozen => "pair link frozen",
             Self::RadioCommandsDegraded => "hop to the radio degraded",
             Self::RadioAnswersDegraded => "hop from the radio degraded",
             Self::RadioCommandsFrozen => "hop to the radio frozen",
@@ -139,12 +190,19 @@ impl FaultKind {
             Self::GpsLoss => "GPS lost",
             Self::EstimatorReset => "position estimate jumps",
             Self::ClockJump => "autopilot's clock jumps",
+            Self::ClockDrift => "autopilot's clock drifts",
             Self::AutopilotRestart => "autopilot restarts",
             Self::BatteryLow => "battery low",
             Self::RotorLoss => "a rotor stops",
             Self::WindStep => "wind changes",
             Self::TransmitterIgnoresExpiry => "transmitter ignores expiry",
             Self::TransmitterStuck => "transmitter sticks",
+            Self::TransmitterRestart => "transmitter restarts",
+            Self::Operator(Order::Start) => "operator orders the start",
+            Self::Operator(Order::Pause) => "operator orders a pause",
+            Self::Operator(Order::Continue) => "operator orders to go on",
+            Self::Operator(Order::Return) => "operator orders the return",
+            Self::Operator(Order::Kill) => "operator orders the radio kill",
         }
     }
 
@@ -161,6 +219,8 @@ impl FaultKind {
             Self::WindStep => &[Magnitude::WindSpeed],
             Self::EstimatorReset => &[Magnitude::Jump],
             Self::ClockJump => &[Magnitude::ClockStep],
+            Self::ClockDrift => &[Magnitude::ClockDrift],
+            Self::Operator(_) => &[Magnitude::ToAll],
             Self::BatteryLow => &[Magnitude::Charge],
             Self::RotorLoss => &[Magnitude::Rotor],
             _ => &[],
@@ -178,19 +238,23 @@ impl FaultKind {
                 | Self::LinkDegraded
                 | Self::PairLoss
                 | Self::PairDegraded
+                | Self::LinkFrozen
+                | Self::PairFrozen
                 | Self::RadioCommandsDegraded
                 | Self::RadioAnswersDegraded
                 | Self::RadioCommandsFrozen
                 | Self::RadioAnswersFrozen
                 | Self::GpsLoss
                 | Self::DiskFull
+                | Self::DiskStall
+                | Self::TransmitterRestart
         )
     }
 
     /// Whether it must.
     #[must_use]
     pub const fn must_end(self) -> bool {
-        matches!(self, Self::CompanionRestart)
+        matches!(self, Self::CompanionRestart | Self::DiskStall | Self::TransmitterRestart)
     }
 
     /// Whether it stops the companion, for a while or for good.
@@ -202,7 +266,7 @@ impl FaultKind {
     /// Whether it is between the vehicles, and so has no one vehicle of its own unless one direction is meant.
     #[must_use]
     pub const fn is_of_the_pair(self) -> bool {
-        matches!(self, Self::PairLoss | Self::PairDegraded)
+        matches!(self, Self::PairLoss | Self::PairDegraded | Self::PairFrozen)
     }
 }
 
@@ -223,16 +287,20 @@ pub enum Magnitude {
     Jump,
     /// Of the clock, forward if positive, seconds.
     ClockStep,
+    /// Of the clock, fast if positive, millionths.
+    ClockDrift,
     /// Left in the battery, 0 to 1.
     Charge,
     /// Number of a rotor, from 0.
     Rotor,
+    /// 1: the order is addressed to all components, and not to the companion's own.
+    ToAll,
 }
 
 impl Magnitude {
     /// Whether it is a whole number.
     #[must_use]
     pub const fn is_whole(self) -> bool {
-        matches!(self, Self::Rotor)
+        matches!(self, Self::Rotor | Self::ToAll)
     }
 }

@@ -83,14 +83,15 @@ impl Schedule {
         self.running.iter().any(|(fault, _)| fault.kind == kind && fault.roles.contains(&role))
     }
 
-    /// What a link suffers from the faults of these kinds that are under way: a cut, or else the newest.
+    /// What a link suffers from the faults of these kinds that are under way: a cut, or else a freeze, or else the newest.
     #[must_use]
     pub fn path(&self, kinds: &[FaultKind], role: Role) -> Option<Path> {
         let newest_first = self.running.iter().rev().map(|(fault, _)| fault);
         let paths = newest_first
             .filter(|fault| kinds.contains(&fault.kind) && fault.roles.contains(&role))
             .filter_map(Fault::path);
-        paths.reduce(|worst, path| if path == Path::CUT { path } else { worst })
+        let rank = |path: &Path| [*path == Path::CUT, path.frozen];
+        paths.reduce(|worst, path| if rank(&path) > rank(&worst) { path } else { worst })
     }
 }
 

@@ -1,0 +1,43 @@
+//! An operator's ground station, as far as it gives orders.
+
+use mavlink::dialects::ardupilotmega::{COMMAND_LONG_DATA, MavCmd, MavMessage};
+
+use crate::link::codec::Encoder;
+use crate::role::Role;
+
+use super::fault::Order;
+use super::index;
+
+/// The link of each vehicle on which its ground station is.
+pub const STATION_LINK: usize = 1;
+/// MAVLink's system of a ground station, and its component.
+const STATION: (u8, u8) = (255, 190);
+/// The companion's component.
+const COMPANION: u8 = 191;
+
+/// Gives orders in frames of its own.
+#[derive(Debug, Default)]
+pub(super) struct Station {
+    encoder: Encoder,
+}
+
+impl Station {
+    /// The frame of an order to a companion, by its own address or as one of all components aboard.
+    pub fn order(&mut self, order: Order, role: Role, to_all: bool) -> Vec<u8> {
+        let (command, param1) = match order {
+            Order::Start => (MavCmd::MAV_CMD_MISSION_START, 0.0),
+            Order::Pause => (MavCmd::MAV_CMD_DO_PAUSE_CONTINUE, 0.0),
+            Order::Continue => (MavCmd::MAV_CMD_DO_PAUSE_CONTINUE, 1.0),
+            Order::Return => (MavCmd::MAV_CMD_NAV_RETURN_TO_LAUNCH, 0.0),
+            Order::Kill => (MavCmd::MAV_CMD_USER_2, 0.0),
+        };
+        let message = MavMessage::COMMAND_LONG(COMMAND_LONG_DATA {
+            command,
+            param1,
+            target_system: 1 + index(role) as u8,
+            target_component: if to_all { 0 } else { COMPANION },
+            ..COMMAND_LONG_DATA::DEFAULT
+        });
+        self.encoder.encode(STATION, &message).raw_bytes().to_vec()
+    }
+}
