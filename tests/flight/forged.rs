@@ -170,8 +170,8 @@ fn through_the_gate(forgery: &Forgery) -> [Result<bool, Rejection>; 3] {
 struct Course {
     took_off: bool,
     radiated_s: f64,
-    story: String,
-    last_word: String,
+    /// What the companions said, and when.
+    notices: Vec<(Duration, Role, String)>,
 }
 
 /// Flies on the ground or into a slot, then with these frames fifty times in a second, then on.
@@ -190,12 +190,10 @@ fn course(in_slot: bool, frames: &[Vec<u8>]) -> Course {
     flight.pass(Duration::from_secs(60));
     let report = flight.report();
     let radiated_s = report.slots.iter().map(|slot| slot.radiated_s.i + slot.radiated_s.j).sum();
-    let of_i = |text: &&(Duration, Role, String)| text.1 == Role::I;
     Course {
         took_off: flight.said(Role::I, "taking off").is_some(),
         radiated_s,
-        last_word: flight.log.notices.iter().rfind(of_i).map(|(_, _, text)| text.clone()).unwrap_or_default(),
-        story: flight.story(),
+        notices: flight.log.notices.clone(),
     }
 }
 
@@ -205,11 +203,9 @@ fn changed(course: &Course, undisturbed: &Course) -> String {
     }
     let (on, of) = (course.radiated_s, undisturbed.radiated_s);
     let took_off = if course.took_off && !undisturbed.took_off { "takes off; " } else { "" };
-    let mut last: String = course.last_word.chars().take(60).collect();
-    if course.last_word == undisturbed.last_word {
-        last = "same end".to_owned();
-    }
-    format!("{took_off}on the air {on:.1} s of {of:.1} s; {last}")
+    let mut new = course.notices.iter().filter(|notice| !undisturbed.notices.contains(notice));
+    let said: String = new.next().map_or("nothing is said", |(_, _, text)| text).chars().take(70).collect();
+    format!("{took_off}on the air {on:.1} s of {of:.1} s; {said}")
 }
 
 #[test]
