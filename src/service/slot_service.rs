@@ -239,7 +239,9 @@ impl SlotService {
             Stage::Away => Standing::Away,
             Stage::Between { .. } if self.orders().is_paused() => Standing::Paused,
             Stage::Between { .. } => Standing::Between,
-            Stage::Committed(_) if self.orders().is_killed() => Standing::JammingOnKilled,
+            Stage::Committed(_) if self.orders().is_killed() && self.interlock.is_on() => {
+                Standing::JammingOnKilled
+            }
             Stage::Committed(_) if self.abandoning => Standing::JammingOnLeaving,
             Stage::Committed(slot) => match (slot.closing, self.interlock.is_on(), slot.served) {
                 (true, true, _) => Standing::Closing,

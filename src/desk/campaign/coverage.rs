@@ -94,7 +94,7 @@ const ORDERS: [(MavCmd, &str); 4] = [
     (MavCmd::MAV_CMD_MISSION_START, "start"),
     (MavCmd::MAV_CMD_DO_PAUSE_CONTINUE, "pause or continue"),
     (MavCmd::MAV_CMD_NAV_RETURN_TO_LAUNCH, "return"),
-    (MavCmd::MAV_CMD_USER_2, "kill"),
+    (MavCmd::MAV_CMD_USER_2, "kill or lift"),
 ];
 
 /// The entries of an enum of the dialect.
@@ -196,7 +196,9 @@ impl Observer for Tally {
             Notice::Estimator(fault) => self.count(Group::Estimator, fault.into()),
             Notice::Silent(silence) => self.silence(Some(silence)),
             Notice::SlotNotServed { silence, .. } => self.silence(silence.as_ref()),
-            Notice::Aborted(cause) | Notice::HandsOff(cause) => self.cause(cause),
+            Notice::Aborted(cause) | Notice::HandsOff(cause) | Notice::NotTakingOff(cause) => {
+                self.cause(cause)
+            }
             Notice::Refused { answer, .. } => self.count(Group::Answer, &format!("{answer:?}")),
             Notice::Unready { reason, .. } => self.count(Group::Radio, reason.into()),
             Notice::PeerSilent { reason, .. } => self.count(Group::PeerSilence, &format!("{reason:?}")),

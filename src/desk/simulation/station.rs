@@ -30,6 +30,7 @@ impl Station {
             Order::Continue => (MavCmd::MAV_CMD_DO_PAUSE_CONTINUE, 1.0),
             Order::Return => (MavCmd::MAV_CMD_NAV_RETURN_TO_LAUNCH, 0.0),
             Order::Kill => (MavCmd::MAV_CMD_USER_2, 0.0),
+            Order::Lift => (MavCmd::MAV_CMD_USER_2, 1.0),
         };
         let message = MavMessage::COMMAND_LONG(COMMAND_LONG_DATA {
             command,

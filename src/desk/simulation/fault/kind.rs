@@ -35,6 +35,7 @@ pub(super) const NAMES: &[(&str, FaultKind)] = &[
     ("operator-continue", FaultKind::Operator(Order::Continue)),
     ("operator-return", FaultKind::Operator(Order::Return)),
     ("operator-kill", FaultKind::Operator(Order::Kill)),
+    ("operator-lift", FaultKind::Operator(Order::Lift)),
 ];
 
 /// What an operator orders of a companion by MAVLink.
@@ -50,6 +51,8 @@ pub enum Order {
     Return,
     /// MAV_CMD_USER_2: radio kill.
     Kill,
+    /// The same with param1 = 1: the kill is lifted at this vehicle.
+    Lift,
 }
 
 /// Kinds of fault.
@@ -152,6 +155,7 @@ impl FaultKind {
         Self::Operator(Order::Continue),
         Self::Operator(Order::Return),
         Self::Operator(Order::Kill),
+        Self::Operator(Order::Lift),
     ];
 
     /// The kind as files and documents spell it.
@@ -203,6 +207,7 @@ impl FaultKind {
             Self::Operator(Order::Continue) => "operator orders to go on",
             Self::Operator(Order::Return) => "operator orders the return",
             Self::Operator(Order::Kill) => "operator orders the radio kill",
+            Self::Operator(Order::Lift) => "operator lifts the radio kill",
         }
     }
 
