@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
-"""What runs onboard, on one machine: two software vehicles, two `veilwing fly`, a signed pair link between them.
+"""What runs onboard, on one machine: two software vehicles, two `veilwing fly`, every link between them signed.
 
-Flies the mission and leaves the logs in --out. A ground station (pymavlink) on both vehicles' second link starts it.
+Flies the mission and leaves the logs in --out. A ground station (pymavlink) on both vehicles' second link gives the
+vehicles their key (SETUP_SIGNING), and starts the mission, signed. Vehicle J's companion waits for its autopilot.
 
     signed_flight.py --programs target/debug --mission tests/flight/yard.toml --out logs --port 14560 --speed 3
 
@@ -26,7 +27,9 @@ VEHICLE = """
 [vehicle]
 role = "{role}"
 [autopilot]
-link = "udpout:127.0.0.1:{autopilot}"
+link = "{autopilot}"
+system_id = {system}
+key_file = "autopilot.key"
 [transmitter]
 kind = "leased"
 simulated = true
@@ -48,14 +51,29 @@ def home(mission, role):
     return f"{lat:.7f},{lon:.7f},{origin['alt_amsl_m'] + up}"
 
 
-def start(arguments, running):
+def sign(station, key):
+    """Gives both vehicles the key, and signs from then on."""
+    left, end = {1, 2}, time.monotonic() + 20.0
+    while left and time.monotonic() < end:
+        message = station.recv_match(type="HEARTBEAT", blocking=True, timeout=0.2)
+        if message is not None and message.get_srcSystem() in left:
+            left.discard(message.get_srcSystem())
+    check(not left, "both vehicles are heard")
+    ticks = int((time.time() - 1_420_070_400) * 1e5)
+    for system in (1, 2):
+        station.mav.setup_signing_send(system, 1, key, ticks)
+    station.setup_signing(key, sign_outgoing=True)
+
+
+def start(arguments, running, station):
     """The four programs."""
     mission = tomllib.loads(pathlib.Path(arguments.mission).read_text())
     out = pathlib.Path(arguments.out).absolute()
     out.mkdir(parents=True, exist_ok=True)
-    key = out / "pair.key"
-    key.touch(mode=0o600)
-    key.write_text(secrets.token_hex(32) + "\n")
+    for name in ("pair", "autopilot"):
+        key = out / f"{name}.key"
+        key.touch(mode=0o600)
+        key.write_text(secrets.token_hex(32) + "\n")
     port = arguments.port
     programs = pathlib.Path(arguments.programs)
 
@@ -63,16 +81,21 @@ def start(arguments, running):
         log = (out / f"{name}.log").open("w")
         running[name] = subprocess.Popen([str(part) for part in command], stdout=log, stderr=log)
 
+    listens, calls = (f"udpin:127.0.0.1:{port + 2}", f"udpin:127.0.0.1:{port + 3}"), "udpout:127.0.0.1:"
     for k, role in enumerate("ij"):
         launch(
             f"vehicle-{role}", programs / "veilwing-sitl", "vehicle", "--system-id", k + 1, "--speed", arguments.speed,
-            "--link", f"udpin:127.0.0.1:{port + 2 + k}", "--ground-station", f"udpout:127.0.0.1:{port}",
+            "--link", listens[0] if role == "i" else f"{calls}{port + 3}", "--ground-station", f"udpout:127.0.0.1:{port}",
             "--home", home(mission, role),
         )
+    sign(station, bytes.fromhex((out / "autopilot.key").read_text()))
     for k, role in enumerate("ij"):
         pair = f"udpin:127.0.0.1:{port + 1}" if role == "i" else f"udpout:127.0.0.1:{port + 1}"
         file = out / f"vehicle-{role}.toml"
-        file.write_text(VEHICLE.format(role=role, autopilot=port + 2 + k, pair=pair, peer=2 - k, out=out))
+        autopilot = f"{calls}{port + 2}" if role == "i" else listens[1]
+        file.write_text(
+            VEHICLE.format(role=role, autopilot=autopilot, system=k + 1, pair=pair, peer=2 - k, out=out)
+        )
         launch(
             f"companion-{role}", programs / "veilwing", "fly", arguments.mission, "--vehicle", file,
             "--clock-rate", arguments.speed,
@@ -83,7 +106,7 @@ def start(arguments, running):
 def fly(arguments, running):
     """From MISSION_START to the end of both companions."""
     station = mavutil.mavlink_connection(f"udpin:127.0.0.1:{arguments.port}", dialect="ardupilotmega")
-    out = start(arguments, running)
+    out = start(arguments, running, station)
     companions = [running["companion-i"], running["companion-j"]]
     ready, started, end = set(), False, time.monotonic() + 60.0 + 300.0 / arguments.speed
     while time.monotonic() < end and any(c.poll() is None for c in companions):
@@ -101,7 +124,10 @@ def fly(arguments, running):
     ends = [c.poll() for c in companions]
     check(ends == [0, 0], f"both companions complete the mission (exit codes {ends})")
     for role in "ij":
-        check((out / f"{role}-pair.signing").exists(), f"companion {role} has signed its pair link")
+        for link in ("pair", "autopilot"):
+            check((out / f"{role}-{link}.signing").exists(), f"companion {role} has signed its {link} link")
+    good, bad = station.mav.signing.goodsig_count, station.mav.signing.badsig_count
+    check(good > 1000 and bad == 0, f"pymavlink finds {good} signatures right and {bad} wrong")
 
 
 def main(arguments):
