@@ -25,6 +25,8 @@ from mavsdk.plugins.param import Param, ParamError, ProtocolVersion
 
 COMPANION = 191
 ACCEPTED, DENIED, UNSUPPORTED, IN_PROGRESS = 0, 2, 3, 5
+# The system that the vehicle file has for an operator.
+OPERATOR = 255
 MISSION_START, PAUSE_CONTINUE, RETURN, RADIO_KILL, UNKNOWN = 300, 193, 20, 31011, 31012
 REQUEST_MESSAGE, AUTOPILOT_VERSION, COMPONENT_INFORMATION_BASIC = 512, 148, 396
 # Answers of MAVProxy's own words.
@@ -70,7 +72,9 @@ class Sdk:
     """MAVSDK, behind one of MAVProxy's outputs."""
 
     def __init__(self, port):
-        self.mavsdk = Mavsdk(Configuration.create_with_component_type(ComponentType.GROUND_STATION))
+        configuration = Configuration.create_with_component_type(ComponentType.GROUND_STATION)
+        configuration.system_id = OPERATOR
+        self.mavsdk = Mavsdk(configuration)
         self.mavsdk.add_any_connection(f"udpin://127.0.0.1:{port}")
         end = time.monotonic() + 20.0
         self.systems = {}

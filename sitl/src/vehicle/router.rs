@@ -139,12 +139,9 @@ impl Router {
             return;
         };
         let target = (message.target_system_id().unwrap_or(0), message.target_component_id().unwrap_or(0));
-        match command_of(&message).filter(|_| !self.components.contains(&target.1)) {
-            Some(MavCmd::MAV_CMD_MISSION_START | MavCmd::MAV_CMD_DO_PAUSE_CONTINUE) => {
-                self.order_to_fly = true
-            }
-            _ => {}
-        }
+        let passing_by = command_of(&message).filter(|_| !self.components.contains(&target.1));
+        self.order_to_fly |=
+            matches!(passing_by, Some(MavCmd::MAV_CMD_MISSION_START | MavCmd::MAV_CMD_DO_PAUSE_CONTINUE));
         // A key goes to nobody for whom it is not meant.
         if !matches!(message, MavMessage::SETUP_SIGNING(_)) {
             self.forward(link, target, frame.bytes);
