@@ -68,8 +68,8 @@ pub const LOGS: Target = Target {
     generated: 200,
 };
 
-/// Without it, positions in an autopilot's frame tell nothing.
-const GPS_GLOBAL_ORIGIN: Option<u32> = Some(49);
+/// HEARTBEAT and GPS_GLOBAL_ORIGIN: without them, positions in an autopilot's frame tell nothing.
+const NEEDED: [Option<u32>; 2] = [Some(0), Some(49)];
 /// Between the files of a record.
 const BREAK: u8 = 0x1E;
 const FILES: [&str; 4] = [directory::SCENE, directory::TIMELINE, directory::EVENTS, directory::SUMMARY];
@@ -147,9 +147,10 @@ fn logs() -> Vec<Vec<u8>> {
             let role = if name.starts_with('i') { Role::I } else { Role::J };
             let wire = if name.contains("pair") { Wire::Pair } else { Wire::Autopilot };
             let (before, after) = recording.heard[role].split_at(begin.min(recording.heard[role].len()));
-            let origin = before.iter().find(|message| id_of(&message.bytes) == GPS_GLOBAL_ORIGIN);
+            let needed =
+                NEEDED.iter().filter_map(|id| before.iter().find(|heard| id_of(&heard.bytes) == *id));
             let mut log = Vec::new();
-            let heard = origin.into_iter().chain(after.iter().take(count));
+            let heard = needed.chain(after.iter().take(count));
             for message in heard.filter(|message| message.wire == wire) {
                 let utc = Utc { unix_us: 1_800_000_000_000_000 } + message.at;
                 append_record(&mut log, utc, &message.bytes);
