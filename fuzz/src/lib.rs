@@ -9,6 +9,7 @@ pub mod corpus;
 pub mod fuzzer;
 pub mod mutator;
 pub mod reached;
+pub mod scratch;
 pub mod target;
 pub mod targets;
 pub mod watchdog;

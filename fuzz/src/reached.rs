@@ -59,9 +59,14 @@ impl Reached {
 
     /// Notes an error's sentence without its particulars: numbers, and whatever stands between quotes.
     pub fn sentence(&mut self, outcome: &str, text: &str) {
-        let mut quoted = None;
+        let (mut quoted, mut escaped) = (None, false);
         let kind = text.chars().filter(|c| match (quoted, *c) {
+            (Some(_), _) if escaped => {
+                escaped = false;
+                false
+            }
             (Some(end), c) => {
+                escaped = c == '\\';
                 if c == end {
                     quoted = None;
                 }
@@ -122,6 +127,7 @@ mod tests {
         let mut reached = Reached::default();
         reached.sentence("refused", "`speed_m_s` is 7, above the maximum of 5");
         reached.sentence("refused", "`climb_m_s` is 99.5, above the maximum of 20");
+        reached.sentence("refused", r#""a \" b" is 7, above the maximum of 5"#);
         assert_eq!(reached.len(), 1);
         for (times, kinds) in [(0, 1), (1, 2), (2, 3), (3, 4), (4, 4), (5, 5)] {
             reached.count("frames", times);

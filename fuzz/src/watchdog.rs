@@ -6,11 +6,14 @@ use std::time::Duration;
 use veilwing::time::Instant;
 
 /// The input that runs, and since when.
+type Running = Option<(Instant, Vec<u8>)>;
+
+/// Shared by who runs inputs and who looks.
 #[derive(Debug, Clone, Default)]
-pub struct Watchdog(Arc<Mutex<Option<(Instant, Vec<u8>)>>>);
+pub struct Watchdog(Arc<Mutex<Running>>);
 
 impl Watchdog {
-    fn running(&self) -> MutexGuard<'_, Option<(Instant, Vec<u8>)>> {
+    fn running(&self) -> MutexGuard<'_, Running> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 

@@ -38,8 +38,8 @@ enum Phase {
     Taking { from: Option<Mode>, pursuit: Pursuit },
     /// The companion; on a take-off perhaps.
     Held { climb: Option<Climb> },
-    /// The companion has asked for one of the autopilot's own modes.
-    HandingOver { to: Mode, acknowledged: bool, pursuit: Pursuit },
+    /// The companion has asked for one of the autopilot's own modes; `held`: its own mode was shown until then.
+    HandingOver { to: Mode, held: bool, acknowledged: bool, pursuit: Pursuit },
     /// The autopilot, in the mode that the companion asked for.
     HandedOver { mode: Mode },
 }
@@ -102,7 +102,7 @@ impl Control {
             Phase::Held { climb } => {
                 firmware.takes_off_by_setpoints() || (climb.is_none() && self.is_flying(state))
             }
-            Phase::HandingOver { acknowledged, .. } => !acknowledged && self.is_flying(state),
+            Phase::HandingOver { held, acknowledged, .. } => *held && !acknowledged && self.is_flying(state),
             Phase::Released | Phase::HandedOver { .. } => false,
         }
     }
@@ -181,11 +181,16 @@ impl Control {
 
     /// Asks for one of the autopilot's own modes.
     pub(super) fn hand_over(&mut self, to: Mode, context: &mut Context) {
+        let held = matches!(self.phase, Phase::Held { .. } | Phase::HandingOver { held: true, .. });
+        self.begin_hand_over(to, held, context);
+    }
+
+    fn begin_hand_over(&mut self, to: Mode, held: bool, context: &mut Context) {
         self.leave(context.commands);
         self.arming = None;
         context.commands.cancel(Purpose::Arming);
         let pursuit = Pursuit::new(Aim::Mode(to), IN_FLIGHT_TIMEOUT, context.now);
-        self.phase = Phase::HandingOver { to, acknowledged: false, pursuit };
+        self.phase = Phase::HandingOver { to, held, acknowledged: false, pursuit };
         self.advance_phase(true, context);
     }
 
@@ -275,11 +280,11 @@ impl Control {
                 self.phase = Phase::Held { climb: None };
                 context.out.tell(pursuit.refused(context));
             }
-            Phase::HandingOver { to, pursuit, .. } => {
+            Phase::HandingOver { to, held, pursuit, .. } => {
                 context.commands.cancel(Purpose::Mode);
                 if let Some(instead) = context.firmware.next_best(to) {
                     context.out.tell(pursuit.replaced(context));
-                    self.hand_over(instead, context);
+                    self.begin_hand_over(instead, held, context);
                     return;
                 }
                 if context.state.mode() == Some(Mode::Companion) {
@@ -490,6 +495,21 @@ mod tests {
         flight.beat(Mode::Land, true);
         assert!(!flight.control.wants_setpoints());
         assert_eq!(flight.bench.events(), [Event::HandedOver { mode: "AUTO.LAND" }]);
+    }
+
+    #[test]
+    fn regress_no_setpoint_goes_out_while_another_is_asked_to_land_what_was_never_ours() {
+        let mut flight = Flight::new(Firmware::ArduPilot);
+        flight.beat(POSCTL, true);
+        flight.see(10.0, Landed::InAir);
+        flight.control.hand_over(Mode::Land, &mut flight.bench.context());
+        assert!(!flight.lets_out());
+        // Nor when it is asked for the next best mode.
+        flight.control.hand_over(Mode::Hold, &mut flight.bench.context());
+        flight.answer(Purpose::Mode, MavResult::MAV_RESULT_UNSUPPORTED);
+        flight.bench.pass(SECOND);
+        flight.advance();
+        assert!(!flight.lets_out());
     }
 
     #[test]

@@ -328,7 +328,7 @@ impl Numbered {
     /// What the radio certainly radiates, and until when: see the module.
     pub(super) fn on_until_at_least(&self, now: Instant) -> Option<Vouched> {
         let known = self.in_force?;
-        let Wanted::On { slot, .. } = self.wanted else { return None };
+        let Wanted::On { slot, off_by, .. } = self.wanted else { return None };
         if slot != known.slot {
             return None;
         }
@@ -343,7 +343,8 @@ impl Numbered {
                 Asked::On { .. } | Asked::Off => return None,
             }
         }
-        let until = self.clock.not_before(expires, now)? - RADIO_STEP;
+        // A clock that has gone back would promise more than anybody asked for.
+        let until = (self.clock.not_before(expires, now)? - RADIO_STEP).min(off_by);
         let power_w = Watts::from(Dbm(f64::from(known.power_mdbm) * 1e-3)).0;
         (until > now).then_some(Vouched { slot: known.slot, power_w, until })
     }

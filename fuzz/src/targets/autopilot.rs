@@ -352,7 +352,8 @@ impl Bench {
                 MavMessage::SET_ATTITUDE_TARGET(m) => {
                     assert!(setting, "a setpoint that nobody has set");
                     assert!(m.q.iter().chain(&m.thrust_body).all(|figure| figure.is_finite()), "{m:?}");
-                    assert_eq!(self.firmware, Firmware::Px4, "a quaternion ends a 6DoF ArduCopter");
+                    let firmware = self.driver.state().firmware;
+                    assert_eq!(firmware, Some(Firmware::Px4), "a quaternion ends a 6DoF ArduCopter");
                 }
                 MavMessage::COMMAND_LONG(c) => {
                     let figures = [c.param1, c.param2, c.param3, c.param7];
@@ -374,13 +375,8 @@ impl Bench {
     fn look(&self, reached: &mut Reached) {
         let (driver, now) = (&self.driver, self.now);
         let state = driver.state();
-        reached.note(format_args!(
-            "{:?} {} {} {}",
-            state.mode(),
-            state.is_armed(),
-            driver.in_control(),
-            driver.fresh(now)
-        ));
+        let control = (state.is_armed(), driver.in_control(), driver.fresh(now));
+        reached.sentence("state", &format!("{:?} {control:?}", state.mode()));
         for check in driver.preflight(now) {
             reached.note(format_args!("{} {:?}", check.name, check.result));
         }

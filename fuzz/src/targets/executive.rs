@@ -297,16 +297,14 @@ impl Run {
     fn look_at(&mut self, message: &MavMessage) {
         self.reached.note(format_args!("{} {}", self.role, message.message_name()));
         match message {
-            MavMessage::COMMAND_INT(c) if c.command == MavCmd::MAV_CMD_USER_1 => {
-                if c.param1.is_finite() {
-                    let power_w = 1e-3 * 10f64.powf(f64::from(c.param1) / 10.0);
-                    let slots = &recording().plan.slots;
-                    let most = slots.iter().map(|slot| slot.plan.vehicles[self.role].tx_power_w);
-                    let most = most.fold(0.0, f64::max);
-                    assert!(power_w <= most * (1.0 + 1e-9), "{}: {power_w} W of {most} W", self.role);
-                    assert!(!self.killed, "{}: on after a kill", self.role);
-                    self.reached.note(format_args!("{} on", self.role));
-                }
+            MavMessage::COMMAND_INT(c) if c.command == MavCmd::MAV_CMD_USER_1 && c.param1.is_finite() => {
+                let power_w = 1e-3 * 10f64.powf(f64::from(c.param1) / 10.0);
+                let slots = &recording().plan.slots;
+                let most = slots.iter().map(|slot| slot.plan.vehicles[self.role].tx_power_w);
+                let most = most.fold(0.0, f64::max);
+                assert!(power_w <= most * (1.0 + 1e-9), "{}: {power_w} W of {most} W", self.role);
+                assert!(!self.killed, "{}: on after a kill", self.role);
+                self.reached.note(format_args!("{} on", self.role));
             }
             MavMessage::COMMAND_ACK(ack) => {
                 self.killed |=

@@ -202,9 +202,9 @@ fn airframe(input: &[u8], reached: &mut Reached) {
             let AirframeError::Syntax { reason, .. } = &error else {
                 return reached.sentence("value", &told);
             };
-            // Its first line has the place, its last the reason.
+            // Its first line has the place, what stands under the caret is the reason.
             assert!(reason.contains("line"), "{told}");
-            reached.sentence("syntax", reason.lines().last().unwrap_or_default());
+            reached.sentence("syntax", reason.rsplit_once("^\n").map_or("", |(_, why)| why));
         }
     }
 }

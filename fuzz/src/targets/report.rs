@@ -1,9 +1,8 @@
 //! A flight's directory: its record, and its telemetry logs. Whatever is there makes a page, or an error with the file's
 //! name.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::OnceLock;
-use std::sync::atomic::{AtomicU64, Ordering};
 
 use veilwing::config::Mission;
 use veilwing::desk::report::{RecordError, directory, html, load, store, telemetry};
@@ -15,6 +14,7 @@ use veilwing::time::Utc;
 
 use super::recording::{MISSION, recording};
 use crate::reached::Reached;
+use crate::scratch::Scratch;
 use crate::target::Target;
 
 #[allow(
@@ -68,56 +68,31 @@ pub const LOGS: Target = Target {
     generated: 200,
 };
 
-/// Without it, positions in an autopilot's frame tell nothing.
-const GPS_GLOBAL_ORIGIN: Option<u32> = Some(49);
+/// HEARTBEAT and GPS_GLOBAL_ORIGIN: without them, positions in an autopilot's frame tell nothing.
+const NEEDED: [Option<u32>; 2] = [Some(0), Some(49)];
 /// Between the files of a record.
 const BREAK: u8 = 0x1E;
 const FILES: [&str; 4] = [directory::SCENE, directory::TIMELINE, directory::EVENTS, directory::SUMMARY];
 const LOG_FILES: [&str; 4] = ["i-autopilot.tlog", "i-pair.tlog", "j-autopilot.tlog", "j-pair.tlog"];
-static INPUTS: AtomicU64 = AtomicU64::new(0);
-
-/// A directory of files, for as long as it is used.
-struct Scratch(PathBuf);
-
-impl Scratch {
-    fn of(files: &[(&str, &[u8])]) -> Self {
-        let number = INPUTS.fetch_add(1, Ordering::Relaxed);
-        let path = std::env::temp_dir().join(format!("veilwing-report-{}-{number}", std::process::id()));
-        let write = || {
-            std::fs::create_dir_all(&path)?;
-            files.iter().try_for_each(|(name, content)| std::fs::write(path.join(name), content))
-        };
-        let written = write();
-        assert!(written.is_ok(), "{written:?}");
-        Self(path)
-    }
-}
-
-impl Drop for Scratch {
-    fn drop(&mut self) {
-        // What is left behind is in the directory for temporary files.
-        drop(std::fs::remove_dir_all(&self.0));
-    }
-}
 
 fn records() -> Vec<Vec<u8>> {
     let mut flight = sample::flight();
     flight.samples = flight.samples.into_iter().skip(190).step_by(10).take(15).collect();
-    let scratch = Scratch::of(&[]);
+    let scratch = Scratch::new();
     let read = |directory: &Path| -> Option<Vec<Vec<u8>>> {
         store(directory, &flight).ok()?;
         FILES[..3].iter().map(|name| std::fs::read(directory.join(name)).ok()).collect()
     };
     let summary = br#"{"result":"aborted","plan_digest":null,"flight_s":30.0,"slots":[],"violations":[],"min_separation_m":null}"#;
-    read(&scratch.0)
+    read(scratch.path())
         .map(|files| vec![[&files.join(&BREAK)[..], &[BREAK], summary].concat()])
         .unwrap_or_default()
 }
 
 fn record(input: &[u8], reached: &mut Reached) {
     let files: Vec<(&str, &[u8])> = FILES.into_iter().zip(input.splitn(4, |byte| *byte == BREAK)).collect();
-    let scratch = Scratch::of(&files);
-    match load(&scratch.0) {
+    let scratch = Scratch::with(&files);
+    match load(scratch.path()) {
         Ok(timeline) => {
             let page = html(&timeline);
             assert!(page.contains("</html>"));
@@ -129,7 +104,7 @@ fn record(input: &[u8], reached: &mut Reached) {
             if let RecordError::Json { path, line, .. } = &error {
                 assert!(*line >= 1 && told.contains(&format!("{}:{line}:", path.display())), "{told}");
             }
-            let words = told.replace(&*scratch.0.to_string_lossy(), "");
+            let words = told.replace(&*scratch.path().to_string_lossy(), "");
             reached.sentence("refused", &words);
         }
     }
@@ -172,9 +147,10 @@ fn logs() -> Vec<Vec<u8>> {
             let role = if name.starts_with('i') { Role::I } else { Role::J };
             let wire = if name.contains("pair") { Wire::Pair } else { Wire::Autopilot };
             let (before, after) = recording.heard[role].split_at(begin.min(recording.heard[role].len()));
-            let origin = before.iter().find(|message| id_of(&message.bytes) == GPS_GLOBAL_ORIGIN);
+            let needed =
+                NEEDED.iter().filter_map(|id| before.iter().find(|heard| id_of(&heard.bytes) == *id));
             let mut log = Vec::new();
-            let heard = origin.into_iter().chain(after.iter().take(count));
+            let heard = needed.chain(after.iter().take(count));
             for message in heard.filter(|message| message.wire == wire) {
                 let utc = Utc { unix_us: 1_800_000_000_000_000 } + message.at;
                 append_record(&mut log, utc, &message.bytes);
@@ -199,9 +175,9 @@ fn log(input: &[u8], reached: &mut Reached) {
         }
         rest = behind;
     }
-    let scratch = Scratch::of(&files);
+    let scratch = Scratch::with(&files);
     let mission = MISSION_READ.get_or_init(|| Mission::parse("yard.toml", MISSION).ok()).as_ref();
-    match telemetry::load(&scratch.0, mission.filter(|_| head & 1 == 1)) {
+    match telemetry::load(scratch.path(), mission.filter(|_| head & 1 == 1)) {
         Ok(timeline) => {
             assert!(timeline.samples.iter().all(|sample| sample.at_s.is_finite()));
             let page = html(&timeline);
@@ -210,8 +186,8 @@ fn log(input: &[u8], reached: &mut Reached) {
         }
         Err(error) => {
             let told = error.to_string();
-            assert!(told.contains(&*scratch.0.to_string_lossy()), "{told}");
-            reached.sentence("refused", &told.replace(&*scratch.0.to_string_lossy(), ""));
+            assert!(told.contains(&*scratch.path().to_string_lossy()), "{told}");
+            reached.sentence("refused", &told.replace(&*scratch.path().to_string_lossy(), ""));
         }
     }
 }

@@ -2,8 +2,7 @@
 //! that jump.
 
 use std::collections::BTreeSet;
-use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::path::Path;
 
 use arbitrary::Unstructured;
 use mavlink::dialects::ardupilotmega::MavMessage;
@@ -14,6 +13,7 @@ use veilwing::link::{Key, RawFrame, SigningConfig};
 use veilwing::time::Utc;
 
 use crate::reached::Reached;
+use crate::scratch::Scratch;
 use crate::target::Target;
 
 /// Signatures.
@@ -24,35 +24,14 @@ pub const TARGET: Target = Target {
     seeds,
     run,
     // Each keeps records on the disk.
-    generated: 100,
+    generated: 200,
 };
 
 const SECOND: u64 = 1_000_000;
 const BEGAN: u64 = 1_800_000_000 * SECOND;
-static INPUTS: AtomicU64 = AtomicU64::new(0);
 
 fn seeds() -> Vec<Vec<u8>> {
     vec![vec![0, 0, 1, 0, 0, 0, 2, 1, 0, 0, 3, 9, 4, 0, 5, 200, 6, 1, 0, 0, 7, 0], (0..64).collect()]
-}
-
-/// A directory of its own for the records of one input.
-struct Scratch(PathBuf);
-
-impl Scratch {
-    fn new() -> Self {
-        let number = INPUTS.fetch_add(1, Ordering::Relaxed);
-        let path = std::env::temp_dir().join(format!("veilwing-fuzz-{}-{number}", std::process::id()));
-        let made = std::fs::create_dir_all(&path);
-        assert!(made.is_ok(), "{made:?}");
-        Self(path)
-    }
-}
-
-impl Drop for Scratch {
-    fn drop(&mut self) {
-        // What is left behind is in the directory for temporary files.
-        drop(std::fs::remove_dir_all(&self.0));
-    }
 }
 
 fn open(directory: &Path, name: &str, key: u8, unix_us: u64) -> Option<Signing> {
@@ -81,7 +60,7 @@ impl Ends {
     fn new() -> Self {
         let directory = Scratch::new();
         let [checks, peer, forger] = [("checks", 7), ("peer", 7), ("forger", 9)]
-            .map(|(name, key)| open(&directory.0, name, key, BEGAN));
+            .map(|(name, key)| open(directory.path(), name, key, BEGAN));
         Self {
             directory,
             checks,
@@ -159,7 +138,7 @@ fn step(ends: &mut Ends, u: &mut Unstructured<'_>, reached: &mut Reached) -> arb
         6 => {
             // Killed and started again: first the old one goes.
             ends.checks = None;
-            ends.checks = open(&ends.directory.0, "checks", 7, ends.unix_us);
+            ends.checks = open(ends.directory.path(), "checks", 7, ends.unix_us);
             reached.note(format_args!("opened {}", ends.checks.is_some()));
         }
         _ => {

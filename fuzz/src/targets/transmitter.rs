@@ -361,7 +361,11 @@ impl Bench {
     fn look(&self, reached: &mut Reached) {
         let (t, now) = (&self.transmitter, self.now);
         if let Some(vouched) = t.on_until_at_least(now) {
-            assert!(vouched.until > now && vouched.until <= self.off_by, "{vouched:?}");
+            assert!(
+                vouched.until > now && vouched.until <= self.off_by,
+                "{vouched:?} at {now:?}, off by {:?}",
+                self.off_by
+            );
             assert!(!vouched.power_w.is_nan() && !t.is_off(now), "{vouched:?}");
             reached.note(format_args!("vouched"));
         }

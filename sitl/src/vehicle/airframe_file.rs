@@ -102,8 +102,9 @@ impl AirframeModel {
                 file: file.to_owned(),
                 what: what.to_owned(),
                 value: value.to_string(),
-                remedy: "masses, inertias and thrusts must be positive, axes of length 1, curve from 0 to 1, and at \
-                         most 12 rotors must give force and torque in every direction of this kind of airframe",
+                remedy: "masses, inertias and thrusts must be positive, axes of length 1, curve from 0 to 1, rotors \
+                         within 100 m and 1e6 N, and at most 12 of them must give force and torque in every direction \
+                         of this kind of airframe",
             }),
         }
     }
@@ -129,6 +130,18 @@ mod tests {
                 assert!(numbers(a).iter().zip(numbers(b)).all(|(x, y)| (x - y).abs() < 1e-9), "{a:?} {b:?}");
             }
         }
+    }
+
+    #[test]
+    fn regress_figures_whose_products_overflow_are_refused_and_not_computed_with_for_ever() {
+        let refused = |from: &str, to: &str| {
+            let text = OMNI.replacen(from, to, 1);
+            assert_ne!(text, OMNI);
+            AirframeModel::parse("x.toml", &text).unwrap_err().to_string()
+        };
+        assert!(refused("[0.14435,", "[-1e308,").contains("position_flu_m is -1"));
+        assert!(refused("thrust_n = 25.1", "thrust_n = 1e308").contains("thrust_n is 1"));
+        assert!(refused("moment_m = 0.05", "moment_m = -1e300").contains("moment_m is -1"));
     }
 
     #[test]

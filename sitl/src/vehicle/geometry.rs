@@ -2,6 +2,10 @@
 
 /// No airframe has more rotors (PX4's CA_ROTOR parameters end here too).
 pub const MAX_ROTORS: usize = 12;
+/// No rotor sits farther from the centre of mass, or has a longer lever of drag, in metres; none gives more thrust, in
+/// newtons. Products of larger figures overflow.
+const FARTHEST_M: f64 = 100.0;
+const STRONGEST_N: f64 = 1e6;
 
 /// One rotor, body axes (FLU) from the centre of mass.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -98,12 +102,13 @@ impl Geometry {
         }
         self.rotors.iter().find_map(|r| {
             let length = r.axis_flu.iter().map(|v| v * v).sum::<f64>().sqrt();
-            let place = r.position_flu_m.into_iter().find(|v| !v.is_finite());
-            if !(r.thrust_n.is_finite() && r.thrust_n > 0.0) {
+            let beyond = |v: f64| !v.is_finite() || v.abs() > FARTHEST_M;
+            let place = r.position_flu_m.into_iter().find(|v| beyond(*v));
+            if !(r.thrust_n > 0.0 && r.thrust_n <= STRONGEST_N) {
                 Some(("geometry: thrust_n", r.thrust_n))
             } else if (length - 1.0).abs() > 1e-3 || !length.is_finite() {
                 Some(("geometry: length of axis_flu", length))
-            } else if !r.moment_m.is_finite() {
+            } else if beyond(r.moment_m) {
                 Some(("geometry: moment_m", r.moment_m))
             } else {
                 place.map(|v| ("geometry: position_flu_m", v))

@@ -199,6 +199,20 @@ fn spec_a_refusal_of_before_it_was_taken_changes_nothing_when_it_comes_late() {
 }
 
 #[test]
+fn regress_a_clock_that_has_gone_back_vouches_for_no_more_than_was_asked_for() {
+    let mut world = World::settled(2);
+    assert_eq!(world.command(0.1, 1, 500), Ok(()));
+    world.run(ms(4));
+    let number = world.radio.on.unwrap().number;
+    let mut answer = world.radio.report(world.now);
+    (answer.answers_boot, answer.answers) = (78, number);
+    answer.time_ms = answer.time_ms.wrapping_sub(4000);
+    world.hear(&answer);
+    let vouched = world.vouched().unwrap();
+    assert!(vouched.until <= world.off_by, "{vouched:?}, off by {:?}", world.off_by);
+}
+
+#[test]
 fn spec_an_answer_that_contradicts_itself_vouches_for_nothing() {
     let mut world = World::settled(2);
     world.back.loss = 1.0;
