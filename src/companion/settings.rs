@@ -169,6 +169,7 @@ mod tests {
         for role in Role::BOTH {
             let link = LinkAddress::UdpOut(HostPort { host: "127.0.0.1".into(), port: 1 });
             let mut draft = VehicleDraft::new(role, link);
+            draft.autopilot.system_id = Some(1);
             assert_eq!(
                 settings(&mission, &Vehicle::new(draft.clone()).unwrap(), 1, false).ceilings.vehicle_w,
                 f64::INFINITY

@@ -148,7 +148,7 @@ fn spec_a_start_that_the_other_has_taken_back_is_withdrawn_from_who_has_begun() 
     pair.say(1);
     assert!(pair.take_off(0));
     pair.sides[1].handle_timeout(at(0) + START_EXPIRES);
-    assert_eq!(changes(&mut pair.sides[1]), [Change::StartPending, Change::StartExpired]);
+    assert_eq!(changes(&mut pair.sides[1]), [Change::StartExpired]);
     assert_eq!(pair.say(1), [Change::StartWithdrawn]);
     assert!(pair.say(1).is_empty(), "once");
 }
