@@ -1,8 +1,8 @@
 //! MAVLink 2 message signing: the policy. The arithmetic is the mavlink crate's.
 //!
 //! A timestamp counts tens of microseconds since 2015. What was accepted or used is never accepted or used again, also
-//! after a crash: timestamps are put on record a minute ahead of their use ([`reserve`]), by a thread of their own
-//! ([`record`]), and the next run begins at the record. Frames never wait for the disk, nor are they turned away for
+//! after a crash: timestamps are put on record a minute ahead of their use (`reserve`), by a thread of their own
+//! (`record`), and the next run begins at the record. Frames never wait for the disk, nor are they turned away for
 //! want of it. Who is behind, by its clock or by a crash of ours, is brought up by the first frame of ours that it hears,
 //! as the reference implementation of MAVLink has it; [`super::gate`] sends one where nothing else would.
 
