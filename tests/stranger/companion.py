@@ -55,6 +55,14 @@ class Flight:
             check(False, f"the flight ends within {limit_s} s")
         return json.loads((self.path / "summary.json").read_text())
 
+    def ready(self):
+        """Nothing is missing but the start, as the flight's own log has it."""
+        end, waiting = time.monotonic() + 30.0, 0
+        while time.monotonic() < end and waiting < 2:
+            time.sleep(0.1)
+            waiting = (self.path / "progress.log").read_text().count("waiting: MISSION_START")
+        check(waiting >= 2, "both companions wait for the start alone")
+
     def __enter__(self):
         return self
 
@@ -162,17 +170,6 @@ class Operator(MavProxy):
         who = " and ".join(map(str, systems))
         self.wait("STATUSTEXT", take, simulated_s, f'companion {who} says "{text}"', since_typed=True)
 
-    def ready(self):
-        """Nothing is missing but the start."""
-        left = {1, 2}
-
-        def take(m):
-            if m.get_srcComponent() == COMPANION and m.text.startswith("waiting: MISSION_START"):
-                left.discard(m.get_srcSystem())
-            return not left
-
-        self.wait("STATUSTEXT", take, 60, "both companions wait for the start alone")
-
     def parameters(self, system, role):
         """The companion's own parameters, as an operator types for them."""
         self.type(f"vehicle {system}:{COMPANION}")
@@ -256,7 +253,7 @@ def first_flight(arguments):
                 sdk.parameters(system, float(system - 1))
             operator.who(1)
             operator.command(1, UNKNOWN, UNSUPPORTED, "a command that no companion has")
-            operator.ready()
+            flight.ready()
             operator.command(1, PAUSE_CONTINUE, DENIED, "continue on the ground", 1)
             operator.command(1, PAUSE_CONTINUE, ACCEPTED, "pause on the ground: no start any more")
             operator.says("the start was taken back", 10)
@@ -282,7 +279,7 @@ def second_flight(arguments):
     with Flight(arguments) as flight:
         with Operator(f"udpin:127.0.0.1:{port}", port + 1, arguments.speed, sdk_output) as operator:
             operator.both("HEARTBEAT", lambda m: True, 20, "both companions' heartbeats")
-            operator.ready()
+            flight.ready()
             Sdk(port + 2).command(2, MISSION_START, ACCEPTED, "start at vehicle J")
             operator.says("slot 0: on", 90)
             operator.command(2, RADIO_KILL, ACCEPTED, "radio kill")
