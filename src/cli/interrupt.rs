@@ -7,11 +7,41 @@ use std::io;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use tokio::signal::unix::{Signal, SignalKind, signal};
+use tokio::sync::Notify;
 
 use super::Exit;
 
-/// Somebody stops in order: this process must not just end.
-static AWAITED: AtomicBool = AtomicBool::new(false);
+/// One thread alone hears the signals: two that did could each leave one to the other.
+static STOP: Stop = Stop::new();
+
+/// Who is to stop in order.
+struct Stop {
+    /// Somebody stops in order: this process must not just end.
+    awaited: AtomicBool,
+    /// A signal has come since.
+    asked: Notify,
+}
+
+impl Stop {
+    const fn new() -> Self {
+        Self { awaited: AtomicBool::new(false), asked: Notify::const_new() }
+    }
+
+    /// A signal has come; whether somebody stops in order now.
+    fn ask(&self) -> bool {
+        let awaited = self.awaited.load(Ordering::SeqCst);
+        if awaited {
+            // Kept until it is waited for.
+            self.asked.notify_one();
+        }
+        awaited
+    }
+
+    async fn requested(&self) {
+        self.awaited.store(true, Ordering::SeqCst);
+        self.asked.notified().await;
+    }
+}
 
 /// Ends the process at the first signal that nobody waits for by [`requested`].
 ///
@@ -27,7 +57,7 @@ pub(super) fn watch() {
         runtime.block_on(async {
             loop {
                 signals.next().await;
-                if !AWAITED.load(Ordering::SeqCst) {
+                if !STOP.ask() {
                     eprintln!("interrupted");
                     std::process::exit(Exit::Interrupted.code().into());
                 }
@@ -38,14 +68,7 @@ pub(super) fn watch() {
 
 /// Completes on Ctrl-C or SIGTERM. Once it has been waited for, ending is the caller's business.
 pub(super) async fn requested() {
-    match Signals::new() {
-        Ok(mut signals) => {
-            AWAITED.store(true, Ordering::SeqCst);
-            signals.next().await;
-        }
-        // The process ends by the signal's default, or by `watch`; the radio's expiry makes it silent.
-        Err(_) => std::future::pending().await,
-    }
+    STOP.requested().await;
 }
 
 struct Signals {
@@ -63,5 +86,25 @@ impl Signals {
             _ = self.interrupt.recv() => {}
             _ = self.terminate.recv() => {}
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[tokio::test]
+    async fn regress_a_signal_is_left_to_nobody_or_kept_for_who_stops_in_order() {
+        let stop = Stop::new();
+        assert!(!stop.ask(), "nobody stops in order: the process ends");
+        let mut requested = std::pin::pin!(stop.requested());
+        // Said that it will stop, and was not run again before the signal came.
+        let awaited =
+            tokio::select! { biased; () = &mut requested => false, () = std::future::ready(()) => true };
+        assert!(awaited && stop.ask());
+        requested.await;
+        // One that comes between two waits is not lost either.
+        assert!(stop.ask());
+        stop.requested().await;
     }
 }
