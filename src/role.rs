@@ -17,6 +17,15 @@ impl Role {
     /// Both roles, in the order in which documents list them.
     pub const BOTH: [Self; 2] = [Self::I, Self::J];
 
+    /// As documents and file names write it: `"i"` or `"j"`.
+    #[must_use]
+    pub fn key(self) -> &'static str {
+        match self {
+            Self::I => "i",
+            Self::J => "j",
+        }
+    }
+
     /// The other vehicle of the pair.
     #[must_use]
     pub fn peer(self) -> Self {

@@ -100,7 +100,7 @@ fn fly(args: &Args, mission: Mission, vehicle: &Vehicle) -> Result<Exit, String>
 fn companion(args: &Args, mission: Mission, vehicle: &Vehicle, clock: &Clock) -> Result<Companion, String> {
     usable_directory(&vehicle.log_dir).map_err(|error| format!("[log] dir: {error}"))?;
     let role = vehicle.role;
-    let name = role.to_string().to_lowercase();
+    let name = role.key();
     let link = |to: &str, peer_system, key_file: Option<&Path>| -> Result<LinkConfig, String> {
         let signing = key_file.map(|path| signing(path, to, vehicle)).transpose()?;
         let path = vehicle.log_dir.join(format!("{name}-{to}.tlog"));
@@ -142,7 +142,7 @@ fn companion(args: &Args, mission: Mission, vehicle: &Vehicle, clock: &Clock) ->
 /// How the link called `to` signs. Each has a record of timestamps of its own, and a link id: with one key on several
 /// links, what is recorded on one is still of another stream on the others.
 fn signing(key_file: &Path, to: &str, vehicle: &Vehicle) -> Result<SigningConfig, String> {
-    let name = vehicle.role.to_string().to_lowercase();
+    let name = vehicle.role.key();
     Ok(SigningConfig {
         key: Key::load(key_file).map_err(|error| error.to_string())?,
         link_id: match to {

@@ -50,7 +50,7 @@ pub struct OrdersFile {
 /// Where a vehicle's orders are kept.
 #[must_use]
 pub fn path(log_dir: &Path, role: Role) -> PathBuf {
-    log_dir.join(format!("{}.orders", role.to_string().to_lowercase()))
+    log_dir.join(format!("{}.orders", role.key()))
 }
 
 impl OrdersFile {

@@ -64,10 +64,11 @@ pub(super) enum Stopping {
 /// Owns the machines below it (autopilot, pair service with its transmitter) and drives them by the phase of the flight.
 ///
 /// # Calling contract
-/// Feed it what happens, at the instant at which it happens: `handle_autopilot`, `handle_pair`, `handle_plan`,
-/// `handle_timeout`, `shutdown`. After each, drain `poll_record`, `poll_transmit` and `poll_notice`, ask `outcome` whether the process
-/// may end, and call `handle_timeout` at `poll_timeout`, which any call may have moved. Everything happens in these
-/// calls: if nobody calls, nothing is sent (F3). `now` never goes back.
+/// Feed it what happens, at the instant at which it happens: `handle_autopilot`, `handle_pair`, `handle_radio`,
+/// `handle_radio_link`, `handle_report`, `handle_plan`, `handle_timeout`, `shutdown`. After each, drain `poll_record`,
+/// `poll_transmit` and `poll_notice`, ask `outcome` whether the process may end, and call `handle_timeout` at
+/// `poll_timeout`, which any call may have moved. Everything happens in these calls: if nobody calls, nothing is sent
+/// (F3). `now` never goes back.
 ///
 /// Every input ends in the service's decision on power, so that a fault silences the transmitter at the message that
 /// shows it (S4).
@@ -225,8 +226,8 @@ impl Executive {
         self.notices.pop_front()
     }
 
-    /// Of the operator's orders, what a later process must be given as [`orders`](crate::pair::Settings::orders), if that has changed. To
-    /// be kept before messages are sent, as far as the disk allows.
+    /// Of the operator's orders, what a later process must be given as [`orders`](crate::pair::Settings::orders), if that
+    /// has changed. To be kept before messages are sent, as far as the disk allows.
     pub fn poll_record(&mut self) -> Option<Record> {
         self.service.orders_mut().poll_record()
     }

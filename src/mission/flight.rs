@@ -79,6 +79,7 @@ impl Executive {
         if self.itinerary.is_none()
             && let Err(error) = self.make_itinerary()
         {
+            self.ground.set_obstacle(std::slice::from_ref(&error));
             return self.wait_for(&[error], true, now);
         }
         let (mut missing, warnings) = self.ground.judge(&self.checks(now));
@@ -161,6 +162,9 @@ impl Executive {
 
     fn kill_check(&self) -> Option<Check> {
         let orders = self.service.orders();
+        if !orders.is_killed() {
+            return None;
+        }
         let role = self.settings.role.peer();
         let detail = if orders.is_lifted_here_alone() {
             format!(
@@ -170,7 +174,7 @@ impl Executive {
             "holds: lift it at each vehicle (31011 with param1 = 1), or restart both companions on the ground"
                 .to_owned()
         };
-        orders.is_killed().then(|| check("radio kill", Verdict::Fail, detail))
+        Some(check("radio kill", Verdict::Fail, detail))
     }
 
     /// What the other vehicle owes.

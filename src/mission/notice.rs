@@ -151,6 +151,16 @@ pub enum Notice {
         /// Why.
         reason: NotReady,
     },
+    /// Jamming protects nobody: the slot is ended.
+    #[error(
+        "slot {slot} ended early: vehicle {peer} hardly radiates in it, so jamming protects nobody; see vehicle {peer}'s log for the reason, and the delay of the pair link"
+    )]
+    JammedInVain {
+        /// The peer.
+        peer: Role,
+        /// The slot's number over superframes.
+        slot: u16,
+    },
     /// The peer fell silent out of turn.
     #[error("vehicle {peer} fell silent: {}", words::reason(*reason))]
     PeerSilent {
@@ -249,6 +259,7 @@ impl Notice {
             | Self::Ending
             | Self::Refused { .. }
             | Self::Unready { .. }
+            | Self::JammedInVain { .. }
             | Self::PeerSilent { .. }
             | Self::PeerGone(..)
             | Self::NoOperator(_)

@@ -105,7 +105,7 @@ impl Coordinator {
     /// Local facts; a change of what the peer acts on is told at once.
     pub fn set_local(&mut self, local: Local, now: Instant) {
         let acts_on = |l: &Local| (l.airborne, l.on_station, l.radiating, l.ended, l.landed, l.returning);
-        if acts_on(&local) != acts_on(&self.local) || self.orders.poll_untold() {
+        if self.orders.poll_untold() || acts_on(&local) != acts_on(&self.local) {
             self.next_status = now;
         }
         self.local = local;
@@ -215,6 +215,15 @@ impl Coordinator {
     #[must_use]
     pub fn leases_outstanding(&self, now: Instant) -> bool {
         matches!(&self.part, Part::J(follower) if follower.book.outstanding(now))
+    }
+
+    /// J: until when I may hold a lease at the most.
+    #[must_use]
+    pub fn leases_end(&self) -> Option<Instant> {
+        match &self.part {
+            Part::I(_) => None,
+            Part::J(follower) => follower.book.outstanding_until(),
+        }
     }
 
     /// The slot agreed on.
@@ -331,10 +340,13 @@ impl Coordinator {
         self.status_sequence += 1;
         let (proposal, slot) = self.commitment().map_or((0, 0), |c| (c.proposal, c.slot));
         let position = self.local.position_enu_m.map_or([f32::NAN; 3], narrow);
-        let wants_lease = matches!(&self.part, Part::I(leader) if leader.wants_lease());
-        let holds_nothing = !wants_lease && !self.local.radiating;
+        let released_at = match &self.part {
+            _ if self.local.radiating => None,
+            Part::I(leader) => leader.released_at(now),
+            Part::J(_) => Some(now),
+        };
         let mut status = wire::VEILWING_STATUS_DATA {
-            released_us: if holds_nothing { micros(now) } else { 0 },
+            released_us: released_at.map_or(0, micros),
             boot_id: self.settings.boot_id,
             sequence: self.status_sequence,
             proposal,

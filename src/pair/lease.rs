@@ -27,6 +27,12 @@ impl Holder {
         self.expires_at.filter(|&expiry| expiry > now)
     }
 
+    /// When all was given up, if nothing has been taken since.
+    #[must_use]
+    pub fn given_up_at(&self) -> Option<Instant> {
+        self.given_up_at.filter(|_| self.expires_at.is_none())
+    }
+
     /// Takes a grant that answers the request sent at `asked_at`. A grant for a request from the future (another
     /// boot, a corrupted echo) or from before the last giving up is refused; a shorter one than that in force
     /// changes nothing.
@@ -80,6 +86,12 @@ impl Book {
     #[must_use]
     pub fn outstanding(&self, now: Instant) -> bool {
         self.outstanding_until.is_some_and(|until| until > now)
+    }
+
+    /// Until when I may hold one at the most; may be past.
+    #[must_use]
+    pub fn outstanding_until(&self) -> Option<Instant> {
+        self.outstanding_until
     }
 
     /// The peer restarted: its clock begins anew. What it may hold from before still runs out in its own time.

@@ -15,8 +15,10 @@ use crate::units::Watts;
 
 pub use decision::{Facts, Latches, Permit, Silence, Window, decide};
 
-/// A standing permission is renewed this often.
+/// A standing permission is renewed this often ...
 const RENEW_EVERY: Duration = Duration::from_millis(100);
+/// ... and whenever it can be lengthened, if it ends within this: over a slow pair link leases reach I with little left.
+const ENDS_SOON: Duration = Duration::from_millis(200);
 
 /// Ceilings beside the plan's power (S6).
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -67,10 +69,11 @@ impl Interlock {
 
     /// Whether the operator's kill holds; off at once where it does.
     pub fn set_killed(&mut self, killed: bool, now: Instant) {
-        if killed && !std::mem::replace(&mut self.killed, killed) {
+        let killed_now = killed && !self.killed;
+        self.killed = killed;
+        if killed_now {
             self.silence(now);
         }
-        self.killed = killed;
     }
 
     /// Off, now.
@@ -94,6 +97,7 @@ impl Interlock {
                     standing.power_w != permit.power_w
                         || standing.slot != permit.slot
                         || permit.expires_at < standing.expires_at
+                        || standing.expires_at < permit.expires_at.min(now + ENDS_SOON)
                         || now.saturating_since(at) >= RENEW_EVERY
                 });
                 let Permit { power_w, slot, expires_at } = permit;

@@ -8,6 +8,7 @@ mod agreement_time;
 mod evidence;
 pub mod interlock;
 mod pose_monitor;
+mod protection;
 mod refusals;
 mod slot;
 mod slot_service;

@@ -6,6 +6,7 @@ use crate::time::Instant;
 
 use super::interlock::{Silence, Window};
 use super::pose_monitor::{PoseMonitor, Tolerance};
+use super::protection::Protection;
 
 /// See the module.
 #[derive(Debug, Clone)]
@@ -23,6 +24,7 @@ pub struct Slot {
     /// To be ended early, in order: I is off at once, J vouches no more and is off once I is.
     pub(super) closing: bool,
     pub(super) monitor: PoseMonitor,
+    pub(super) protection: Protection,
     pub(super) served: Served,
 }
 
@@ -47,6 +49,7 @@ impl Slot {
             closes_at: commitment.opens_at + terms.length,
             closing: false,
             monitor: PoseMonitor::new(vehicle.pose, tolerance),
+            protection: Protection::default(),
             served: Served::No(None),
         }
     }

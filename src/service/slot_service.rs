@@ -137,7 +137,7 @@ impl SlotService {
     #[must_use]
     pub fn poll_timeout(&self) -> (Instant, &'static str) {
         let pair = self.pair.poll_timeout();
-        let overdue = self.staleness.overdue_at().filter(|_| self.interlock.is_on());
+        let overdue = self.staleness.overdue_at(self.pair.leases_end()).filter(|_| self.interlock.is_on());
         let pair = (pair.0, pair.1.name());
         let others = [self.interlock.poll_timeout(), overdue.map(|at| (at, "late state"))];
         others.into_iter().flatten().chain([pair]).min_by_key(|(at, _)| *at).unwrap_or(pair)
@@ -336,6 +336,7 @@ impl SlotService {
             }
             Ok(_) | Err(_) => {}
         }
+        self.weigh_protection(now);
         self.ask_or_vouch(&facts, now);
         self.warn_if_late(now);
         self.tell_peer(now);
@@ -346,7 +347,7 @@ impl SlotService {
         let leases_outstanding = self.pair.leases_outstanding(now);
         Facts {
             window: slot.map(|slot| slot.window(self.role, leases_outstanding, now)),
-            state_fresh: self.staleness.may_radiate(self.role),
+            state_fresh: self.staleness.may_radiate(self.role, self.must_jam_on(now)),
             in_control: self.vehicle.in_control,
             estimator_ok: self.vehicle.estimator_ok,
             pose_ok: self.vehicle.arrived && slot.is_some_and(|slot| slot.monitor.check().is_ok()),
@@ -371,6 +372,19 @@ impl SlotService {
             (Ok(_), _) => slot.served = Served::Yes,
             (Err(silence), Served::No(_)) if airtime => slot.served = Served::No(Some(silence)),
             (Err(_), _) => {}
+        }
+    }
+
+    /// J: ends a slot in which its jamming protects nobody.
+    fn weigh_protection(&mut self, now: Instant) {
+        let i_on = self.peer().says(VeilwingFlags::VEILWING_FLAGS_RADIATING);
+        let jams = self.role == Role::J && self.interlock.is_on();
+        let Stage::Committed(slot) = &mut self.stage else { return };
+        let airtime = slot.radiate_from <= now && now < slot.radiate_until && !slot.closing;
+        slot.protection.feed((jams && airtime).then_some(i_on), now);
+        if slot.protection.is_in_vain() {
+            slot.closing = true;
+            self.events.push_back(Event::JammedInVain(slot.commitment.slot));
         }
     }
 

@@ -5,7 +5,7 @@
 //! autopilot's own clock, at the most. I is off as soon as a message is [`LATE`] overdue, or the sample nearly as old as
 //! may be. J must not leave I uncovered for a hiccup of its own link: then it says that it is about to fall silent,
 //! vouches no more, and is off only [`LOST`] after the first message that did not come, or at the limit of age, when I is
-//! off already.
+//! off already. Over a slow pair link it may not be: while I may rest on a lease, J jams on to the limit (S3).
 //!
 //! Lateness is judged at timeouts alone, never at a message: a process that was not run finds messages at its door, and
 //! the state that it misses may be the next of them.
@@ -40,6 +40,8 @@ enum Allowed {
     InTime,
     /// Late, but not lost.
     Late,
+    /// Lost, but not older than it may ever be.
+    Lost,
 }
 
 /// Judges the age of the vehicle's state.
@@ -86,6 +88,7 @@ impl Staleness {
         let (overdue, age) = match allowed {
             Allowed::InTime => (LATE, limit.saturating_sub(AGEING)),
             Allowed::Late => (LOST, limit),
+            Allowed::Lost => (limit, limit),
         };
         let silence = (self.period + self.freshness.scheduling_allowance + overdue).min(limit);
         Some((self.received_at? + silence).min(self.taken_from? + age))
@@ -95,10 +98,11 @@ impl Staleness {
         self.ends_at(allowed).is_some_and(|end| self.judged_at < end)
     }
 
-    /// Whether the newest state is recent enough to radiate on it.
-    pub fn may_radiate(&self, role: Role) -> bool {
+    /// Whether the newest state is recent enough to radiate on it. `owed`: I may rest on our jamming.
+    pub fn may_radiate(&self, role: Role, owed: bool) -> bool {
         self.is(match role {
             Role::I => Allowed::InTime,
+            Role::J if owed => Allowed::Lost,
             Role::J => Allowed::Late,
         })
     }
@@ -115,9 +119,12 @@ impl Staleness {
         recent(self.received_at) && recent(self.taken_from)
     }
 
-    /// When late or lost state will have to be acted on, if none comes.
-    pub fn overdue_at(&self) -> Option<Instant> {
-        self.ends_at(if self.told { Allowed::Late } else { Allowed::InTime })
+    /// When late or lost state will have to be acted on, if none comes. `owed_until`: I may rest on our jamming.
+    pub fn overdue_at(&self, owed_until: Option<Instant>) -> Option<Instant> {
+        if !self.told {
+            return self.ends_at(Allowed::InTime);
+        }
+        Some(self.ends_at(Allowed::Late).max(owed_until)?.min(self.ends_at(Allowed::Lost)?))
     }
 }
 
@@ -148,22 +155,26 @@ mod tests {
     fn spec_i_is_off_30_ms_and_j_70_ms_after_the_message_that_did_not_come() {
         let limit = Duration::from_millis(250);
         let mut staleness = Staleness::new(Freshness { limit, scheduling_allowance: Duration::ZERO }, at(0));
-        assert!(staleness.is_late() && !staleness.may_radiate(Role::J), "nothing has come yet");
+        assert!(staleness.is_late() && !staleness.may_radiate(Role::J, false), "nothing has come yet");
         staleness.feed(&state_at(100));
         let mut judge = |ms| {
             staleness.judge_at(at(ms));
-            (staleness.may_radiate(Role::I), staleness.may_radiate(Role::J), staleness.is_late())
+            (
+                staleness.may_radiate(Role::I, false),
+                staleness.may_radiate(Role::J, false),
+                staleness.is_late(),
+            )
         };
         assert_eq!(judge(149), (true, true, false));
         assert_eq!(judge(150), (false, true, true));
         assert_eq!(judge(189), (false, true, true));
         assert_eq!(judge(190), (false, false, true));
-        assert_eq!(staleness.overdue_at(), Some(at(150)));
+        assert_eq!(staleness.overdue_at(None), Some(at(150)));
         staleness.told = true;
-        assert_eq!(staleness.overdue_at(), Some(at(190)));
+        assert_eq!(staleness.overdue_at(None), Some(at(190)));
         // A message does not make the present instant one at which lateness is judged.
         staleness.feed(&state_at(180));
-        assert!(staleness.may_radiate(Role::I));
+        assert!(staleness.may_radiate(Role::I, false));
     }
 
     #[test]
@@ -173,11 +184,11 @@ mod tests {
         let mut staleness = Staleness::new(freshness, at(0));
         staleness.feed(&state_at(0));
         staleness.judge_at(at(209));
-        assert!(staleness.may_radiate(Role::I) && !staleness.is_late());
+        assert!(staleness.may_radiate(Role::I, false) && !staleness.is_late());
         staleness.judge_at(at(249));
-        assert!(staleness.may_radiate(Role::J) && staleness.is_fresh(at(250)));
+        assert!(staleness.may_radiate(Role::J, false) && staleness.is_fresh(at(250)));
         staleness.judge_at(at(250));
-        assert!(!staleness.may_radiate(Role::J) && !staleness.is_fresh(at(251)));
+        assert!(!staleness.may_radiate(Role::J, false) && !staleness.is_fresh(at(251)));
     }
 
     #[test]
@@ -187,17 +198,23 @@ mod tests {
         for (age_ms, i, j) in [(0, true, true), (209, true, true), (210, false, true), (249, false, true)] {
             staleness.feed(&aged_state_at(1000, age_ms));
             staleness.judge_at(at(1000));
-            assert_eq!((staleness.may_radiate(Role::I), staleness.may_radiate(Role::J)), (i, j), "{age_ms}");
+            assert_eq!(
+                (staleness.may_radiate(Role::I, false), staleness.may_radiate(Role::J, false)),
+                (i, j),
+                "{age_ms}"
+            );
             assert_eq!(staleness.is_late(), !i);
             assert!(staleness.is_fresh(at(1000)));
         }
         staleness.feed(&aged_state_at(1000, 250));
-        assert!(!staleness.may_radiate(Role::J) && staleness.is_fresh(at(1000)));
+        assert!(!staleness.may_radiate(Role::J, false) && staleness.is_fresh(at(1000)));
         staleness.feed(&aged_state_at(1000, 251));
         assert!(!staleness.is_fresh(at(1000)));
         // Of unknown age it is of no use, however promptly it comes.
         staleness.feed(&Vehicle { state_taken_from: None, ..state_at(1000) });
-        assert!(!staleness.may_radiate(Role::J) && staleness.is_late() && !staleness.is_fresh(at(1000)));
+        assert!(
+            !staleness.may_radiate(Role::J, false) && staleness.is_late() && !staleness.is_fresh(at(1000))
+        );
     }
 
     #[test]
@@ -205,8 +222,27 @@ mod tests {
         let limit = Duration::from_millis(250);
         let mut staleness = Staleness::new(Freshness { limit, scheduling_allowance: Duration::ZERO }, at(0));
         staleness.feed(&aged_state_at(1000, 190));
-        assert_eq!(staleness.overdue_at(), Some(at(1020)), "sooner than the next message is overdue");
+        assert_eq!(staleness.overdue_at(None), Some(at(1020)), "sooner than the next message is overdue");
         staleness.told = true;
-        assert_eq!(staleness.overdue_at(), Some(at(1060)));
+        assert_eq!(staleness.overdue_at(None), Some(at(1060)));
+    }
+
+    #[test]
+    fn spec_j_jams_on_to_the_limit_of_age_while_i_may_rest_on_it() {
+        let limit = Duration::from_millis(250);
+        let mut staleness = Staleness::new(Freshness { limit, scheduling_allowance: Duration::ZERO }, at(0));
+        staleness.feed(&state_at(100));
+        staleness.told = true;
+        for (ms, i, j) in [(149, true, true), (190, false, true), (349, false, true), (350, false, false)] {
+            staleness.judge_at(at(ms));
+            assert_eq!(
+                (staleness.may_radiate(Role::I, true), staleness.may_radiate(Role::J, true)),
+                (i, j),
+                "{ms}"
+            );
+        }
+        for (owed_ms, due_ms) in [(120, 190), (200, 200), (500, 350)] {
+            assert_eq!(staleness.overdue_at(Some(at(owed_ms))), Some(at(due_ms)));
+        }
     }
 }

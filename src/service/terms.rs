@@ -101,6 +101,8 @@ pub enum Event {
     On(Permit),
     /// The transmitter was told to be silent.
     Off(Silence),
+    /// J ends this slot: I is off for most of it.
+    JammedInVain(u16),
     /// A slot's time is over, or it was ended early and all is quiet.
     Over(u16, Served),
     /// Every slot is over.

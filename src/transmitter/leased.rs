@@ -6,12 +6,10 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use mavlink::dialects::ardupilotmega::{
-    COMMAND_ACK_DATA, COMMAND_INT_DATA, MavCmd, MavFrame, MavMessage, MavResult,
-};
+use mavlink::dialects::ardupilotmega::{COMMAND_ACK_DATA, MavCmd, MavMessage, MavResult};
 
 use super::round_trip::RoundTrips;
-use super::{LONGEST_TRANSIT, Lease, PERSISTENCE, at_most, until_next_off};
+use super::{LONGEST_TRANSIT, Lease, PERSISTENCE, power_command, power_dbm, until_next_off};
 use crate::time::Instant;
 use crate::units::{Dbm, Watts};
 
@@ -269,25 +267,6 @@ impl Leased {
     }
 
     fn message(&self, power_dbm: f32, slot: u16, expiry_ms: i32) -> MavMessage {
-        MavMessage::COMMAND_INT(COMMAND_INT_DATA {
-            param1: power_dbm,
-            param2: 0.0,
-            param3: 0.0,
-            param4: 0.0,
-            x: slot.into(),
-            y: expiry_ms,
-            z: 0.0,
-            command: self.command,
-            target_system: self.target.0,
-            target_component: self.target.1,
-            frame: MavFrame::MAV_FRAME_GLOBAL,
-            current: 0,
-            autocontinue: 0,
-        })
+        MavMessage::COMMAND_INT(power_command(self.command, self.target, power_dbm, slot, expiry_ms))
     }
-}
-
-/// Rounded down to the thousandth of a decibel in which the radio answers.
-fn power_dbm(power_w: f64) -> f32 {
-    at_most((Dbm::from(Watts(power_w)).0 * 1e3).floor() * 1e-3)
 }

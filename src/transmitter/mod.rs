@@ -26,10 +26,11 @@ mod tests;
 use std::time::Duration;
 
 use mavlink::MavHeader;
-use mavlink::dialects::ardupilotmega::{MavCmd, MavMessage, MavResult};
+use mavlink::dialects::ardupilotmega::{COMMAND_INT_DATA, MavCmd, MavFrame, MavMessage, MavResult};
 use num_traits::FromPrimitive;
 
 use crate::time::Instant;
+use crate::units::{Dbm, Watts};
 use leased::Leased;
 use limit::Limit;
 use numbered::Numbered;
@@ -357,6 +358,36 @@ fn until_next_off(wanted_for: Duration) -> Duration {
     } else {
         REPEAT_OFF_SLOWLY
     }
+}
+
+/// A command that sets the power, as both forms of it begin.
+fn power_command(
+    command: MavCmd,
+    (target_system, target_component): (u8, u8),
+    power_dbm: f32,
+    slot: u16,
+    expiry_ms: i32,
+) -> COMMAND_INT_DATA {
+    COMMAND_INT_DATA {
+        param1: power_dbm,
+        param2: 0.0,
+        param3: 0.0,
+        param4: 0.0,
+        x: slot.into(),
+        y: expiry_ms,
+        z: 0.0,
+        command,
+        target_system,
+        target_component,
+        frame: MavFrame::MAV_FRAME_GLOBAL,
+        current: 0,
+        autocontinue: 0,
+    }
+}
+
+/// A power as commands say it: rounded down to the thousandth of a decibel in which the radio answers (S6).
+fn power_dbm(power_w: f64) -> f32 {
+    at_most((Dbm::from(Watts(power_w)).0 * 1e3).floor() * 1e-3)
 }
 
 /// `value` in single precision, never rounded up (S6).

@@ -173,6 +173,28 @@ fn spec_a_pair_link_too_slow_for_leases_is_safe_and_says_that_slots_go_unserved(
     assert!(Role::BOTH.into_iter().all(|role| flight.landed(role)), "{}", flight.story());
 }
 
+/// `cargo test --test flight in_vain -- --nocapture` prints how long each was on the air over how slow a link.
+#[test]
+fn spec_j_does_not_jam_in_vain() {
+    println!("one way  slots  I on s  J on s  J in the longest slot s");
+    for ms in [20, 100, 150, 200, 250, 400] {
+        let pair = Path { delay: Duration::from_millis(ms), ..Path::GOOD };
+        let mut flight = Flight::new(Setup { pair, ..Setup::default() });
+        flight.fly_out();
+        flight.assert_safe();
+        let slots = flight.report().slots;
+        let i = slots.iter().map(|slot| slot.radiated_s.i).sum::<f64>();
+        let j = slots.iter().map(|slot| slot.radiated_s.j).sum::<f64>();
+        let longest = slots.iter().map(|slot| slot.radiated_s.j).fold(0.0, f64::max);
+        println!("{ms:>4} ms {:>6} {i:>7.3} {j:>7.3} {longest:>7.3}", slots.len());
+        // Of 8.8 s. With 400 ms there and back too little is left of a lease of 500 ms when it arrives.
+        let served = ms <= 150;
+        assert_eq!(i > 8.5, served, "{ms}\n{}", flight.story());
+        assert_eq!(flight.said(Role::J, "ended early").is_none(), served, "{ms}\n{}", flight.story());
+        assert!(served || longest < 3.1, "{ms}\n{}", flight.story());
+    }
+}
+
 #[test]
 fn spec_a_companion_told_to_end_in_mid_slot_ends_silent_and_in_order() {
     for told in Role::BOTH {

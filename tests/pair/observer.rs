@@ -34,6 +34,8 @@ const EXCUSE: Duration = Duration::from_millis(520);
 const POSE_REACTION: Duration = Duration::from_millis(100);
 /// Between two messages of state.
 const PERIOD: Duration = Duration::from_millis(20);
+/// No state is older than this that is used for anything, and the way of a command.
+const STATE_LIMIT: Duration = Duration::from_millis(250 + 20);
 /// Longest way of a command to a radio.
 pub const RADIO_WAY_MS: f64 = 15.0;
 
@@ -96,8 +98,11 @@ impl Observer {
         if self.died_at[role].is_some() {
             return;
         }
-        // The first message that does not come is the evidence.
-        if let Some(stale) = self.stale_since[role].filter(|since| t > *since + PERIOD + POSE_REACTION) {
+        // The first message that does not come is the evidence; what J has granted it keeps, on state that is not old.
+        let owed = self.granted.is_some_and(|(_, until)| role == Role::J && t < until + POSE_REACTION);
+        let reaction =
+            if owed { STATE_LIMIT.saturating_sub(PERIOD) } else { Duration::ZERO }.max(POSE_REACTION);
+        if let Some(stale) = self.stale_since[role].filter(|since| t > *since + PERIOD + reaction) {
             self.violate(t, format!("S4: {role} radiates {:?} after its state stopped", t - stale));
         }
         let promised = if role == Role::J { LEASE } else { Duration::ZERO };

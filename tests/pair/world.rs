@@ -354,9 +354,6 @@ impl World {
                 let Some(companion) = self.companions[role].as_mut() else { return };
                 companion.stale_since = Some(companion.clocks.local(self.t));
                 self.observer.stale_since[role] = Some(self.t);
-                if role == Role::J {
-                    self.observer.j_fault_at = Some(self.t);
-                }
                 let back = self.t + Duration::from_secs_f64(self.rng.random_range(0.02..0.3));
                 self.push(back, Event::Heal(role, Heal::State));
             }

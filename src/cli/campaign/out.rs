@@ -167,7 +167,7 @@ impl Logs {
         };
         write("flight.log".to_owned(), self.text.as_bytes())?;
         for role in Role::BOTH {
-            let name = role.to_string().to_lowercase();
+            let name = role.key();
             write(format!("{name}-autopilot.tlog"), &self.autopilot[role])?;
             write(format!("{name}-pair.tlog"), &self.pair[role])?;
         }

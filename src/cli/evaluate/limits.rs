@@ -22,7 +22,7 @@ pub(super) fn possible(edited: &EditedPlan) -> Result<(), String> {
 fn possible_slot(index: usize, slot: &EditedSlot) -> Result<(), String> {
     for role in Role::BOTH {
         let vehicle = &slot.vehicles[role];
-        let path = format!("slots[{index}].vehicles.{}", role.to_string().to_lowercase());
+        let path = format!("slots[{index}].vehicles.{}", role.key());
         if !(0.0..=LARGEST_POWER_W).contains(&vehicle.tx_power_w) {
             return Err(format!(
                 "{path}.tx_power_w is {:e} W; give a power from 0 to {LARGEST_POWER_W:e} W",

@@ -74,7 +74,7 @@ pub(super) fn write_vehicle(
     role: Role,
     ports: [u16; 2],
 ) -> Result<PathBuf, String> {
-    let name = role.to_string().to_lowercase();
+    let name = role.key();
     let path = directory.join(format!("vehicle-{name}.toml"));
     let mut draft = vehicle_draft(mission, role, ports);
     // The companion may run in another directory.

@@ -261,7 +261,7 @@ impl Host<'_> {
 
     /// Starts a companion once more; the telemetry logs of its earlier life are kept beside the new ones.
     fn spawn_again(&self, role: Role) -> Result<Companion, String> {
-        let name = role.to_string().to_lowercase();
+        let name = role.key();
         for link in ["autopilot", "pair"] {
             let log = |suffix: &str| self.setup.directory.join(format!("{name}-{link}{suffix}.tlog"));
             let earlier = (1..).map(|life| log(&format!(".{life}"))).find(|path| !path.exists());

@@ -123,7 +123,7 @@ pub(super) fn spawn_companion(
         .map_err(|error| format!("companion {role} cannot start: {error}"))?;
     let pid = child.id().unwrap_or_default();
     progress(&format!("[    0.0 s] {role}  companion started, process {pid}"));
-    let name = role.to_string().to_lowercase();
+    let name = role.key();
     let path = directory.join(format!("companion-{name}.log"));
     let mut file = std::fs::OpenOptions::new()
         .append(true)

@@ -189,6 +189,11 @@ impl Leader {
         self.holder.give_up(now);
     }
 
+    /// Up to when every lease that was asked for is given up; `None` while one is held. Said by who is off.
+    pub fn released_at(&self, now: Instant) -> Option<Instant> {
+        if self.wants_lease() { self.holder.given_up_at() } else { Some(now) }
+    }
+
     pub fn request_due(&self) -> Option<Instant> {
         self.next_request
     }

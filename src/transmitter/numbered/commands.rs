@@ -2,13 +2,12 @@
 
 use std::collections::VecDeque;
 
-use mavlink::dialects::ardupilotmega::{COMMAND_INT_DATA, MavCmd, MavFrame, MavMessage};
+use mavlink::dialects::ardupilotmega::{COMMAND_INT_DATA, MavCmd, MavMessage};
 
 use super::clock::RadioTime;
 use crate::time::Instant;
-use crate::transmitter::at_most;
 use crate::transmitter::wire::WHOLE;
-use crate::units::{Dbm, Watts};
+use crate::transmitter::{power_command, power_dbm};
 
 /// Numbers left for the offs with which a boot's numbers end.
 const NUMBERS_KEPT: u32 = 16;
@@ -129,23 +128,14 @@ impl Commands {
             Asked::Off => (f32::NEG_INFINITY, 0, 0),
             Asked::On { power_w, slot, expires } => (power_dbm(power_w), slot, expires.wire_ms()),
         };
-        let message = MavMessage::COMMAND_INT(COMMAND_INT_DATA {
-            param1: dbm,
+        let command = COMMAND_INT_DATA {
             // Below 2^24 single precision holds them as they are.
             param2: number as f32,
             param3: self.boot as f32,
             param4: self.series as f32,
-            x: slot.into(),
-            y: expires_ms.cast_signed(),
-            z: 0.0,
-            command: self.command,
-            target_system: self.target.0,
-            target_component: self.target.1,
-            frame: MavFrame::MAV_FRAME_GLOBAL,
-            current: 0,
-            autocontinue: 0,
-        });
-        (message, forgotten)
+            ..power_command(self.command, self.target, dbm, slot, expires_ms.cast_signed())
+        };
+        (MavMessage::COMMAND_INT(command), forgotten)
     }
 
     /// As after that many commands, all of them settled.
@@ -154,9 +144,4 @@ impl Commands {
         self.last_number = number;
         self.sent.clear();
     }
-}
-
-/// Rounded down to the thousandth of a decibel in which the radio answers.
-fn power_dbm(power_w: f64) -> f32 {
-    at_most((Dbm::from(Watts(power_w)).0 * 1e3).floor() * 1e-3)
 }

@@ -14,6 +14,8 @@ use crate::world::violation::Breach;
 
 /// S4: 100 ms from the first sign on the wire; the sign's and the command's way, and the steps of all who take part.
 const REACTION: Duration = Duration::from_millis(150);
+/// State that is older is used for nothing.
+const STATE_LIMIT: Duration = Duration::from_millis(250);
 /// A lease's length, and the wire.
 const LEASED: Duration = LEASE.saturating_add(WIRE);
 /// A cut link: S4's reaction, and the lease of a command that could still be given within it.
@@ -173,6 +175,11 @@ impl Monitor {
         let side = &self.sides[v];
         // Off may never arrive; the expiry of what was commanded before does.
         let reaction = self.allowance + if side.radio_hop_troubled { CUT } else { REACTION };
+        // J jams on while I may rest on it (S3), on state that is not old (S2): until it can have heard that I is off.
+        let word = STEPS + side.peer_way.longest(now);
+        let rested_on = self.protection.i_on_last.is_some_and(|on| now <= on + word);
+        let owed = v == 1 && (rested_on || side.told.from_peer != Passage::Good);
+        let state_reaction = if owed { self.allowance + STATE_LIMIT + WIRE } else { reaction }.max(reaction);
         let reached = side.reached_since.unwrap_or_default();
         let state = traces.state_due().filter(|_| !side.unreached).map(|due| due.max(reached));
         // A peer's datagrams may be under way for a while yet; a lease that was granted counts from before.
@@ -183,9 +190,10 @@ impl Monitor {
         };
         let out_of_control = of(side.sign(traces.out_of_control), reaction);
         let bad_estimate = of(side.sign(traces.bad_estimate), reaction);
-        let state_late = of(state, reaction);
+        let state_late = of(state, state_reaction);
         let link_cut = of(side.cut_since, CUT);
-        let unheard = of(side.unheard_since, LEASED + under_way);
+        // Of a companion that is gone, S5 says how long.
+        let unheard = of(side.unheard_since.filter(|_| side.gone_since.is_none()), LEASED + under_way);
         self.lasting(now, Some(v), out_of_control, |after| Breach::OutOfControl { after });
         self.lasting(now, Some(v), bad_estimate, |after| Breach::BadEstimate { after });
         self.lasting(now, Some(v), state_late, |after| Breach::StateLate { after });
@@ -206,7 +214,8 @@ impl Monitor {
 
     /// S4 of the pair: J that falls silent out of turn says so, and I follows.
     fn following(&mut self, now: Duration, emitting: [Emitting; 2]) {
-        let well = self.sides.iter().all(Side::is_well);
+        // J's companion hears of what its radio does by itself only from the radio's next word.
+        let well = self.sides.iter().all(Side::is_well) && self.radios[1].is_none();
         let bare = self.protection.bare_since.filter(|(_, had_jam)| well && *had_jam && emitting[0].radiates);
         let reaction = REACTION + self.allowance;
         let held = bare.map(|(since, _)| now.saturating_sub(since)).filter(|held| *held > reaction);

@@ -74,6 +74,8 @@ pub(super) struct Protection {
     exposure: Exposure,
     /// When I was, or would have been, jammed for last.
     jammed_last: Option<Duration>,
+    /// I was on for last.
+    pub i_on_last: Option<Duration>,
     /// I on without a jammer on in its slot since, and whether there was one before.
     pub bare_since: Option<(Duration, bool)>,
 }
@@ -94,6 +96,9 @@ impl Monitor {
         let jams = j.power_w.is_some() && j.slot == i.slot && j.slot.is_some();
         let protects = j.full_power && (planned_silent || jams && j.off == Off::Nothing);
         let out = |seen: &Seen| seen.power_w.is_some() && (seen.slot.is_none() || seen.off != Off::Nothing);
+        if i_on {
+            self.protection.i_on_last = Some(now);
+        }
         let unprotected = i_on && !protects;
         if !unprotected {
             self.protection.exposure = Exposure::default();

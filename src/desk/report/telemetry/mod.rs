@@ -73,7 +73,7 @@ struct Logs {
 pub fn load(directory: &Path, mission: Option<&Mission>) -> Result<Timeline, TelemetryError> {
     let mut events = Vec::new();
     let mut read = |role: Role| -> Result<Logs, TelemetryError> {
-        let name = role.to_string().to_lowercase();
+        let name = role.key();
         Ok(Logs {
             autopilot: frames(&directory.join(format!("{name}-autopilot.tlog")), role, &mut events)?,
             pair: frames(&directory.join(format!("{name}-pair.tlog")), role, &mut events)?,
