@@ -71,6 +71,14 @@ fn spec_a_replay_line_is_its_cell() {
     assert_eq!(format!("{:?}", world::run(case)), format!("{:?}", world::run(case)));
 }
 
+/// J vouches for the plan's power alone.
+#[test]
+fn spec_a_jammer_weaker_than_planned_protects_nobody() {
+    let seen = world::run(Case { fault: FaultKind::WeakJammer, ..quiet(3, 5) });
+    assert_eq!(seen.violations, Vec::<String>::new());
+    assert_eq!((seen.slots, seen.served, seen.airtime), (5, 0, Duration::ZERO));
+}
+
 fn violated(seen: &world::Seen, invariant: &str) -> bool {
     seen.violations.iter().any(|violation| violation.contains(invariant))
 }

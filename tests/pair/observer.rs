@@ -115,7 +115,9 @@ impl Observer {
 
     /// S1 and S3 on true powers.
     fn order(&mut self, t: Duration, i: Option<Emission>, j: Option<Emission>) {
-        let protected = i.is_some_and(|i| j.is_some_and(|j| i.slot == j.slot));
+        // The wire counts thousandths of a decibel.
+        let full_w = 0.999 * PLANNED_W.j.min(CAP_W.j);
+        let protected = i.is_some_and(|i| j.is_some_and(|j| i.slot == j.slot && j.power_w >= full_w));
         self.i_protected = protected;
         self.served_now |= protected;
         let Some(i) = i else {

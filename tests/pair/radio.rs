@@ -44,6 +44,8 @@ pub struct Radio {
     emission: Option<Emission>,
     /// By how much its clock is fast.
     pub fast_ppm: f64,
+    /// How much less than it is told to it radiates, as its answers say.
+    pub weak_mdb: i32,
     boot: u32,
     newest_taken: u32,
     series: u32,
@@ -51,7 +53,7 @@ pub struct Radio {
 
 impl Default for Radio {
     fn default() -> Self {
-        Self { emission: None, fast_ppm: 0.0, boot: 0, newest_taken: 0, series: 1 }
+        Self { emission: None, fast_ppm: 0.0, weak_mdb: 0, boot: 0, newest_taken: 0, series: 1 }
     }
 }
 
@@ -74,7 +76,7 @@ impl Radio {
 
     fn first_form(&mut self, command: &COMMAND_INT_DATA, t: Duration) -> Said {
         let on = command.param1.is_finite() && command.y > 0;
-        let mdbm = (f64::from(command.param1) * 1e3).round();
+        let mdbm = (f64::from(command.param1) * 1e3).round() - f64::from(self.weak_mdb);
         self.emission = on.then(|| Emission {
             power_w: 10f64.powf(mdbm / 1e4) * 1e-3,
             slot: command.x,
@@ -124,7 +126,7 @@ impl Radio {
         if left_ms <= 0.0 {
             return Result::VEILWING_RADIO_RESULT_EXPIRED;
         }
-        let mdbm = (f64::from(command.param1) * 1e3).round();
+        let mdbm = (f64::from(command.param1) * 1e3).round() - f64::from(self.weak_mdb);
         self.emission = Some(Emission {
             power_w: 10f64.powf(mdbm / 1e4) * 1e-3,
             slot: command.x,

@@ -40,6 +40,8 @@ pub enum FaultKind {
     GiveUp,
     /// All the time: each way to a radio and back takes up to 60 ms, in any order, and one message in ten is lost.
     RadioHop,
+    /// All the time: J's radio is a tenth as strong as it is told to be, and says so.
+    WeakJammer,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -167,6 +169,7 @@ pub fn run_with_lease(case: Case, i_lease: Duration, meddle: &mut impl FnMut(u64
     };
     // The worst that crystals do: I's radio is on for longer than it is told, J's for less.
     (world.radios.i.fast_ppm, world.radios.j.fast_ppm) = (-45.0, 45.0);
+    world.radios.j.weak_mdb = if case.fault == FaultKind::WeakJammer { 10_000 } else { 0 };
     Role::BOTH.into_iter().for_each(|role| world.push(Duration::ZERO, Event::Report(role)));
     if case.fault != FaultKind::None {
         world.push(Duration::from_secs(8), Event::Fault);
@@ -329,7 +332,7 @@ impl World {
         self.push(again, Event::Fault);
         let role = if self.rng.random_bool(0.5) { Role::I } else { Role::J };
         match self.case.fault {
-            FaultKind::None | FaultKind::RadioHop => {}
+            FaultKind::None | FaultKind::RadioHop | FaultKind::WeakJammer => {}
             FaultKind::Partition => {
                 let until = self.t + Duration::from_secs_f64(self.rng.random_range(0.2..6.0));
                 let both = self.rng.random_bool(0.5);

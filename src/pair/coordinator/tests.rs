@@ -286,3 +286,15 @@ fn spec_a_proposal_of_which_one_field_is_another_plan_s_is_refused() {
     }
     assert_eq!(answer(wire::VEILWING_PROPOSE_DATA { boot_id: 12, ..propose }), None);
 }
+
+#[test]
+fn spec_two_of_one_role_say_so_once_and_never_agree() {
+    for role in Role::BOTH {
+        let (mut one, mut other) = (coordinator(role, 11), coordinator(role, 22));
+        (0..500).for_each(|k| drop(run(&mut one, &mut other, 10 * k)));
+        for side in [&mut one, &mut other] {
+            assert_eq!(events(side), vec![Event::SameRole], "{role}");
+            assert!(!side.agrees() && side.commitment().is_none());
+        }
+    }
+}

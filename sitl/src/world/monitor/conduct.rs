@@ -193,7 +193,9 @@ impl Monitor {
         let state_late = of(state, state_reaction);
         let link_cut = of(side.cut_since, CUT);
         // Of a companion that is gone, S5 says how long.
-        let unheard = of(side.unheard_since.filter(|_| side.gone_since.is_none()), LEASED + under_way);
+        let expiry = if side.radio_hop_troubled { LEASE } else { Duration::ZERO };
+        let allowed = LEASED + under_way + expiry;
+        let unheard = of(side.unheard_since.filter(|_| side.gone_since.is_none()), allowed);
         self.lasting(now, Some(v), out_of_control, |after| Breach::OutOfControl { after });
         self.lasting(now, Some(v), bad_estimate, |after| Breach::BadEstimate { after });
         self.lasting(now, Some(v), state_late, |after| Breach::StateLate { after });
