@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 /// What is sent over a good link arrives within this, with the steps of all who take part.
-const GOOD_WAY: Duration = Duration::from_millis(5);
+pub(super) const GOOD_WAY: Duration = Duration::from_millis(5);
 
 /// How datagrams fare on a way.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]

@@ -224,9 +224,11 @@ impl Monitor {
         let far_out = posed && seen.off == Off::Much;
         self.far_out_since[v] = far_out.then(|| self.far_out_since[v].unwrap_or(now));
         // Nobody turns on out of pose.
+        let under_way = self.sign_and_command(v, now);
+        let for_longer = |since: Duration, than: Duration| now.saturating_sub(since) > than + under_way;
         let too_long = self.out_since[v]
-            .is_some_and(|(since, from_start)| from_start || now.saturating_sub(since) > FAINT_REACTION)
-            || self.far_out_since[v].is_some_and(|since| now.saturating_sub(since) > POSE_REACTION);
+            .is_some_and(|(since, from_start)| from_start || for_longer(since, FAINT_REACTION))
+            || self.far_out_since[v].is_some_and(|since| for_longer(since, POSE_REACTION));
         let (off_m, off_deg) = seen.error;
         self.set(now, Some(v), Breach::OutOfPose { off_m, off_deg }, too_long);
 

@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use super::{I, LEASE, Monitor, WIRE};
 use crate::vehicle::autopilot::{Shown, Taken, Traces};
-use crate::world::circumstances::{Circumstances, Passage};
+use crate::world::circumstances::{Circumstances, GOOD_WAY, Passage};
 use crate::world::violation::Breach;
 
 /// S4: 100 ms from the first sign on the wire; the sign's and the command's way, and the steps of all who take part.
@@ -140,6 +140,13 @@ impl Monitor {
             true => CUT,
             false => Duration::ZERO,
         }
+    }
+
+    /// How much later than on a good link the sign of what befalls a vehicle and the command that answers it may arrive:
+    /// state that is older is used for nothing, and a command that is later has expired.
+    pub(super) fn sign_and_command(&self, v: usize, now: Duration) -> Duration {
+        let way = self.sides[v].vehicle_way.longest(now).saturating_sub(GOOD_WAY);
+        way.min(STATE_LIMIT) + way.min(LEASE)
     }
 
     fn reckon(&mut self, now: Duration) {
