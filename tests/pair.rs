@@ -128,7 +128,8 @@ fn spec_j_off_before_i_is_found() {
 fn slot_model(bug: model::Bug) -> model::SlotModel {
     let step = Duration::from_millis(250);
     let slot = Duration::from_millis(1500);
-    model::SlotModel { bug, step, slot, copies: 1, crashes: 1, losses: None }
+    let (restarts, losses, radio_troubles, slots) = (0, None, None, 1);
+    model::SlotModel { bug, step, slot, copies: 1, crashes: 1, restarts, losses, radio_troubles, slots }
 }
 
 /// `cargo test --test pair model -- --nocapture` prints the states, the properties and the time of each exploration.
@@ -149,6 +150,46 @@ fn prop_model_a_slot_is_served_when_the_losses_end() {
         step: Duration::from_millis(200),
         // Time for one lease more than can be lost.
         slot: Duration::from_millis(2000),
+        ..slot_model(model::Bug::None)
+    };
+    let explored = model::explore(model);
+    println!("{explored}");
+    assert_eq!(explored.broken, Vec::<&str>::new());
+}
+
+/// A radio's answers come late, twice or never, from any step on; no two crystals agree.
+#[test]
+fn prop_model_no_word_of_a_radio_breaks_a_slot() {
+    let model = model::SlotModel {
+        copies: 0,
+        crashes: 0,
+        losses: Some(0),
+        radio_troubles: Some(2),
+        ..slot_model(model::Bug::None)
+    };
+    let explored = model::explore(model);
+    println!("{explored}");
+    assert_eq!(explored.broken, Vec::<&str>::new());
+}
+
+/// Either companion dies at any step and is back at any later one.
+#[test]
+fn prop_model_no_restart_breaks_a_slot() {
+    let model = model::SlotModel { copies: 0, restarts: 1, ..slot_model(model::Bug::None) };
+    let explored = model::explore(model);
+    println!("{explored}");
+    assert_eq!(explored.broken, Vec::<&str>::new());
+}
+
+/// A slot, the agreement on the next one, and that one.
+#[test]
+fn prop_model_a_second_slot_follows_the_first() {
+    let model = model::SlotModel {
+        copies: 0,
+        crashes: 0,
+        losses: Some(1),
+        slots: 2,
+        step: Duration::from_millis(500),
         ..slot_model(model::Bug::None)
     };
     let explored = model::explore(model);

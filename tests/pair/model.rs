@@ -3,8 +3,10 @@
 //! Both companions agree on a slot over a good network and come on station; from shortly before the airtime to after
 //! the slot's close, everything that can happen is then explored: time goes on by a step, any message under way (at
 //! most two in each direction, older ones are lost) is delivered once, or delivered and kept for a second time, in any
-//! order; either companion dies at any step. Radios obey at once and fall silent by themselves; J's UTC is 0.2 s ahead.
-//! Hello and clock messages are left out: nothing after the agreement depends on them.
+//! order; either companion dies at any step, and comes back at any later one. Radios obey at once and fall silent by
+//! themselves; what they answer can be held up from any step on, and then comes late, twice or never. J's UTC is 0.2 s
+//! ahead. Hello and clock messages are left out within a slot: nothing after the agreement depends on them. Each
+//! configuration explores some of this: all at once would be too much.
 
 use std::hash::{Hash, Hasher};
 use std::time::Duration;
@@ -19,8 +21,8 @@ use veilwing::transmitter::Kind;
 
 use super::clocks::Clocks;
 use super::companion::Companion;
-use super::radio::Radio;
-use super::setup::{LEASE, service};
+use super::radio::{Radio, Said};
+use super::setup::{LEASE, NUMBERED, service};
 
 /// A bug put in on purpose.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -39,8 +41,14 @@ pub struct SlotModel {
     pub slot: Duration,
     pub copies: u8,
     pub crashes: u8,
+    /// Companions that come back.
+    pub restarts: u8,
     /// With a budget of losses every other message arrives before time goes on; without, messages wait as they like.
     pub losses: Option<u8>,
+    /// Radios that number their commands; how often what they answer is held up, or comes twice. Every crystal is then off
+    /// as far as crystals are.
+    pub radio_troubles: Option<u8>,
+    pub slots: usize,
 }
 
 #[derive(Debug, Clone)]
@@ -49,9 +57,17 @@ pub struct State {
     companions: PerVehicle<Option<Companion>>,
     radios: PerVehicle<Radio>,
     under_way: Vec<(Role, MavMessage)>,
+    /// What radios have answered, and whose answers are held up.
+    answers: Vec<(Role, Said)>,
+    held_up: PerVehicle<bool>,
+    next_report: Duration,
     copies: u8,
     crashes: u8,
+    restarts: u8,
     losses: u8,
+    radio_troubles: u8,
+    /// Its first companion has died: what is on the air is that one's.
+    j_has_died: bool,
     granted_until: Duration,
     served: bool,
     s1: bool,
@@ -85,7 +101,16 @@ pub enum Action {
     DeliverAndKeep(usize),
     Lose(usize),
     Die(Role),
+    Restart(Role),
+    HoldUpAnswers(Role),
+    Answer(usize),
+    AnswerAndKeep(usize),
 }
+
+/// A radio says by itself what it does.
+const REPORT_EVERY: Duration = Duration::from_millis(200);
+/// The worst that crystals do, in parts per million.
+const CRYSTAL_PPM: f64 = 45.0;
 
 impl SlotModel {
     fn start(&self) -> State {
@@ -95,19 +120,27 @@ impl SlotModel {
                 Role::I => (0, 1, lease),
                 Role::J => (200_000, 2, LEASE),
             };
-            let clocks = Clocks { started: Duration::ZERO, rate: 1.0, utc_error_us };
-            // Radios obey at once: numbers and clocks would only tell states apart that are the same.
-            let radio = Kind::Leased { command: 31010 };
-            Some(Companion::new(role, clocks, service(role, boot, radio, lease, self.slot)))
+            let clocks = Clocks { started: Duration::ZERO, rate: self.rate(role), utc_error_us };
+            Some(Companion::new(role, clocks, service(role, boot, self.radio(), lease, self.slot)))
         });
+        let mut radios = PerVehicle::<Radio>::default();
+        if self.radio_troubles.is_some() {
+            (radios.i.fast_ppm, radios.j.fast_ppm) = (-CRYSTAL_PPM, CRYSTAL_PPM);
+        }
         let mut state = State {
             t: Duration::ZERO,
             companions,
-            radios: PerVehicle::default(),
+            radios,
             under_way: Vec::new(),
+            answers: Vec::new(),
+            held_up: PerVehicle::default(),
+            next_report: if self.radio_troubles.is_some() { Duration::ZERO } else { Duration::MAX },
             copies: self.copies,
             crashes: self.crashes,
+            restarts: self.restarts,
             losses: self.losses.unwrap_or(0),
+            radio_troubles: self.radio_troubles.unwrap_or(0),
+            j_has_died: false,
             granted_until: Duration::ZERO,
             served: false,
             s1: true,
@@ -128,6 +161,20 @@ impl SlotModel {
         state
     }
 
+    /// Where answers come at once, numbers and clocks would only tell states apart that are the same.
+    fn radio(&self) -> Kind {
+        match self.radio_troubles {
+            None => Kind::Leased { command: 31010 },
+            Some(_) => NUMBERED,
+        }
+    }
+
+    /// J's clock against I's is off by what two crystals can be.
+    fn rate(&self, role: Role) -> f64 {
+        let ppm = if role == Role::I { -CRYSTAL_PPM } else { CRYSTAL_PPM };
+        1.0 + if self.radio_troubles.is_some() { ppm * 1e-6 } else { 0.0 }
+    }
+
     /// Lets time pass; `bounded`: only what matters in a slot is sent, and at most two messages wait.
     fn pass(&self, state: &mut State, until: Duration, bounded: bool) {
         loop {
@@ -137,8 +184,16 @@ impl SlotModel {
             let ends = Role::BOTH.into_iter().filter_map(|role| {
                 state.radios[role].expires_at().filter(|&at| at > state.t).map(|at| (at, None))
             });
-            let Some((at, who)) = wakes.chain(ends).min().filter(|(at, _)| *at <= until) else { break };
+            let next = wakes.chain(ends).chain([(state.next_report, None)]).min();
+            let Some((at, who)) = next.filter(|(at, _)| *at <= until) else { break };
             state.t = at;
+            if at == state.next_report {
+                state.next_report += REPORT_EVERY;
+                for role in Role::BOTH {
+                    let report = state.radios[role].report(at);
+                    self.answered(state, role, report, bounded);
+                }
+            }
             if let Some(role) = who {
                 if let Some(companion) = state.companions[role].as_mut() {
                     companion.handle_timeout(at);
@@ -151,6 +206,29 @@ impl SlotModel {
         self.look(state);
     }
 
+    /// A radio's word reaches its companion, unless it is held up.
+    fn answered(&self, state: &mut State, role: Role, answer: Said, bounded: bool) {
+        if self.hold_up(state, role, &answer) {
+            return;
+        }
+        if let Some(companion) = state.companions[role].as_mut() {
+            companion.handle_radio(&answer, state.t);
+        }
+        self.collect(state, role, bounded);
+    }
+
+    /// At most two words wait; older ones never come.
+    fn hold_up(&self, state: &mut State, role: Role, answer: &Said) -> bool {
+        if !state.held_up[role] {
+            return false;
+        }
+        state.answers.push((role, answer.clone()));
+        if state.answers.len() > 2 {
+            state.answers.remove(0);
+        }
+        true
+    }
+
     fn collect(&self, state: &mut State, role: Role, bounded: bool) {
         while let Some(message) = state.companions[role].as_mut().and_then(|c| c.service.poll_transmit()) {
             let message = match message {
@@ -158,7 +236,9 @@ impl SlotModel {
                 Outgoing::Radio(message) => {
                     if let RadioMessage::COMMAND_INT(command) = *message {
                         let answer = state.radios[role].command(&command, state.t);
-                        if let Some(companion) = state.companions[role].as_mut() {
+                        if !self.hold_up(state, role, &answer)
+                            && let Some(companion) = state.companions[role].as_mut()
+                        {
                             companion.handle_radio(&answer, state.t);
                         }
                     }
@@ -181,6 +261,18 @@ impl SlotModel {
                 oldest.map(|oldest| state.under_way.remove(oldest));
             }
         }
+    }
+
+    fn late_answer(&self, state: &mut State, index: usize, keep: bool) {
+        let (role, answer) = state.answers.remove(index);
+        if let Some(companion) = state.companions[role].as_mut() {
+            companion.handle_radio(&answer, state.t);
+        }
+        if keep {
+            state.answers.push((role, answer));
+        }
+        self.collect(state, role, true);
+        self.look(state);
     }
 
     fn deliver(&self, state: &mut State, index: usize, bounded: bool) {
@@ -210,13 +302,14 @@ impl SlotModel {
         }
         if on.j.is_some() {
             // A dead companion's radio runs out within its lease, which no slot's end shortens afterwards.
-            let committed = state.companions.j.as_ref().map(|j| j.service.slot().is_some());
-            state.s2 &= committed.unwrap_or(true);
+            let committed = state.companions.j.as_ref().is_some_and(|j| j.service.slot().is_some());
+            state.s2 &= committed || state.j_has_died;
         }
     }
 
     fn over(&self, state: &State) -> bool {
-        let ends = |c: &Companion| c.service.slot().is_none();
+        let flown = |c: &Companion| c.aborted.is_some() || c.finished.len() >= self.slots;
+        let ends = |c: &Companion| c.service.slot().is_none() && flown(c);
         let done = |role| state.companions[role].as_ref().is_none_or(ends);
         done(Role::I)
             && done(Role::J)
@@ -248,9 +341,26 @@ impl Model for SlotModel {
                 actions.push(Action::Lose(index));
             }
         }
+        let (alive, dead): (Vec<_>, Vec<_>) =
+            Role::BOTH.into_iter().partition(|role| state.companions[*role].is_some());
         if state.crashes > 0 {
-            actions
-                .extend(Role::BOTH.into_iter().filter(|r| state.companions[*r].is_some()).map(Action::Die));
+            actions.extend(alive.into_iter().map(Action::Die));
+        }
+        if state.restarts > 0 {
+            actions.extend(dead.into_iter().map(Action::Restart));
+        }
+        if self.losses.is_some() && !state.under_way.is_empty() {
+            return;
+        }
+        for index in 0..state.answers.len() {
+            actions.push(Action::Answer(index));
+            if state.radio_troubles > 0 {
+                actions.push(Action::AnswerAndKeep(index));
+            }
+        }
+        if state.radio_troubles > 0 {
+            let prompt = Role::BOTH.into_iter().filter(|role| !state.held_up[*role]);
+            actions.extend(prompt.map(Action::HoldUpAnswers));
         }
     }
 
@@ -275,6 +385,25 @@ impl Model for SlotModel {
             Action::Die(role) => {
                 state.crashes -= 1;
                 state.companions[role] = None;
+                state.j_has_died |= role == Role::J;
+            }
+            Action::Restart(role) => {
+                state.restarts -= 1;
+                let clocks = Clocks { started: state.t, rate: self.rate(role), utc_error_us: 0 };
+                let service = service(role, 3, self.radio(), LEASE, self.slot);
+                let mut born = Companion::new(role, clocks, service);
+                // In flight it takes nothing over.
+                (born.aborted, born.joining) = (Some("back in the air".into()), false);
+                state.companions[role] = Some(born);
+            }
+            Action::HoldUpAnswers(role) => {
+                state.radio_troubles -= 1;
+                state.held_up[role] = true;
+            }
+            Action::Answer(index) => self.late_answer(&mut state, index, false),
+            Action::AnswerAndKeep(index) => {
+                state.radio_troubles -= 1;
+                self.late_answer(&mut state, index, true);
             }
         }
         Some(state)
@@ -287,7 +416,8 @@ impl Model for SlotModel {
             Property::<Self>::sometimes("a slot is served", |_, state| state.served),
             Property::<Self>::always("S3: J jams whenever I radiates", |_, state| state.s3),
         ];
-        if self.losses.is_some() {
+        // Not so without the radio's answers.
+        if self.losses.is_some() && self.radio_troubles.is_none() {
             properties.push(Property::<Self>::eventually("the slot is served", |_, state| state.served));
         }
         properties
