@@ -183,12 +183,10 @@ fn readiness(state: &VehicleState, settings: &Settings) -> Vec<Check> {
     vec![
         origin,
         home,
-        flag(
-            "estimator",
-            state.estimator_ok.map(|ok| ok.value),
-            Verdict::Fail,
-            "unhealthy: see its messages",
-        ),
+        match state.estimator.map(|estimator| estimator.value) {
+            Some(Err(fault)) => check("estimator", Verdict::Fail, fault.to_string()),
+            healthy => flag("estimator", healthy.map(|_| true), Verdict::Fail, ""),
+        },
         flag("gps", state.gps_ok.map(|ok| ok.value), Verdict::Fail, "unhealthy: wait for a fix"),
         // Judged for the present mode, which is not yet ours: arming itself has the last word, with its reason.
         flag(

@@ -5,6 +5,7 @@ use std::time::Duration;
 use mavlink::dialects::ardupilotmega::MavType;
 
 use super::boot_clock::BootTime;
+use super::event::EstimatorFault;
 use super::firmware::{Firmware, Mode};
 use crate::geo::{Attitude, Enu, EnuVelocity, Geodetic, LocalFrame};
 use crate::time::Instant;
@@ -97,8 +98,8 @@ pub struct VehicleState {
     pub battery: Option<Timed<Battery>>,
     /// Whether the GPS receiver is healthy.
     pub gps_ok: Option<Timed<bool>>,
-    /// Whether the estimator's health flags are all good.
-    pub estimator_ok: Option<Timed<bool>>,
+    /// What is wrong by the flags of the estimator and the health of the sensors, if anything.
+    pub estimator: Option<Timed<Result<(), EstimatorFault>>>,
     /// Whether the autopilot's own pre-arm checks pass, where it says so.
     pub prearm_ok: Option<Timed<bool>>,
     /// The origin of the autopilot's local frame.

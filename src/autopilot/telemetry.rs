@@ -9,6 +9,7 @@ use mavlink::dialects::ardupilotmega::{
 use super::boot_clock::{BootClock, BootTime};
 use super::clock::UtcEstimate;
 use super::event::{EstimatorFault, Event};
+use super::firmware::Firmware;
 use super::outbox::Outbox;
 use super::state::{Battery, Landed, Sampled, Timed, VehicleState};
 use crate::geo::{Attitude, Enu, EnuVelocity, Geodetic, LocalFrame, Ned, NedVelocity};
@@ -29,8 +30,9 @@ pub(super) struct Telemetry {
     pub(super) clock: BootClock,
     /// The last local position and velocity with the autopilot's own time, for the jump test.
     last_local: Option<(Ned, NedVelocity, BootTime)>,
-    estimator_flags: Option<bool>,
-    sensors: Option<bool>,
+    /// By the estimator's flags, and by the sensors' health, once they are heard.
+    estimator_flags: Option<Result<(), EstimatorFault>>,
+    sensors: Option<Result<(), EstimatorFault>>,
 }
 
 impl Telemetry {
@@ -191,7 +193,13 @@ impl Telemetry {
         };
         let timed = |value: bool| Timed::new(value, now);
         self.state.gps_ok = healthy(MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_GPS).map(timed);
-        self.state.prearm_ok = healthy(MavSysStatusSensor::MAV_SYS_STATUS_PREARM_CHECK).map(timed);
+        let prearm = MavSysStatusSensor::MAV_SYS_STATUS_PREARM_CHECK;
+        let prearm_ok = match self.state.firmware {
+            // It says so in the health alone.
+            Some(Firmware::Px4) => Some(m.onboard_control_sensors_health.contains(prearm)),
+            Some(Firmware::ArduPilot) | None => healthy(prearm),
+        };
+        self.state.prearm_ok = prearm_ok.map(timed);
         let battery = Battery {
             remaining: (0..=100)
                 .contains(&m.battery_remaining)
@@ -208,9 +216,10 @@ impl Telemetry {
         ]
         .into_iter()
         .find(|(sensor, _)| healthy(*sensor) == Some(false));
-        let was_good = self.sensors.replace(failed.is_none());
-        if let (Some(true), Some((_, what))) = (was_good, failed) {
-            fault(out, EstimatorFault::Flags { message: mav::SYS_STATUS_DATA::NAME, what });
+        let message = mav::SYS_STATUS_DATA::NAME;
+        let health = failed.map_or(Ok(()), |(_, what)| Err(EstimatorFault::Flags { message, what }));
+        if let (Some(Ok(())), Err(wrong)) = (self.sensors.replace(health), health) {
+            fault(out, wrong);
         }
         self.sum_up(now);
     }
@@ -222,21 +231,21 @@ impl Telemetry {
         now: Instant,
         out: &mut Outbox,
     ) {
-        let was_good = self.estimator_flags.replace(what.is_none());
+        let flags = what.map_or(Ok(()), |what| Err(EstimatorFault::Flags { message, what }));
         // Not good from the start is not ready; the preflight says so. Good turned bad is a failure.
-        if let (Some(true), Some(what)) = (was_good, what) {
-            fault(out, EstimatorFault::Flags { message, what });
+        if let (Some(Ok(())), Err(wrong)) = (self.estimator_flags.replace(flags), flags) {
+            fault(out, wrong);
         }
         self.sum_up(now);
     }
 
     fn sum_up(&mut self, now: Instant) {
-        let good = match (self.estimator_flags, self.sensors) {
-            (Some(flags), sensors) => flags && sensors != Some(false),
-            (None, Some(false)) => false,
+        let estimator = match (self.estimator_flags, self.sensors) {
+            (Some(flags), sensors) => flags.and(sensors.unwrap_or(Ok(()))),
+            (None, Some(Err(wrong))) => Err(wrong),
             (None, _) => return,
         };
-        self.state.estimator_ok = Some(Timed::new(good, now));
+        self.state.estimator = Some(Timed::new(estimator, now));
     }
 
     /// The position now in the autopilot's frame, for setpoints.
@@ -274,6 +283,8 @@ fn geodetic(lat: i32, lon: i32, alt_mm: i32) -> Geodetic {
     }
 }
 
+/// Of PX4. ESTIMATOR_CONST_POS_MODE is no fault: it also says that the vehicle is at rest, which it goes on to say after
+/// lift-off; a position that is assumed for want of a better one is no absolute position either.
 fn estimator_status_fault(flags: EstimatorStatusFlags) -> Option<&'static str> {
     [
         (EstimatorStatusFlags::ESTIMATOR_ATTITUDE, true, "no attitude"),
@@ -281,7 +292,6 @@ fn estimator_status_fault(flags: EstimatorStatusFlags) -> Option<&'static str> {
         (EstimatorStatusFlags::ESTIMATOR_VELOCITY_VERT, true, "no vertical velocity"),
         (EstimatorStatusFlags::ESTIMATOR_POS_HORIZ_ABS, true, "no absolute horizontal position"),
         (EstimatorStatusFlags::ESTIMATOR_POS_VERT_ABS, true, "no absolute altitude"),
-        (EstimatorStatusFlags::ESTIMATOR_CONST_POS_MODE, false, "position is assumed constant"),
         (EstimatorStatusFlags::ESTIMATOR_GPS_GLITCH, false, "GPS glitch"),
         (EstimatorStatusFlags::ESTIMATOR_ACCEL_ERROR, false, "accelerometer error"),
     ]

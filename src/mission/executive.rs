@@ -309,7 +309,7 @@ impl Executive {
 
     /// No word against the estimate: an autopilot that does not report its health is judged by its state's freshness.
     pub(super) fn estimator_ok(&self) -> bool {
-        self.autopilot.state().estimator_ok.is_none_or(|ok| ok.value)
+        self.autopilot.state().estimator.is_none_or(|estimator| estimator.value.is_ok())
     }
 
     /// The autopilot's newest position.

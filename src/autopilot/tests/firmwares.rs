@@ -13,6 +13,14 @@ fn spec_preflight_names_parameter_value_and_remedy_and_silence_is_not_known() {
     let checks = world.autopilot.preflight(world.now);
     assert!(checks.iter().all(|check| check.result == Verdict::Pass), "{checks:#?}");
 
+    // The default of PX4: 23 m sideways and 10 m down in 15 s.
+    let mut fake = Fake::new(Firmware::Px4);
+    fake.parameters.insert("COM_OBL_RC_ACT".into(), int(0, Firmware::Px4));
+    let mut world = World::new(fake, |_| {});
+    world.connect();
+    let loss = find(&world, "COM_OBL_RC_ACT");
+    assert!(loss.result == Verdict::Fail && loss.detail.contains("drifts"), "{loss:?}");
+
     let mut fake = Fake::new(Firmware::Px4);
     fake.parameters.insert("FD_FAIL_R".into(), int(60, Firmware::Px4));
     fake.parameters.insert("COM_OBL_RC_ACT".into(), int(6, Firmware::Px4));

@@ -151,6 +151,11 @@ fn spec_the_wrong_firmware_is_not_taken() {
 fn spec_estimator_faults_are_reported_once_from_each_kind_of_evidence() {
     let mut world = World::new(Fake::new(Firmware::Px4), |settings| settings.planned_tilt_rad = 0.6);
     world.launch();
+    let healthy = |world: &World| world.autopilot.state().estimator.map(|estimator| estimator.value.is_ok());
+    // PX4 says so of a vehicle at rest, and for a while after lift-off.
+    world.fake.estimator |= EstimatorStatusFlags::ESTIMATOR_CONST_POS_MODE;
+    world.run(3.0);
+    assert_eq!(healthy(&world), Some(true));
     assert_eq!(world.count(|event| matches!(event, Event::EstimatorFailure(_))), 0);
     world.fake.estimator |= EstimatorStatusFlags::ESTIMATOR_GPS_GLITCH;
     world.run(3.0);
@@ -158,10 +163,13 @@ fn spec_estimator_faults_are_reported_once_from_each_kind_of_evidence() {
         world.count(|event| matches!(event, Event::EstimatorFailure(EstimatorFault::Flags { .. }))),
         1
     );
-    assert_eq!(world.autopilot.state().estimator_ok.map(|ok| ok.value), Some(false));
+    assert_eq!(healthy(&world), Some(false));
+    let check =
+        world.autopilot.preflight(world.now).into_iter().find(|check| check.name == "estimator").unwrap();
+    assert_eq!((check.result, &*check.detail), (Verdict::Fail, "ESTIMATOR_STATUS: GPS glitch"));
     world.fake.estimator = px4_ready();
     world.run(2.0);
-    assert_eq!(world.autopilot.state().estimator_ok.map(|ok| ok.value), Some(true));
+    assert_eq!(healthy(&world), Some(true));
     let jumps = |world: &World| {
         world.count(|event| matches!(event, Event::EstimatorFailure(EstimatorFault::Jump { distance_m }) if *distance_m > 7.0))
     };

@@ -12,6 +12,8 @@ use crate::vehicle::config::Firmware;
 const LANDED_AFTER: Duration = Duration::from_secs(1);
 /// Above this height it has left the ground.
 const LIFT_OFF_M: f64 = 0.3;
+/// PX4's estimator takes a landed vehicle for one at rest, and goes on for so long after lift-off.
+const REST_LAG: Duration = Duration::from_secs(1);
 /// A detector that believes in a landing gives up that belief at this multiple of its limits.
 const BELIEF: f64 = 2.5;
 
@@ -24,6 +26,8 @@ pub(super) struct Ground {
     still_since: Option<Duration>,
     /// The detector takes this for the ground since; it is not.
     mistaken_since: Option<Duration>,
+    /// Until when the estimator assumes it to be at rest.
+    pub rests_until: Duration,
     pub armed_at: Duration,
     /// Has left the ground since arming.
     pub flown: bool,
@@ -35,6 +39,7 @@ impl Ground {
             contact_since: Some(Duration::ZERO),
             still_since: None,
             mistaken_since: None,
+            rests_until: Duration::ZERO,
             armed_at: Duration::ZERO,
             flown: false,
         }
@@ -59,6 +64,9 @@ impl Autopilot {
         let blind =
             self.detects() && self.armed && self.ground.flown && self.tuning.still.vertical_m_s <= 0.0;
         self.landed = self.grounded && !blind || self.ground.mistaken_since.is_some();
+        if self.landed {
+            self.ground.rests_until = sensed.now + REST_LAG;
+        }
         if self.armed && self.landed {
             self.disarm_when_due(sensed, router);
         }

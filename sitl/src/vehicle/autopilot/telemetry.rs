@@ -215,7 +215,7 @@ impl Autopilot {
 
     fn system_status(&self, sensed: &Sensed) -> MavMessage {
         use MavSysStatusSensor as Has;
-        let present = Has::MAV_SYS_STATUS_SENSOR_3D_GYRO
+        let mut present = Has::MAV_SYS_STATUS_SENSOR_3D_GYRO
             | Has::MAV_SYS_STATUS_SENSOR_3D_ACCEL
             | Has::MAV_SYS_STATUS_SENSOR_3D_MAG
             | Has::MAV_SYS_STATUS_SENSOR_ABSOLUTE_PRESSURE
@@ -224,6 +224,8 @@ impl Autopilot {
             | Has::MAV_SYS_STATUS_SENSOR_BATTERY
             | Has::MAV_SYS_STATUS_PREARM_CHECK;
         let mut health = present;
+        // PX4 says it in the health alone.
+        present.set(Has::MAV_SYS_STATUS_PREARM_CHECK, self.firmware == Firmware::ArduCopter);
         health.set(Has::MAV_SYS_STATUS_AHRS, self.estimator_ok);
         health.set(Has::MAV_SYS_STATUS_SENSOR_GPS, self.estimator_ok && self.gps_ok);
         // No fence is a fence that is not breached: ArduCopter says so, and ground stations take its word.
@@ -270,6 +272,10 @@ impl Autopilot {
     }
 
     fn estimator_status(&self, sensed: &Sensed) -> MavMessage {
+        let mut flags = EstimatorStatusFlags::from_bits_truncate(self.estimator_flags());
+        // What PX4 calls so is a vehicle at rest, as well as one whose position is not known.
+        let at_rest = sensed.now < self.ground.rests_until || !self.estimator_ok;
+        flags.set(EstimatorStatusFlags::ESTIMATOR_CONST_POS_MODE, at_rest);
         MavMessage::ESTIMATOR_STATUS(ESTIMATOR_STATUS_DATA {
             time_usec: self.uptime(sensed.now).as_micros() as u64,
             vel_ratio: 0.05,
@@ -278,7 +284,7 @@ impl Autopilot {
             mag_ratio: 0.05,
             pos_horiz_accuracy: if self.estimator_ok { 0.3 } else { 50.0 },
             pos_vert_accuracy: 0.4,
-            flags: EstimatorStatusFlags::from_bits_truncate(self.estimator_flags()),
+            flags,
             ..ESTIMATOR_STATUS_DATA::DEFAULT
         })
     }

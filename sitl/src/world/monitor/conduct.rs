@@ -14,6 +14,8 @@ use crate::world::violation::Breach;
 
 /// S4: 100 ms from the first sign on the wire; the sign's and the command's way, and the steps of all who take part.
 const REACTION: Duration = Duration::from_millis(150);
+/// Three heartbeats, of which a poor link lets one pass.
+const HEARTBEATS: Duration = Duration::from_secs(3);
 /// State that is older is used for nothing.
 const STATE_LIMIT: Duration = Duration::from_millis(250);
 /// A lease's length, and the wire.
@@ -67,6 +69,8 @@ pub(super) struct Side {
     mended_at: Option<Duration>,
     /// Nothing of its peer has reached it since.
     unheard_since: Option<Duration>,
+    /// It has taken its vehicle back from another hand: whether it could know of that hand, judged when it did.
+    takes_back: Option<bool>,
     /// Of what passes between it and its vehicle, and from its peer to it.
     vehicle_way: Way,
     peer_way: Way,
@@ -259,9 +263,13 @@ impl Monitor {
             .zip(gone)
             .and_then(|(heard, gone)| heard.checked_sub(gone))
             .filter(|after| *after > under_way);
-        let back = side.knows_of(traces.taken_back).is_some();
+        // Heartbeats that a poor link loses show nothing; several in a row it does not lose.
+        let unseen = |taken: &Taken| side.link() != Passage::Good && now < taken.at + HEARTBEATS;
+        let judged = side.takes_back;
+        let back = side.knows_of(traces.taken_back).map(|taken| judged.unwrap_or_else(|| !unseen(&taken)));
         self.lasting(now, Some(v), goes_on, |after| Breach::Setpoints { after });
-        self.set(now, Some(v), Breach::TakesBack, back);
+        self.sides[v].takes_back = back;
+        self.set(now, Some(v), Breach::TakesBack, back == Some(true));
         self.lasting(now, Some(v), ghost, |after| Breach::Ghost { after });
     }
 }

@@ -30,7 +30,7 @@ pub(in crate::autopilot::firmware) fn checks(
         parameters.check("COM_OBL_RC_ACT", |value| match value {
             5.0 => (Pass, ""),
             3.0 | 4.0 => (Warn, "5 (hold): this one leaves its place when the companion dies"),
-            0.0..=2.0 => (Warn, "5 (hold): without a pilot's sticks this one drifts"),
+            0.0..=2.0 => (Fail, "5 (hold): without a pilot's sticks this one drifts away and down"),
             _ => (Fail, "5 (hold)"),
         }),
     ];
