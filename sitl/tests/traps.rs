@@ -93,6 +93,34 @@ fn spec_a_resumed_stream_takes_the_vehicle_back() {
 }
 
 #[test]
+fn spec_px4_calls_itself_at_rest_for_a_second_after_lift_off() {
+    let mut f = Flight::new(of(Firmware::Px4, |_| {}));
+    f.take_off();
+    let received = || f.clients[0].received.iter().map(|(_, message)| message);
+    let lifted_off_ms = received().find_map(|m| match m {
+        MavMessage::LOCAL_POSITION_NED(m) if m.vz < -0.5 => Some(m.time_boot_ms),
+        _ => None,
+    });
+    let lifted_off_ms = u64::from(lifted_off_ms.unwrap());
+    for message in received() {
+        let MavMessage::ESTIMATOR_STATUS(m) = message else { continue };
+        assert!(m.flags.contains(EstimatorStatusFlags::ESTIMATOR_POS_HORIZ_ABS));
+        let at_rest = m.flags.contains(EstimatorStatusFlags::ESTIMATOR_CONST_POS_MODE);
+        match m.time_usec / 1000 {
+            // It stands.
+            ms if 1000 < ms && ms < lifted_off_ms => assert!(at_rest, "{ms}"),
+            ms if ms > lifted_off_ms + 1500 => assert!(!at_rest, "{ms}"),
+            _ => {}
+        }
+    }
+    let lags = received().any(|m| {
+        matches!(m, MavMessage::ESTIMATOR_STATUS(m) if m.time_usec / 1000 >= lifted_off_ms
+            && m.flags.contains(EstimatorStatusFlags::ESTIMATOR_CONST_POS_MODE))
+    });
+    assert!(lags);
+}
+
+#[test]
 fn spec_a_mode_is_acknowledged_and_not_taken() {
     for (firmware, number) in [(Firmware::Px4, 6.0), (Firmware::ArduCopter, 4.0)] {
         let mut f = Flight::new(of(firmware, |t| t.mode_ack_alone = true));
