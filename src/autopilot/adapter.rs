@@ -20,6 +20,7 @@ use super::preflight::{self, Evidence};
 use super::pursuit::Aim;
 use super::setpoint::{Setpoint, Stream, Surroundings};
 use super::settings::{Actuation, Settings};
+use super::stall::Stall;
 use super::state::{Timed, VehicleState};
 use super::statustext::Texts;
 use super::streams::Streams;
@@ -62,6 +63,7 @@ pub struct Autopilot {
     texts: Texts,
     control: Control,
     stream: Stream,
+    stall: Stall,
 }
 
 /// The autopilot in use.
@@ -88,6 +90,7 @@ impl Autopilot {
             texts: Texts::default(),
             control: Control::new(),
             stream: Stream::new(&settings),
+            stall: Stall::default(),
             settings,
         }
     }
@@ -209,6 +212,9 @@ impl Autopilot {
         if self.link.is_lost() {
             return;
         }
+        if !self.stall.allows(self.control.is_held(), now) {
+            return;
+        }
         self.advance_specifics(now);
         if let Some((position_enu_m, velocity_enu_m_s)) = self.telemetry.motion() {
             self.control.note_lift_off(position_enu_m, velocity_enu_m_s);
@@ -319,7 +325,7 @@ impl Autopilot {
     /// Whether we took control and the last heartbeat shows the companion's mode, armed.
     #[must_use]
     pub fn in_control(&self) -> bool {
-        self.control.is_held() && control::is_ours(&self.telemetry.state)
+        self.control.is_held() && control::is_ours(&self.telemetry.state) && !self.stall.is_in_doubt()
     }
 
     /// UTC by the autopilot's clock.
@@ -392,6 +398,9 @@ impl Autopilot {
         state.vehicle_type = Some(heartbeat.mavtype);
         state.mode = Some(Timed::new(mode, now));
         let was_armed = state.armed.replace(Timed::new(armed, now)).is_some_and(|armed| armed.value);
+        if mode == Mode::Companion {
+            self.stall.shown(now);
+        }
         self.hand(now, |control, _, context| control.handle_heartbeat(mode, was_armed, context));
     }
 
@@ -501,6 +510,7 @@ impl Autopilot {
     fn end_unwanted_stream(&mut self, now: Instant) {
         if !self.control.wants_setpoints() {
             self.stream.stop();
+            self.stall.ends();
             self.hand(now, |_, specifics, context| specifics.released(context.commands));
         }
     }

@@ -28,6 +28,7 @@ mod preflight;
 mod pursuit;
 mod setpoint;
 mod settings;
+mod stall;
 pub mod state;
 pub(crate) mod statustext;
 mod streams;

@@ -97,6 +97,8 @@ pub(crate) struct Monitor {
     out_since: [Option<(Duration, bool)>; 2],
     /// Out of it by what must be seen at once, since.
     far_out_since: [Option<Duration>; 2],
+    /// Below the band, and not by its companion.
+    lowered: [bool; 2],
     jammer: Jammer,
     protection: Protection,
     sides: [Side; 2],
@@ -257,7 +259,11 @@ impl Monitor {
         let breach = Breach::Fence { beyond_m, position_m: [p.x, p.y] };
         self.set(now, Some(v), breach, beyond_m > FENCE_MARGIN_M);
         let [low, high] = airspace.altitude_m;
-        let below = p.z < low - BAND_MARGIN_M && !at_home;
+        let under = p.z < low - BAND_MARGIN_M;
+        // On its way up from where its companion had no hand in bringing it: a pilot's landing, or the fall of a tilted
+        // vehicle whose stream of setpoints has ended.
+        self.lowered[v] = under && (self.lowered[v] || !seen.confined || self.cannot_act(v));
+        let below = under && !at_home && !self.lowered[v];
         let above = p.z > high + BAND_MARGIN_M;
         let breach = Breach::Band { height_m: p.z, band_m: airspace.altitude_m };
         self.set(now, Some(v), breach, free && (below || above));

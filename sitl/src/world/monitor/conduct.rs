@@ -153,6 +153,11 @@ impl Monitor {
         way.min(STATE_LIMIT) + way.min(LEASE)
     }
 
+    /// The companion is gone, or nothing passes between it and its vehicle.
+    pub(super) fn cannot_act(&self, v: usize) -> bool {
+        self.sides[v].gone_since.is_some() || self.sides[v].cut_since.is_some()
+    }
+
     fn reckon(&mut self, now: Duration) {
         for v in 0..2 {
             let peer_runs = self.sides[1 - v].told.runs;
