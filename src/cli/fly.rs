@@ -69,11 +69,17 @@ pub(super) fn run(args: &Args) -> Exit {
 
 fn fly(args: &Args, mission: Mission, vehicle: &Vehicle) -> Result<Exit, String> {
     let clock = Clock::start(args.clock_rate).map_err(|error| error.to_string())?;
-    let companion = companion(args, mission, vehicle, &clock)?;
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()
         .map_err(|error| format!("the event loop cannot start: {error}"))?;
+    // A limit on the size of files costs the logs that grow beyond it. Without a handler it would cost the flight, from
+    // the first file on.
+    let inside = runtime.enter();
+    let file_size = SignalKind::from_raw(Signal::XFSZ.as_raw());
+    let _handled = signal(file_size).map_err(|error| format!("a signal cannot be handled: {error}"))?;
+    drop(inside);
+    let companion = companion(args, mission, vehicle, &clock)?;
     if args.until_stdin_ends {
         std::thread::spawn(|| {
             // However the reading ends, nobody is at the other end.
@@ -81,13 +87,8 @@ fn fly(args: &Args, mission: Mission, vehicle: &Vehicle) -> Result<Exit, String>
             let _ = kill_process(getpid(), Signal::TERM);
         });
     }
-    let outcome = runtime.block_on(async {
-        // A limit on the size of files costs the logs that grow beyond it. Without a handler it would cost the flight.
-        let file_size = SignalKind::from_raw(Signal::XFSZ.as_raw());
-        let _handled = signal(file_size).map_err(|error| format!("a signal cannot be handled: {error}"))?;
-        companion.run(clock, interrupt::requested()).await.map_err(|error| error.to_string())
-    });
-    match outcome? {
+    let outcome = runtime.block_on(companion.run(clock, interrupt::requested()));
+    match outcome.map_err(|error| error.to_string())? {
         Outcome::Completed => Ok(Exit::Done),
         Outcome::Aborted(cause) => {
             eprintln!("mission not completed: {cause}");
