@@ -132,12 +132,18 @@ fn slot_model(bug: model::Bug) -> model::SlotModel {
     model::SlotModel { bug, step, slot, copies: 1, crashes: 1, restarts, losses, radio_troubles, slots }
 }
 
+/// Explores the model, prints what was found, and wants every property to hold.
+fn holds(model: model::SlotModel) -> model::Explored {
+    let explored = model::explore(model);
+    println!("{explored}");
+    assert_eq!(explored.broken, Vec::<&str>::new());
+    explored
+}
+
 /// `cargo test --test pair model -- --nocapture` prints the states, the properties and the time of each exploration.
 #[test]
 fn prop_model_no_order_of_messages_and_no_death_breaks_a_slot() {
-    let explored = model::explore(slot_model(model::Bug::None));
-    println!("{explored}");
-    assert_eq!(explored.broken, Vec::<&str>::new());
+    let explored = holds(slot_model(model::Bug::None));
     assert!(explored.states > 1000, "{explored}");
 }
 
@@ -152,9 +158,7 @@ fn prop_model_a_slot_is_served_when_the_losses_end() {
         slot: Duration::from_millis(2000),
         ..slot_model(model::Bug::None)
     };
-    let explored = model::explore(model);
-    println!("{explored}");
-    assert_eq!(explored.broken, Vec::<&str>::new());
+    holds(model);
 }
 
 /// A radio's answers come late, twice or never, from any step on; no two crystals agree.
@@ -167,18 +171,13 @@ fn prop_model_no_word_of_a_radio_breaks_a_slot() {
         radio_troubles: Some(2),
         ..slot_model(model::Bug::None)
     };
-    let explored = model::explore(model);
-    println!("{explored}");
-    assert_eq!(explored.broken, Vec::<&str>::new());
+    holds(model);
 }
 
 /// Either companion dies at any step and is back at any later one.
 #[test]
 fn prop_model_no_restart_breaks_a_slot() {
-    let model = model::SlotModel { copies: 0, restarts: 1, ..slot_model(model::Bug::None) };
-    let explored = model::explore(model);
-    println!("{explored}");
-    assert_eq!(explored.broken, Vec::<&str>::new());
+    holds(model::SlotModel { copies: 0, restarts: 1, ..slot_model(model::Bug::None) });
 }
 
 /// A slot, the agreement on the next one, and that one.
@@ -192,9 +191,7 @@ fn prop_model_a_second_slot_follows_the_first() {
         step: Duration::from_millis(500),
         ..slot_model(model::Bug::None)
     };
-    let explored = model::explore(model);
-    println!("{explored}");
-    assert_eq!(explored.broken, Vec::<&str>::new());
+    holds(model);
 }
 
 #[test]

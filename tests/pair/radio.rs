@@ -74,9 +74,14 @@ impl Radio {
         if command.param2 == 0.0 { self.first_form(command, t) } else { self.second_form(command, t) }
     }
 
+    /// What becomes of the power that is asked for.
+    fn achieved_mdbm(&self, command: &COMMAND_INT_DATA) -> f64 {
+        (f64::from(command.param1) * 1e3).round() - f64::from(self.weak_mdb)
+    }
+
     fn first_form(&mut self, command: &COMMAND_INT_DATA, t: Duration) -> Said {
         let on = command.param1.is_finite() && command.y > 0;
-        let mdbm = (f64::from(command.param1) * 1e3).round() - f64::from(self.weak_mdb);
+        let mdbm = self.achieved_mdbm(command);
         self.emission = on.then(|| Emission {
             power_w: 10f64.powf(mdbm / 1e4) * 1e-3,
             slot: command.x,
@@ -126,7 +131,7 @@ impl Radio {
         if left_ms <= 0.0 {
             return Result::VEILWING_RADIO_RESULT_EXPIRED;
         }
-        let mdbm = (f64::from(command.param1) * 1e3).round() - f64::from(self.weak_mdb);
+        let mdbm = self.achieved_mdbm(command);
         self.emission = Some(Emission {
             power_w: 10f64.powf(mdbm / 1e4) * 1e-3,
             slot: command.x,
