@@ -93,7 +93,7 @@ impl Companion {
             while let Some(notice) = executive.poll_notice() {
                 log(role, executive.phase_name(), &notice);
             }
-            if let Some(outcome) = executive.outcome(clock.now()) {
+            if let Some(outcome) = executive.outcome() {
                 debug!("autopilot link: {}", autopilot.counters());
                 debug!("pair link: {}", pair.counters());
                 if let Some(radio) = &radio {

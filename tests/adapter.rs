@@ -50,6 +50,7 @@ fn settings(actuation: Actuation) -> Settings {
     let mut settings = Settings::new(OWN, MISSION);
     settings.autopilot_system = Some(1);
     settings.actuation = actuation;
+    settings.tracks_pose = true;
     settings.tilt_rate_rad_s = 0.5;
     settings
 }

@@ -121,6 +121,30 @@ fn spec_px4_calls_itself_at_rest_for_a_second_after_lift_off() {
 }
 
 #[test]
+fn spec_a_receiver_that_talks_is_called_healthy_without_a_fix() {
+    for firmware in [Firmware::Px4, Firmware::ArduCopter] {
+        for set in [true, false] {
+            let mut f = Flight::new(of(firmware, |traps| traps.gps_health_is_talk = set));
+            f.pass(3000);
+            f.world.inject(Fault::GpsLoss { vehicle: 0, on: true });
+            f.pass(2000);
+            let healthy = f.clients[0].last(|m| match m {
+                MavMessage::SYS_STATUS(m) => Some(
+                    m.onboard_control_sensors_health.contains(MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_GPS),
+                ),
+                _ => None,
+            });
+            let fix = f.clients[0].last(|m| match m {
+                MavMessage::GPS_RAW_INT(m) => Some(m.fix_type),
+                _ => None,
+            });
+            assert_eq!(fix, Some(GpsFixType::GPS_FIX_TYPE_NO_FIX), "{firmware:?}");
+            assert_eq!(healthy, Some(set), "{firmware:?}");
+        }
+    }
+}
+
+#[test]
 fn spec_a_mode_is_acknowledged_and_not_taken() {
     for (firmware, number) in [(Firmware::Px4, 6.0), (Firmware::ArduCopter, 4.0)] {
         let mut f = Flight::new(of(firmware, |t| t.mode_ack_alone = true));

@@ -146,6 +146,7 @@ impl Autopilot {
         }
         if self.peer.is_some() && !self.link.is_lost() {
             self.streams.advance(now, &mut self.commands);
+            self.telemetry.advance(now, &mut self.out);
             self.ask_time(now);
             let streamed_for = self.stream.streamed_for(now);
             self.hand(now, |control, _, context| control.advance(streamed_for, context));
@@ -176,6 +177,7 @@ impl Autopilot {
             (alive(self.parameters.timeout()), "parameter"),
             (alive(self.streams.timeout()), "telemetry"),
             (alive(self.peer.as_ref().map(|_| self.telemetry.clock.timeout())), "autopilot's clock"),
+            (alive(self.telemetry.timeout()), "GPS receiver"),
             (alive(self.control.timeout()), "control"),
         ]
         .into_iter()
@@ -326,6 +328,13 @@ impl Autopilot {
     #[must_use]
     pub fn in_control(&self) -> bool {
         self.control.is_held() && control::is_ours(&self.telemetry.state) && !self.stall.is_in_doubt()
+    }
+
+    /// Whether the autopilot still has a parameter as only a companion that flies it may leave it. That is put right by
+    /// itself once the vehicle is another's and level, or on the ground.
+    #[must_use]
+    pub fn is_guarding(&self) -> bool {
+        self.peer.as_ref().is_some_and(|peer| peer.specifics.is_guarding(&self.parameters))
     }
 
     /// UTC by the autopilot's clock.

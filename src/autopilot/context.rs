@@ -44,7 +44,8 @@ pub(super) mod tests {
     }
 
     pub(in crate::autopilot) fn settings() -> Settings {
-        Settings::new((1, 191), Geodetic { lat_deg: 50.0, lon_deg: 14.0, alt_m: 200.0 })
+        let origin = Geodetic { lat_deg: 50.0, lon_deg: 14.0, alt_m: 200.0 };
+        Settings { tracks_pose: true, ..Settings::new((1, 191), origin) }
     }
 
     impl Bench {

@@ -151,7 +151,7 @@ impl Control {
     /// Asks for the companion's mode.
     pub(super) fn take(&mut self, streamed_for: Duration, context: &mut Context) {
         let aim = Aim::Mode(Mode::Companion);
-        if let Some(why) = context.firmware.cannot(context.settings.actuation) {
+        if let Some(why) = context.firmware.cannot(context.settings) {
             context.out.tell(aim.refused(Some(context.firmware), why));
             return;
         }

@@ -118,6 +118,15 @@ pub enum Event {
         /// Its last STATUSTEXT since it was asked, or why it was not asked at all.
         statustext: Option<String>,
     },
+    /// A parameter that a companion had left as only one that flies may have it is as it should be again.
+    PutRight {
+        /// Its name.
+        parameter: &'static str,
+        /// As it was found.
+        was: f64,
+        /// As it is now.
+        is: f64,
+    },
     /// On the ground after a flight.
     Landed,
     /// The motors are off.

@@ -6,7 +6,7 @@ use mavlink::dialects::ardupilotmega::MavType;
 
 use super::boot_clock::Tracking;
 use super::firmware::Firmware;
-use super::settings::{Actuation, Settings};
+use super::settings::Settings;
 use super::state::{Landed, VehicleState};
 use super::streams::Streams;
 use crate::preflight::{Check, Verdict, check};
@@ -49,7 +49,7 @@ pub(super) fn checks(evidence: &Evidence) -> Vec<Check> {
     let mut all = vec![
         check("autopilot", Verdict::Pass, format!("{firmware}{version}, system {system}")),
         vehicle_type(evidence.state.vehicle_type),
-        actuation(firmware, evidence.settings.actuation),
+        actuation(firmware, evidence.settings),
     ];
     all.extend(telemetry(evidence));
     all.extend(readiness(evidence.state, evidence.settings));
@@ -78,11 +78,10 @@ fn vehicle_type(vehicle_type: Option<MavType>) -> Check {
     }
 }
 
-fn actuation(firmware: Firmware, actuation: Actuation) -> Check {
-    match (firmware.cannot(actuation), firmware.caveat(actuation)) {
-        (Some(why), _) => check("actuation", Verdict::Fail, why),
-        (None, Some(beware)) => check("actuation", Verdict::Warn, beware),
-        (None, None) => check("actuation", Verdict::Pass, format!("{actuation} on {firmware}")),
+fn actuation(firmware: Firmware, settings: &Settings) -> Check {
+    match firmware.cannot(settings) {
+        Some(why) => check("actuation", Verdict::Fail, why),
+        None => check("actuation", Verdict::Pass, format!("{} on {firmware}", settings.actuation)),
     }
 }
 

@@ -23,7 +23,8 @@ pub enum FirmwareChoice {
 pub enum Actuation {
     /// Attitude and three-dimensional body thrust; the companion closes the position loop (PX4, fully actuated).
     ThrustVector,
-    /// Position targets and attitude together, for firmware that tracks both.
+    /// Position targets and attitude together, for firmware that tracks both ([`Settings::tracks_pose`]), or for ArduPilot's
+    /// 6DoF frame.
     #[default]
     Pose,
     /// Position targets and yaw alone; the vehicle tilts as it must.
@@ -51,6 +52,8 @@ pub struct Settings {
     pub firmware: FirmwareChoice,
     /// How poses are given to the autopilot.
     pub actuation: Actuation,
+    /// The firmware tracks position and attitude targets together, as no stock PX4 does.
+    pub tracks_pose: bool,
     /// Rate of the position and attitude asked for, in Hz, and the one at which setpoints are to be set.
     pub rate_hz: f64,
     /// Origin of the mission frame.
@@ -87,6 +90,7 @@ impl Settings {
             autopilot_system: None,
             firmware: FirmwareChoice::Auto,
             actuation: Actuation::default(),
+            tracks_pose: false,
             rate_hz: 50.0,
             mission_origin,
             planned_tilt_rad: std::f64::consts::FRAC_PI_2,

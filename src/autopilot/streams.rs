@@ -15,6 +15,8 @@ const WINDOW: Duration = Duration::from_secs(2);
 /// A stream that comes at less than this part of the rate asked for is asked for again.
 const TOLERATED: f64 = 0.7;
 const STATUS_RATE_HZ: f64 = 2.0;
+/// As fast as receivers fix: the loss of a fix shows in nothing else for seconds.
+const GPS_RATE_HZ: f64 = 5.0;
 /// Position and attitude slower than this are not waited for.
 const SLOWEST_STATE_HZ: f64 = 5.0;
 /// One-shot requests are repeated this often until the message has come.
@@ -91,6 +93,7 @@ impl Streams {
             ),
             stream(estimator_id, estimator, STATUS_RATE_HZ, false),
             stream(mav::SYS_STATUS_DATA::ID, mav::SYS_STATUS_DATA::NAME, STATUS_RATE_HZ, false),
+            stream(mav::GPS_RAW_INT_DATA::ID, mav::GPS_RAW_INT_DATA::NAME, GPS_RATE_HZ, false),
             stream(mav::SYSTEM_TIME_DATA::ID, mav::SYSTEM_TIME_DATA::NAME, STATUS_RATE_HZ, false),
             stream(
                 mav::GLOBAL_POSITION_INT_DATA::ID,

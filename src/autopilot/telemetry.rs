@@ -1,9 +1,11 @@
 //! The autopilot's telemetry into [`VehicleState`], and what in it is not to be trusted.
 
+use std::time::Duration;
+
 use mavlink::MessageData;
 use mavlink::dialects::ardupilotmega as mav;
 use mavlink::dialects::ardupilotmega::{
-    EkfStatusFlags, EstimatorStatusFlags, MavLandedState, MavMessage, MavSysStatusSensor,
+    EkfStatusFlags, EstimatorStatusFlags, GpsFixType, MavLandedState, MavMessage, MavSysStatusSensor,
 };
 
 use super::boot_clock::{BootClock, BootTime};
@@ -19,6 +21,11 @@ use crate::time::Instant;
 const ORIGIN_TOLERANCE_M: f64 = 0.5;
 /// A variance of ArduPilot's estimator at which it calls itself failed (FS_EKF_THRESH is below).
 const EKF_VARIANCE_LIMIT: f32 = 1.0;
+/// A horizontal position that PX4's estimator itself gives no better than this says nothing of where an antenna points, in
+/// metres, one standard deviation. With GPS alone it states 0.2 to 1 m.
+const ACCURACY_LIMIT_M: f32 = 2.0;
+/// A receiver that is not heard of for so long has no fix. SYS_STATUS says of it only whether it talks.
+const GPS_SILENT: Duration = Duration::from_secs(3);
 
 /// Reads telemetry.
 #[derive(Debug, Clone)]
@@ -33,6 +40,8 @@ pub(super) struct Telemetry {
     /// By the estimator's flags, and by the sensors' health, once they are heard.
     estimator_flags: Option<Result<(), EstimatorFault>>,
     sensors: Option<Result<(), EstimatorFault>>,
+    /// By the GPS receiver's own word, once it is heard, and when it was.
+    gps: Option<Timed<Result<(), EstimatorFault>>>,
 }
 
 impl Telemetry {
@@ -46,6 +55,7 @@ impl Telemetry {
             last_local: None,
             estimator_flags: None,
             sensors: None,
+            gps: None,
         }
     }
 
@@ -58,6 +68,7 @@ impl Telemetry {
         self.last_local = None;
         self.estimator_flags = None;
         self.sensors = None;
+        self.gps = None;
     }
 
     /// Whether this message shows that the autopilot has restarted.
@@ -90,8 +101,12 @@ impl Telemetry {
             MavMessage::SYSTEM_TIME(m) => self.utc.handle_system_time(m.time_unix_usec, now),
             MavMessage::EXTENDED_SYS_STATE(m) => self.landed(m.landed_state, now, out),
             MavMessage::SYS_STATUS(m) => self.sys_status(m, now, out),
+            MavMessage::GPS_RAW_INT(m) => {
+                let fixed = m.fix_type as u32 >= GpsFixType::GPS_FIX_TYPE_3D_FIX as u32;
+                self.receiver((!fixed).then_some("no 3D fix"), now, out);
+            }
             MavMessage::ESTIMATOR_STATUS(m) => {
-                self.estimator(mav::ESTIMATOR_STATUS_DATA::NAME, estimator_status_fault(m.flags), now, out);
+                self.estimator(mav::ESTIMATOR_STATUS_DATA::NAME, estimator_status_fault(m), now, out);
             }
             MavMessage::EKF_STATUS_REPORT(m) => {
                 self.estimator(mav::EKF_STATUS_REPORT_DATA::NAME, ekf_status_fault(m), now, out);
@@ -192,7 +207,9 @@ impl Telemetry {
             enabled.then(|| m.onboard_control_sensors_health.contains(sensor))
         };
         let timed = |value: bool| Timed::new(value, now);
-        self.state.gps_ok = healthy(MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_GPS).map(timed);
+        if self.gps.is_none() {
+            self.state.gps_ok = healthy(MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_GPS).map(timed);
+        }
         let prearm = MavSysStatusSensor::MAV_SYS_STATUS_PREARM_CHECK;
         let prearm_ok = match self.state.firmware {
             // It says so in the health alone.
@@ -224,6 +241,29 @@ impl Telemetry {
         self.sum_up(now);
     }
 
+    /// Does what is due at `now`.
+    pub(super) fn advance(&mut self, now: Instant, out: &mut Outbox) {
+        if self.timeout().is_some_and(|at| at <= now) {
+            self.receiver(Some("not heard for 3 s"), now, out);
+        }
+    }
+
+    /// When [`Self::advance`] is next to be called.
+    pub(super) fn timeout(&self) -> Option<Instant> {
+        self.gps.filter(|gps| gps.value.is_ok()).map(|gps| gps.received_at + GPS_SILENT)
+    }
+
+    fn receiver(&mut self, what: Option<&'static str>, now: Instant, out: &mut Outbox) {
+        let message = mav::GPS_RAW_INT_DATA::NAME;
+        let word = what.map_or(Ok(()), |what| Err(EstimatorFault::Flags { message, what }));
+        let before = self.gps.replace(Timed::new(word, now));
+        if let (Some(Ok(())), Err(wrong)) = (before.map(|before| before.value), word) {
+            fault(out, wrong);
+        }
+        self.state.gps_ok = Some(Timed::new(word.is_ok(), now));
+        self.sum_up(now);
+    }
+
     fn estimator(
         &mut self,
         message: &'static str,
@@ -240,10 +280,11 @@ impl Telemetry {
     }
 
     fn sum_up(&mut self, now: Instant) {
-        let estimator = match (self.estimator_flags, self.sensors) {
-            (Some(flags), sensors) => flags.and(sensors.unwrap_or(Ok(()))),
-            (None, Some(Err(wrong))) => Err(wrong),
-            (None, _) => return,
+        let others = self.sensors.unwrap_or(Ok(())).and(self.gps.map_or(Ok(()), |gps| gps.value));
+        let estimator = match (self.estimator_flags, others) {
+            (Some(flags), others) => flags.and(others),
+            (None, Err(wrong)) => Err(wrong),
+            (None, Ok(())) => return,
         };
         self.state.estimator = Some(Timed::new(estimator, now));
     }
@@ -285,8 +326,8 @@ fn geodetic(lat: i32, lon: i32, alt_mm: i32) -> Geodetic {
 
 /// Of PX4. ESTIMATOR_CONST_POS_MODE is no fault: it also says that the vehicle is at rest, which it goes on to say after
 /// lift-off; a position that is assumed for want of a better one is no absolute position either.
-fn estimator_status_fault(flags: EstimatorStatusFlags) -> Option<&'static str> {
-    [
+fn estimator_status_fault(m: &mav::ESTIMATOR_STATUS_DATA) -> Option<&'static str> {
+    let flags = [
         (EstimatorStatusFlags::ESTIMATOR_ATTITUDE, true, "no attitude"),
         (EstimatorStatusFlags::ESTIMATOR_VELOCITY_HORIZ, true, "no horizontal velocity"),
         (EstimatorStatusFlags::ESTIMATOR_VELOCITY_VERT, true, "no vertical velocity"),
@@ -296,8 +337,9 @@ fn estimator_status_fault(flags: EstimatorStatusFlags) -> Option<&'static str> {
         (EstimatorStatusFlags::ESTIMATOR_ACCEL_ERROR, false, "accelerometer error"),
     ]
     .into_iter()
-    .find(|(flag, should_be, _)| flags.contains(*flag) != *should_be)
-    .map(|(_, _, what)| what)
+    .find(|(flag, should_be, _)| m.flags.contains(*flag) != *should_be)
+    .map(|(_, _, what)| what);
+    flags.or((m.pos_horiz_accuracy > ACCURACY_LIMIT_M).then_some("horizontal position is worse than 2 m"))
 }
 
 fn ekf_status_fault(m: &mav::EKF_STATUS_REPORT_DATA) -> Option<&'static str> {

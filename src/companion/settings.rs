@@ -38,6 +38,7 @@ pub fn settings(mission: &Mission, vehicle: &Vehicle, boot_id: u32, start_unaske
     autopilot.tilt_rate_rad_s = limits[role].tilt_rate_rad_s;
     autopilot.firmware = vehicle.autopilot.firmware;
     autopilot.actuation = vehicle.autopilot.actuation;
+    autopilot.tracks_pose = vehicle.autopilot.tracks_pose;
     autopilot.position_control.thrust_n = vehicle.autopilot.thrust_n;
     Settings {
         role,

@@ -349,6 +349,8 @@ pub struct Autopilot {
     pub firmware: FirmwareChoice,
     /// Which targets it is given.
     pub actuation: Actuation,
+    /// Its firmware tracks position and attitude targets together, as no stock PX4 does.
+    pub tracks_pose: bool,
     /// Its MAVLink system; `None`: the only one that is heard. Must be given where the link learns its peer's address.
     pub system_id: Option<u8>,
     /// The signing key of its link, if that is signed.
@@ -367,6 +369,7 @@ impl Default for Autopilot {
             link: listening_on(14_540),
             firmware: FirmwareChoice::Auto,
             actuation: Actuation::Pose,
+            tracks_pose: false,
             system_id: None,
             key_file: None,
             component_id: 191,

@@ -14,7 +14,7 @@ use super::mission_checks::ORIGIN_HELP;
 use super::reader::Section;
 use super::vehicle_links::{self, KEY_FILES, key_file_fault};
 use super::{reading, vehicle_file};
-use crate::autopilot::Actuation;
+use crate::autopilot::{Actuation, FirmwareChoice};
 use crate::role::Role;
 use crate::transmitter::Kind;
 
@@ -200,6 +200,16 @@ fn check(draft: &VehicleDraft, file: &mut Document) {
     {
         let message = format!("`rate_hz` is {} Hz, too slow to fly by thrust vector", autopilot.rate_hz);
         refuse(file, "autopilot.rate_hz", &message, "give at least 50");
+    }
+    if autopilot.actuation == Actuation::Pose
+        && autopilot.firmware == FirmwareChoice::Px4
+        && !autopilot.tracks_pose
+        && file.sound(&["autopilot.actuation", "autopilot.firmware", "autopilot.tracks_pose"])
+    {
+        let message =
+            "`actuation` is \"pose\", which no stock PX4 can do: it obeys the last of position and attitude";
+        let help = "give \"thrust_vector\" (fully actuated) or \"position\"; or tracks_pose = true for firmware that tracks both";
+        refuse(file, "autopilot.actuation", message, help);
     }
     if autopilot.thrust_n.is_some()
         && autopilot.actuation != Actuation::ThrustVector

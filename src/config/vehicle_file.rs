@@ -125,6 +125,12 @@ fn autopilot(s: &mut Section<'_, '_>, autopilot: &mut Autopilot) {
         actuation,
         &mut autopilot.actuation,
     );
+    s.set(
+        "tracks_pose",
+        "The autopilot's firmware tracks position and attitude targets together, as \"pose\" needs and no stock PX4 does.",
+        Flag,
+        &mut autopilot.tracks_pose,
+    );
     system(
         s,
         "system_id",

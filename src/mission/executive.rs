@@ -28,6 +28,8 @@ use super::start::Start;
 const HEARTBEAT_EVERY: Duration = Duration::from_secs(1);
 /// Asked to end, the process gives its transmitter this long to confirm that it is off.
 const LAST_OFF: Duration = Duration::from_secs(1);
+/// And this long to the autopilot to level the vehicle and take back what only a companion that flies it may have changed.
+const PUT_BACK: Duration = Duration::from_secs(10);
 
 /// A message for one of the two links.
 #[derive(Debug, Clone, PartialEq)]
@@ -59,6 +61,8 @@ pub(super) enum Stopping {
     Wanted,
     /// Silent and hands off since then.
     Since(Instant),
+    /// The process may end.
+    Over,
 }
 
 /// Owns the machines below it (autopilot, pair service with its transmitter) and drives them by the phase of the flight.
@@ -232,10 +236,10 @@ impl Executive {
         self.service.orders_mut().poll_record()
     }
 
-    /// The process is asked to end: silent, the peer told, the autopilot left in its own hold. J first lets I go
-    /// off, for a lease's length at most.
+    /// The process is asked to end: silent, the peer told, the autopilot left in its own hold, level, and with its own
+    /// parameters. J first lets I go off, for a lease's length at most.
     pub fn shutdown(&mut self, now: Instant) {
-        if matches!(self.stopping, Stopping::Since(_)) {
+        if self.is_stopping() {
             return;
         }
         if !self.service.shut_down(now) {
@@ -245,18 +249,40 @@ impl Executive {
         self.stopping = Stopping::Since(now);
         if self.autopilot.in_control() {
             self.autopilot.hold(now);
+        } else {
+            self.autopilot.release(now);
         }
-        self.autopilot.release(now);
         self.notice(Notice::Ending);
     }
 
-    /// Set once the process may end: landed, or asked to end and known to be silent (or a second has passed).
+    /// Set once the process may end: landed, or asked to end, known to be silent (or a second has passed), and nothing left
+    /// behind in the autopilot (or ten have, which is said).
     #[must_use]
-    pub fn outcome(&self, now: Instant) -> Option<Outcome> {
-        let Stopping::Since(since) = self.stopping else { return self.outcome.clone() };
-        let silent = self.service.interlock().is_off(now) && now > since;
-        let over = silent || now.saturating_since(since) >= LAST_OFF;
-        over.then(|| self.outcome.clone().unwrap_or(Outcome::Interrupted))
+    pub fn outcome(&self) -> Option<Outcome> {
+        match self.stopping {
+            Stopping::No | Stopping::Wanted => self.outcome.clone(),
+            Stopping::Since(_) => None,
+            Stopping::Over => Some(self.outcome.clone().unwrap_or(Outcome::Interrupted)),
+        }
+    }
+
+    /// Whether an end that was asked for has begun: nothing is flown or radiated from here any more.
+    pub(super) fn is_stopping(&self) -> bool {
+        matches!(self.stopping, Stopping::Since(_) | Stopping::Over)
+    }
+
+    fn stop(&mut self, since: Instant, now: Instant) {
+        let waited = now.saturating_since(since);
+        let silent = waited > Duration::ZERO && self.service.interlock().is_off(now);
+        // The peer, too, is to know that it is put back.
+        let untold = self.service.says_guarding() || self.service.poll_timeout().0 <= now;
+        let guarding = self.autopilot.is_guarding();
+        if (silent || waited >= LAST_OFF) && (!guarding && !untold || waited >= PUT_BACK) {
+            self.stopping = Stopping::Over;
+            if guarding {
+                self.notice(Notice::LeftGuarded(self.settings.role));
+            }
+        }
     }
 
     /// The MAVLink system and component we speak as: the autopilot's system, once it is found.
@@ -292,8 +318,10 @@ impl Executive {
         if self.stopping == Stopping::Wanted {
             self.shutdown(now);
         }
-        if !matches!(self.stopping, Stopping::Since(_)) {
-            self.step(now);
+        match self.stopping {
+            Stopping::No | Stopping::Wanted => self.step(now),
+            Stopping::Since(since) => self.stop(since, now),
+            Stopping::Over => {}
         }
         let vehicle = self.vehicle(now);
         self.service.decide(&vehicle, now);

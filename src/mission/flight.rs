@@ -41,6 +41,9 @@ impl Executive {
                     if self.autopilot.state().is_disarmed() {
                         self.service.orders_mut().began_on_the_ground();
                     }
+                } else {
+                    let (missing, _) = self.ground.judge(&self.autopilot.preflight(now));
+                    self.wait_for(&missing, true, now);
                 }
             }
             Phase::Standby => self.stand_by(now),
@@ -185,13 +188,45 @@ impl Executive {
         } else if peer.says(VeilwingFlags::VEILWING_FLAGS_ENDED) {
             Some(format!("vehicle {role} has ended its mission: start its companion again"))
         } else if !self.service.agrees() {
-            Some("missions and plans of both vehicles are not yet known to be the same".into())
+            Some(self.disagreement())
         } else if !peer.says(VeilwingFlags::VEILWING_FLAGS_PREFLIGHT_OK)
             && !peer.says(VeilwingFlags::VEILWING_FLAGS_AIRBORNE)
         {
             Some(format!("vehicle {role} is not ready"))
+        } else if !self.service.clocks_agree() {
+            Some(self.clocks_apart())
         } else {
             None
+        }
+    }
+
+    /// Why slots cannot be agreed on by the two autopilots' clocks.
+    fn clocks_apart(&self) -> String {
+        let (own, peer) = (self.settings.role, self.settings.role.peer());
+        match self.service.clock_offset_s() {
+            None => format!("the autopilot's clock of vehicle {peer} is not compared with this one's yet"),
+            Some(s) => {
+                let (late, early) = if s < 0.0 { (peer, own) } else { (own, peer) };
+                format!(
+                    "the autopilot's clock of vehicle {late} is {:.2} s behind that of vehicle {early}: one of them has no GPS time yet",
+                    s.abs()
+                )
+            }
+        }
+    }
+
+    /// Why missions and plans of both are not known to be the same.
+    fn disagreement(&self) -> String {
+        let (peer, role) = (self.service.peer(), self.settings.role.peer());
+        match (peer.mission_digest, peer.plan_digest, &self.itinerary) {
+            (None, ..) => format!("vehicle {role} has not said yet which mission it flies"),
+            (Some(digest), ..) if digest != self.settings.pair.mission_digest => {
+                format!("vehicle {role} flies another mission: copy the same mission file to both vehicles")
+            }
+            _ if peer.home_enu_m.is_none() => format!("vehicle {role} does not know yet where it stands"),
+            (_, None, _) => format!("vehicle {role} has not made its plan yet"),
+            (.., None) => "this vehicle has not made its plan yet".to_owned(),
+            _ => format!("vehicle {role} made another plan of the same mission: same version on both?"),
         }
     }
 

@@ -121,6 +121,21 @@ pub enum Notice {
     /// The process is asked to end.
     #[error("companion is ending: silent, autopilot holds")]
     Ending,
+    /// A parameter of the autopilot is put right that a companion had left.
+    #[error("{parameter} was {was}, left so by a companion that ended in the air: it is {is} again")]
+    PutRight {
+        /// Its name.
+        parameter: &'static str,
+        /// As it was found.
+        was: f64,
+        /// As it is now.
+        is: f64,
+    },
+    /// A land detector stays off: this vehicle's, or the peer's, whose companion is gone.
+    #[error(
+        "the land detector of vehicle {0} is off: after landing it stays armed; start its companion again, or set LNDMC_Z_VEL_MAX to 0.25 once it is level"
+    )]
+    LeftGuarded(Role),
     /// The peer's first message.
     #[error("vehicle {0} is heard")]
     PeerFound(Role),
@@ -249,6 +264,7 @@ impl Notice {
             | Self::ParameterSet(..)
             | Self::KillLifted
             | Self::KillLiftedHere(_)
+            | Self::PutRight { .. }
             | Self::NotTakingOff(_) => MavSeverity::MAV_SEVERITY_NOTICE,
             Self::AutopilotRefused(_)
             | Self::Estimator(_)
@@ -270,6 +286,7 @@ impl Notice {
             Self::NoWayHome(_)
             | Self::Astray(_)
             | Self::Aborted(_)
+            | Self::LeftGuarded(_)
             | Self::MissionDiffers(_)
             | Self::PlanDiffers(_)
             | Self::SameRole(_) => MavSeverity::MAV_SEVERITY_ERROR,

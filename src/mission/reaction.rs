@@ -59,6 +59,9 @@ impl Executive {
                 let why = statustext.unwrap_or_else(|| format!("{result:?}"));
                 self.notice(Notice::AutopilotNotReady { what, why, waited });
             }
+            AutopilotEvent::PutRight { parameter, was, is } => {
+                self.notice(Notice::PutRight { parameter, was, is });
+            }
             AutopilotEvent::Restarted => self.surrender(Cause::AutopilotRestarted, control, now),
             AutopilotEvent::Landed if matches!(self.phase, Phase::Landing) => self.autopilot.disarm(now),
             AutopilotEvent::Disarmed => match self.phase {
@@ -96,11 +99,16 @@ impl Executive {
     }
 
     fn lose_peer(&mut self, why: GiveUp, now: Instant) {
-        let cause = Cause::Peer(self.settings.role.peer(), why);
+        let peer = self.settings.role.peer();
+        let cause = Cause::Peer(peer, why);
+        let died = matches!(why, GiveUp::PeerLost(_));
+        if died && self.service.peer().says(VeilwingFlags::VEILWING_FLAGS_GUARDING) {
+            self.notice(Notice::LeftGuarded(peer));
+        }
         if self.phase.is_outward() {
             self.abort(cause, now);
         } else if !self.service.peer().says(VeilwingFlags::VEILWING_FLAGS_ENDED) {
-            self.notice(Notice::PeerGone(self.settings.role.peer(), why));
+            self.notice(Notice::PeerGone(peer, why));
             if self.phase.is_ending() {
                 self.note_abort(cause);
             }

@@ -4,11 +4,11 @@ use crate::autopilot::Setpoint;
 use crate::service::Vehicle;
 use crate::time::Instant;
 
-use super::executive::{Executive, Stopping};
+use super::executive::Executive;
 
 impl Executive {
     pub(super) fn feed_setpoint(&mut self, now: Instant) {
-        if matches!(self.stopping, Stopping::Since(_)) {
+        if self.is_stopping() {
             return;
         }
         if let Some(motion) = self.phase.motion() {
@@ -30,7 +30,7 @@ impl Executive {
             state_period: self.autopilot.state_period(),
             position_enu_m: state.position_enu_m.map(|p| p.value),
             attitude: self.autopilot.attitude(),
-            in_control: self.autopilot.in_control() && !matches!(self.stopping, Stopping::Since(_)),
+            in_control: self.autopilot.in_control() && !self.is_stopping(),
             estimator_ok: self.estimator_ok(),
             arrived: self.phase.is_in_service()
                 && self.phase.motion().is_some_and(|motion| motion.is_over(now)),
@@ -39,6 +39,7 @@ impl Executive {
             ended: self.phase.is_ending(),
             returning: self.phase.is_returning(),
             landed: state.is_airborne() == Some(false),
+            guarding: self.autopilot.is_guarding(),
         }
     }
 }

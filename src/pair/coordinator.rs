@@ -104,7 +104,8 @@ impl Coordinator {
 
     /// Local facts; a change of what the peer acts on is told at once.
     pub fn set_local(&mut self, local: Local, now: Instant) {
-        let acts_on = |l: &Local| (l.airborne, l.on_station, l.radiating, l.ended, l.landed, l.returning);
+        let acts_on =
+            |l: &Local| (l.airborne, l.on_station, l.radiating, l.ended, l.landed, l.returning, l.guarding);
         if self.orders.poll_untold() || acts_on(&local) != acts_on(&self.local) {
             self.next_status = now;
         }
@@ -257,6 +258,12 @@ impl Coordinator {
     #[must_use]
     pub fn clock_offset(&self) -> Option<Offset> {
         self.time.offset()
+    }
+
+    /// Whether UTC is known to be the same on both sides, as far as the guard time asks for.
+    #[must_use]
+    pub fn clocks_agree(&self) -> bool {
+        self.time.agrees()
     }
 
     /// Whether mission and plan are known to be the same on both sides.

@@ -284,7 +284,10 @@ impl Orders {
             return;
         }
         let known = self.pending.map_or(self.record.begun, |(number, _)| number);
-        let new = start > known && start > self.record.begun && self.sees_alike() && !self.is_killed();
+        // One given in knowledge of an order against it has the higher number. A process that has restarted has no other mark
+        // of a START that was pending before.
+        let against = self.record.kill.max(self.record.recall);
+        let new = start > known.max(self.record.begun).max(against) && self.sees_alike() && !self.is_killed();
         if new {
             self.pending = Some((start, now + START_EXPIRES));
             self.tell(Change::StartPending);

@@ -34,4 +34,6 @@ pub struct Vehicle {
     pub returning: bool,
     /// On the ground.
     pub landed: bool,
+    /// Its autopilot's land detector is held off.
+    pub guarding: bool,
 }

@@ -282,6 +282,24 @@ impl SlotService {
         self.pair.agrees()
     }
 
+    /// Whether the peer is told that this vehicle's land detector is held off.
+    #[must_use]
+    pub fn says_guarding(&self) -> bool {
+        self.vehicle.guarding
+    }
+
+    /// Whether slots can be agreed on by the two clocks: not so while they are not compared, or differ too much.
+    #[must_use]
+    pub fn clocks_agree(&self) -> bool {
+        self.pair.clocks_agree()
+    }
+
+    /// The peer's UTC minus ours, in seconds; `None` while they are not compared.
+    #[must_use]
+    pub fn clock_offset_s(&self) -> Option<f64> {
+        self.pair.clock_offset().map(|offset| offset.offset_us as f64 * 1e-6)
+    }
+
     /// The transmitter behind the interlock, for everything but power.
     #[must_use]
     pub fn interlock(&self) -> &Interlock {
@@ -440,6 +458,7 @@ impl SlotService {
             ended: vehicle.ended,
             returning: vehicle.returning,
             landed: vehicle.landed,
+            guarding: vehicle.guarding,
         };
         self.pair.set_local(local, now);
     }

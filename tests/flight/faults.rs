@@ -114,6 +114,26 @@ fn radiated(flight: &Flight, role: Role, since: Duration) -> Duration {
     sum + if on { flight.now - last } else { Duration::ZERO }
 }
 
+/// SYS_STATUS goes on to call a receiver healthy that talks, and the estimator its position for seconds: the fix itself tells.
+#[test]
+fn spec_a_lost_fix_silences_both_at_once() {
+    for role in Role::BOTH {
+        let mut flight = in_mid_slot(Setup::default());
+        let at = flight.now;
+        flight.world.inject(Fault::GpsLoss { vehicle: index(role), on: true });
+        assert!(flight.until(|flight| flight.outcomes[role.peer()].is_some()), "{}", flight.story());
+        // GPS_RAW_INT comes five times a second.
+        let told = Duration::from_millis(200);
+        let after = flight.silent_after(role, at);
+        assert!(after <= told + Duration::from_millis(100), "{role}: {after:?}\n{}", flight.story());
+        let after = flight.silent_after(role.peer(), at);
+        assert!(after <= told + LEASE_AND_MARGIN, "{after:?}\n{}", flight.story());
+        // J falls silent first, and says so in the same instant.
+        flight.assert_safe_but(Duration::from_millis(5));
+        assert!(flight.said(role, "GPS_RAW_INT: no 3D fix").is_some(), "{}", flight.story());
+    }
+}
+
 /// What comes is old, by the autopilot's own clock, however promptly one message follows the other.
 #[test]
 fn spec_telemetry_that_is_late_silences_both_until_it_is_prompt_again() {

@@ -8,6 +8,7 @@ mod agreement;
 mod face;
 mod faults;
 mod forged;
+mod guard;
 mod harness;
 mod kinds;
 mod mutations;

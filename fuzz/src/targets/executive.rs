@@ -326,7 +326,7 @@ impl Run {
     }
 
     fn note_outcome(&mut self) {
-        if let Some(outcome) = self.executive.outcome(self.now()) {
+        if let Some(outcome) = self.executive.outcome() {
             self.reached.sentence("outcome", &format!("{} {outcome:?}", self.role));
         }
     }
@@ -353,7 +353,7 @@ mod tests {
         for role in Role::BOTH {
             let mut run = Run::new(recording, role);
             while run.play(&recording.heard[role]) {}
-            assert_eq!(run.executive.outcome(run.now()), Some(Outcome::Completed), "{role} at {:?}", run.at);
+            assert_eq!(run.executive.outcome(), Some(Outcome::Completed), "{role} at {:?}", run.at);
             assert!(states()[role].len() > 10, "{}", states()[role].len());
         }
     }

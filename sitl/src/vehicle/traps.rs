@@ -31,6 +31,8 @@ pub struct Traps {
     pub signing_refused_while_armed: bool,
     /// Both: an unknown parameter gets silence. Off: a STATUSTEXT says so.
     pub silent_unknown_parameter: bool,
+    /// Both: SYS_STATUS calls a GPS receiver healthy that talks, whatever it says. Off: one that has a fix.
+    pub gps_health_is_talk: bool,
     /// Either: the first change to the companion's mode is acknowledged and not carried out.
     pub mode_ack_alone: bool,
     /// Stock ArduCopter: an attitude target is a lean with a climb rate (0.5 holds the height, unless GUID_OPTIONS bit
@@ -57,6 +59,7 @@ impl Default for Traps {
             six_dof_panics: true,
             signing_refused_while_armed: true,
             silent_unknown_parameter: true,
+            gps_health_is_talk: true,
             mode_ack_alone: false,
             angle_control: false,
             attitude_needs_thrust: false,

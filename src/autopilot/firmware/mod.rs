@@ -15,7 +15,7 @@ use mavlink::dialects::ardupilotmega::{
 };
 
 use super::param_value::IntegerForm;
-use super::settings::{Actuation, FirmwareChoice};
+use super::settings::{Actuation, FirmwareChoice, Settings};
 use crate::geo::Projection;
 
 pub use mode::Mode;
@@ -148,21 +148,15 @@ impl Firmware {
         }
     }
 
-    /// Why this firmware cannot do an actuation at all.
-    pub(super) fn cannot(self, actuation: Actuation) -> Option<&'static str> {
-        match (self, actuation) {
+    /// Why this firmware cannot do what the settings ask of it at all.
+    pub(super) fn cannot(self, settings: &Settings) -> Option<&'static str> {
+        match (self, settings.actuation) {
             (Self::ArduPilot, Actuation::ThrustVector) => {
                 Some("ArduCopter ignores thrust_body: use actuation \"pose\" (6DoF frame) or \"position\"")
             }
-            _ => None,
-        }
-    }
-
-    /// What to beware of with an actuation that this firmware can do.
-    pub(super) fn caveat(self, actuation: Actuation) -> Option<&'static str> {
-        match (self, actuation) {
-            (Self::Px4, Actuation::Pose) => Some(
-                "pose: stock PX4 obeys the last of position and attitude target; use a fork that tracks both, or thrust_vector",
+            (Self::Px4, Actuation::Pose) if !settings.tracks_pose => Some(
+                "stock PX4 obeys the last of position and attitude target, and never lifts: use actuation \"thrust_vector\" \
+                 (fully actuated) or \"position\"; firmware that tracks both is declared by tracks_pose = true",
             ),
             _ => None,
         }

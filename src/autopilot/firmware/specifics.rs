@@ -5,6 +5,7 @@ use mavlink::dialects::ardupilotmega::COMMAND_ACK_DATA;
 
 use super::Firmware;
 use super::ardupilot::bridge::Bridge;
+use super::mode::Mode;
 use super::px4::land_detector::{LEVEL_BELOW_RAD, LandDetectorGuard};
 use super::px4::rotors::RotorScales;
 use super::{ardupilot, px4};
@@ -18,7 +19,7 @@ use crate::preflight::Check;
 /// The parts of one firmware.
 #[derive(Debug, Clone)]
 pub(in crate::autopilot) enum Specifics {
-    Px4 { guard: Option<LandDetectorGuard>, rotors: Option<RotorScales> },
+    Px4 { guard: LandDetectorGuard, rotors: Option<RotorScales> },
     ArduPilot { bridge: Option<Bridge> },
 }
 
@@ -28,7 +29,7 @@ impl Specifics {
         let actuation = settings.actuation;
         match firmware {
             Firmware::Px4 => Self::Px4 {
-                guard: LandDetectorGuard::if_needed(settings),
+                guard: LandDetectorGuard::new(settings),
                 rotors: (actuation == Actuation::ThrustVector).then(RotorScales::default),
             },
             Firmware::ArduPilot => {
@@ -65,20 +66,30 @@ impl Specifics {
     }
 
     /// Does what flying by setpoints (`in_flight`) asks of the autopilot's parameters, and puts them back once that is
-    /// over and the vehicle level, `fresh` being whether its attitude is known.
+    /// over and the vehicle stands, or flies level in a mode that nobody's setpoints tilt; `fresh` being whether its attitude
+    /// is known.
     pub(in crate::autopilot) fn advance(&mut self, in_flight: bool, fresh: bool, context: &mut Context) {
-        if let Self::Px4 { guard: Some(guard), .. } = self {
+        if let Self::Px4 { guard, .. } = self {
             let state = context.state;
             let level = state.attitude.is_some_and(|attitude| attitude.value.tilt_rad() < LEVEL_BELOW_RAD);
-            guard.advance(in_flight, !state.is_armed() || (level && fresh), context.parameters);
+            let flown_by_itself = state.mode().is_some_and(|mode| mode != Mode::Companion);
+            let safe = state.is_disarmed() || (level && fresh && flown_by_itself);
+            if let Some(event) = guard.advance(in_flight, safe, context.parameters) {
+                context.out.tell(event);
+            }
         }
+    }
+
+    /// Whether the autopilot still has a parameter as only a companion that flies it may leave it.
+    pub(in crate::autopilot) fn is_guarding(&self, parameters: &Parameters) -> bool {
+        matches!(self, Self::Px4 { .. }) && LandDetectorGuard::is_off(parameters)
     }
 
     /// Whether the attitude may leave the level.
     pub(in crate::autopilot) fn allows_tilt(&self, parameters: &Parameters) -> bool {
         match self {
-            Self::Px4 { guard: Some(_), .. } => LandDetectorGuard::allows_tilt(parameters),
-            Self::Px4 { .. } | Self::ArduPilot { .. } => true,
+            Self::Px4 { guard, .. } => guard.allows_tilt(parameters),
+            Self::ArduPilot { .. } => true,
         }
     }
 
@@ -135,7 +146,7 @@ impl Specifics {
         match self {
             Self::Px4 { guard, rotors } => {
                 let rotors_n = rotors.as_ref().and_then(RotorScales::thrust_n);
-                px4::preflight::checks(parameters, settings, guard.is_some(), rotors_n)
+                px4::preflight::checks(parameters, settings, guard.is_ours(), rotors_n)
             }
             Self::ArduPilot { bridge } => ardupilot::preflight::checks(parameters, bridge.as_ref()),
         }

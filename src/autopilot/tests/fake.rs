@@ -67,6 +67,9 @@ pub struct Fake {
     pub parameters: BTreeMap<String, (f32, MavParamType)>,
     pub silent: bool,
     pub estimator: EstimatorStatusFlags,
+    /// What the estimator states of its horizontal position, in metres.
+    pub accuracy_m: f32,
+    pub fix: GpsFixType,
     pub ekf: EkfStatusFlags,
     /// It does not answer TIMESYNC.
     pub without_timesync: bool,
@@ -159,6 +162,8 @@ impl Fake {
             parameters,
             silent: false,
             estimator: px4_ready(),
+            accuracy_m: 0.4,
+            fix: GpsFixType::GPS_FIX_TYPE_3D_FIX,
             ekf: EkfStatusFlags::from_bits_retain(1 | 2 | 4 | 8 | 16 | 32 | 256 | 512),
             without_timesync: false,
             mute: Vec::new(),
@@ -346,8 +351,10 @@ impl Fake {
             }),
             230 => MavMessage::ESTIMATOR_STATUS(ESTIMATOR_STATUS_DATA {
                 flags: self.estimator,
+                pos_horiz_accuracy: self.accuracy_m,
                 ..Default::default()
             }),
+            24 => MavMessage::GPS_RAW_INT(GPS_RAW_INT_DATA { fix_type: self.fix, ..Default::default() }),
             193 => MavMessage::EKF_STATUS_REPORT(EKF_STATUS_REPORT_DATA {
                 flags: self.ekf,
                 ..Default::default()

@@ -202,6 +202,42 @@ fn spec_estimator_faults_are_reported_once_from_each_kind_of_evidence() {
 }
 
 #[test]
+fn spec_a_position_without_a_fix_is_none_whatever_the_flags_and_the_health_say() {
+    type Change = fn(&mut Fake);
+    let cases: [(Change, Change, f64, &str); 3] = [
+        (
+            |fake| fake.fix = GpsFixType::GPS_FIX_TYPE_NO_FIX,
+            |fake| fake.fix = GpsFixType::GPS_FIX_TYPE_RTK_FLOAT,
+            0.25,
+            "GPS_RAW_INT: no 3D fix",
+        ),
+        (|fake| fake.mute.push(24), |fake| fake.mute.clear(), 3.3, "GPS_RAW_INT: not heard for 3 s"),
+        (
+            |fake| fake.accuracy_m = 2.1,
+            |fake| fake.accuracy_m = 1.9,
+            0.6,
+            "ESTIMATOR_STATUS: horizontal position is worse than 2 m",
+        ),
+    ];
+    for (lose, find, within_s, told) in cases {
+        let mut world = World::new(Fake::new(Firmware::Px4), |settings| settings.planned_tilt_rad = 0.6);
+        world.launch();
+        let faults = |world: &World| {
+            world.count(|event| matches!(event, Event::EstimatorFailure(fault) if fault.to_string() == told))
+        };
+        lose(&mut world.fake);
+        world.run(within_s);
+        assert_eq!(faults(&world), 1, "{told}");
+        world.run(5.0);
+        assert_eq!(faults(&world), 1, "{told}: told once");
+        assert!(world.autopilot.state().estimator.unwrap().value.is_err(), "{told}");
+        find(&mut world.fake);
+        world.run(1.0);
+        assert!(world.autopilot.state().estimator.unwrap().value.is_ok(), "{told}");
+    }
+}
+
+#[test]
 fn spec_slow_and_even_telemetry_warns_and_crawling_telemetry_fails() {
     for (slowness, verdict) in [(1.2, None), (2.0, Some(Verdict::Warn)), (4.0, Some(Verdict::Fail))] {
         let mut fake = Fake::new(Firmware::Px4);

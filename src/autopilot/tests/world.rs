@@ -33,6 +33,7 @@ impl World {
     pub fn new(fake: Fake, change: impl FnOnce(&mut Settings)) -> Self {
         let mut settings = Settings::new(OWN, MISSION);
         settings.autopilot_system = Some(1);
+        settings.tracks_pose = true;
         change(&mut settings);
         let now = Instant::from_start(Duration::from_secs(1));
         Self {

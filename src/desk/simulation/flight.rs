@@ -298,7 +298,7 @@ impl Flight {
         }
         let Some(mut process) = self.processes[role].take() else { return Ok(()) };
         self.run(role, &mut process, observer)?;
-        self.outcomes[role] = process.executive.outcome(process.instant(self.now));
+        self.outcomes[role] = process.executive.outcome();
         match self.outcomes[role] {
             None => self.processes[role] = Some(process),
             Some(_) => self.tell(role),

@@ -17,6 +17,8 @@ pub fn vehicle_draft(mission: &Mission, role: Role, ports: [u16; 2]) -> VehicleD
     let mut draft = VehicleDraft::new(role, pair);
     draft.autopilot.link = autopilot;
     draft.autopilot.actuation = actuation(mission, role);
+    // As the simulated PX4 does.
+    draft.autopilot.tracks_pose = true;
     draft.autopilot.system_id = Some(if index(role) == 0 { 1 } else { 2 });
     draft
 }

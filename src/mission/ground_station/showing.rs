@@ -3,7 +3,7 @@
 use mavlink::dialects::ardupilotmega::{MavMessage, MavState};
 
 use crate::autopilot;
-use crate::mission::executive::{Executive, Stopping};
+use crate::mission::executive::Executive;
 use crate::mission::phase::Phase;
 use crate::time::Instant;
 
@@ -20,7 +20,7 @@ impl Executive {
     pub(in crate::mission) fn heartbeat(&self) -> MavMessage {
         let in_trouble = self.abort_cause.is_some() || self.service.orders().is_killed();
         autopilot::heartbeat(match self.phase {
-            _ if matches!(self.stopping, Stopping::Since(_)) => MavState::MAV_STATE_POWEROFF,
+            _ if self.is_stopping() => MavState::MAV_STATE_POWEROFF,
             _ if in_trouble => MavState::MAV_STATE_CRITICAL,
             Phase::Connecting => MavState::MAV_STATE_BOOT,
             Phase::Standby | Phase::Ended => MavState::MAV_STATE_STANDBY,

@@ -75,6 +75,8 @@ pub struct Local {
     pub landed: bool,
     /// Flying home under our control, or about to.
     pub returning: bool,
+    /// Our autopilot's land detector is held off: without our companion the vehicle cannot land by itself.
+    pub guarding: bool,
 }
 
 impl Local {
@@ -91,6 +93,7 @@ impl Local {
         flags.set(VeilwingFlags::VEILWING_FLAGS_ENDED, self.ended);
         flags.set(VeilwingFlags::VEILWING_FLAGS_LANDED, self.landed);
         flags.set(VeilwingFlags::VEILWING_FLAGS_RETURNING, self.returning);
+        flags.set(VeilwingFlags::VEILWING_FLAGS_GUARDING, self.guarding);
         flags
     }
 }

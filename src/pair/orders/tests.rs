@@ -242,6 +242,24 @@ fn regress_numbers_at_their_end_still_kill() {
     assert!(pair.sides[1].is_killed());
 }
 
+/// The companion that was given the START comes back, is recalled, and hears of the START from the vehicle that flies by it.
+#[test]
+fn regress_a_start_of_before_a_restart_is_none_after_a_recall() {
+    let mut pair = Pair::new();
+    pair.give(0, Order::Start);
+    pair.say(0);
+    assert!(pair.take_off(1));
+    pair.restart(0, false);
+    pair.give(0, Order::Recall);
+    pair.say(0);
+    pair.say(1);
+    assert!(!pair.take_off(0));
+    pair.sides[1].stand_down();
+    pair.give(0, Order::Start);
+    pair.talk();
+    assert!(pair.take_off(0), "one that is given afterwards counts");
+}
+
 /// What may happen to the two.
 #[derive(Debug, Clone, Copy)]
 enum Step {

@@ -227,7 +227,9 @@ impl Autopilot {
         // PX4 says it in the health alone.
         present.set(Has::MAV_SYS_STATUS_PREARM_CHECK, self.firmware == Firmware::ArduCopter);
         health.set(Has::MAV_SYS_STATUS_AHRS, self.estimator_ok);
-        health.set(Has::MAV_SYS_STATUS_SENSOR_GPS, self.estimator_ok && self.gps_ok);
+        // That a receiver talks is all that either firmware says here.
+        let talks = self.traps.gps_health_is_talk;
+        health.set(Has::MAV_SYS_STATUS_SENSOR_GPS, talks || self.estimator_ok && self.gps_ok);
         // No fence is a fence that is not breached: ArduCopter says so, and ground stations take its word.
         health.set(Has::MAV_SYS_STATUS_GEOFENCE, self.firmware == Firmware::ArduCopter);
         health.set(Has::MAV_SYS_STATUS_PREARM_CHECK, self.unready(sensed.now).is_none());

@@ -36,8 +36,8 @@ pub(crate) struct Traces {
     pub out_of_control: Option<Shown>,
     /// The estimator's own messages show that it failed.
     pub bad_estimate: Option<Shown>,
-    /// The health that is told shows that GPS is lost, or that the estimator failed.
-    pub bad_health: Option<Shown>,
+    /// The GPS receiver's fix that is told shows that it is lost, or that the estimator failed.
+    pub bad_gps: Option<Shown>,
     /// The companion's last setpoint.
     pub setpoint_at: Option<Duration>,
     /// The companion's last HEARTBEAT.
@@ -71,8 +71,8 @@ impl Traces {
             }
             ESTIMATOR_STATUS_DATA::ID | EKF_STATUS_REPORT_DATA::ID | SYS_STATUS_DATA::ID => {
                 show(&mut self.bad_estimate, !estimator_ok, now);
-                show(&mut self.bad_health, !estimator_ok || !gps_ok, now);
             }
+            GPS_RAW_INT_DATA::ID => show(&mut self.bad_gps, !estimator_ok || !gps_ok, now),
             _ => {}
         }
     }

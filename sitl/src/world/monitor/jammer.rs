@@ -47,7 +47,7 @@ impl Jammer {
             traces.taken.is_some(),
             traces.taken.is_some_and(|taken| taken.shown.is_some()),
             !seen.estimate_ok,
-            traces.bad_health.is_some(),
+            traces.bad_estimate.is_some() || traces.bad_gps.is_some(),
             !seen.powered && seen.airborne,
             seen.radio.is_some(),
         ];

@@ -9,12 +9,12 @@ use crate::preflight::{Check, check};
 /// A tilt limit of the autopilot must leave this much beyond the plan, in degrees.
 const TILT_MARGIN_DEG: f64 = 15.0;
 
-/// All checks of parameters: `guarded` where the land detector must be kept from seeing a landing, `rotors_n` the scales
-/// of the thrust axes once they are known.
+/// All checks of parameters: `guarding` while this companion itself keeps the land detector off, `rotors_n` the scales of the
+/// thrust axes once they are known.
 pub(in crate::autopilot::firmware) fn checks(
     parameters: &Parameters,
     settings: &Settings,
-    guarded: bool,
+    guarding: bool,
     rotors_n: Option<[f64; 3]>,
 ) -> Vec<Check> {
     let tilt_deg = settings.planned_tilt_rad.to_degrees();
@@ -48,12 +48,11 @@ pub(in crate::autopilot::firmware) fn checks(
         0.0 => (Pass, ""),
         _ => (Warn, "0, or keep a ground station connected: its loss ends the mission"),
     }));
-    if guarded {
-        all.push(parameters.check(LAND_DETECTOR_SPEED, |value| match value {
-            v if v > 0.0 => (Pass, ""),
-            _ => (Warn, "0.25 on the ground: put back before take-off"),
-        }));
-    }
+    // At 0 on the ground it is being put right: a moment of failing, and nothing for the operator to do.
+    all.push(parameters.check(LAND_DETECTOR_SPEED, |value| match value {
+        v if v > 0.0 || guarding => (Pass, ""),
+        _ => (Fail, "above 0 on the ground, or no landing is seen: being put back"),
+    }));
     if settings.actuation == Actuation::ThrustVector {
         all.push(parameters.check("THR_MDL_FAC", |_| (Pass, "")));
         all.push(thrust_scales(parameters, settings, rotors_n));
