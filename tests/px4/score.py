@@ -1,0 +1,254 @@
+#!/usr/bin/env python3
+"""Scores a pair flight (pair.py's folder) from the simulators' true poses and the transmitters' logs.
+usage: score.py DIR [--plan plan.json] [--json]      VEILWING: the program, to plan the mission (or --plan)
+Written apart from the project: geo.py, the paper's formulas (ARCHITECTURE: body Z is the dipole axis)."""
+
+import geo
+import numpy as np
+import csv
+import json
+import math
+import os
+import subprocess
+import sys
+import tomllib
+
+
+D = sys.argv[1]
+setup = json.load(open(D + "/setup.json"))
+O = setup["origin"]
+mission = tomllib.load(open(D + "/mission.toml", "rb"))
+plan = json.loads(
+    subprocess.run(
+        [os.environ["VEILWING"], "plan", D + "/mission.toml", "--json"], capture_output=True, text=True
+    ).stdout
+)
+NED2ENU = np.array([[0, 1, 0], [1, 0, 0], [0, 0, -1.0]])
+FLIP = np.diag([1.0, -1, -1])
+
+
+def q2R(q):
+    w, x, y, z = (q / np.linalg.norm(q, axis=1)[:, None]).T
+    return np.stack(
+        [
+            np.stack([1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)], -1),
+            np.stack([2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)], -1),
+            np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], -1),
+        ],
+        -2,
+    )
+
+
+def euler(r, p, y):
+    cr, sr, cp, sp, cy, sy = math.cos(r), math.sin(r), math.cos(p), math.sin(p), math.cos(y), math.sin(y)
+    return np.array(
+        [
+            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+            [-sp, cp * sr, cp * cr],
+        ]
+    )
+
+
+def load(r):
+    rows = [x for x in csv.reader(open(f"{D}/{r}/truth.csv"))]
+    n = len(rows[0])
+    a = np.array([x for x in rows[1:] if len(x) == n], float)
+    h = {k: i for i, k in enumerate(rows[0])}
+    t = a[:, h["wall"]]
+    p = a[:, h["px"] : h["pz"] + 1]
+    v = a[:, h["vx"] : h["vz"] + 1]
+    R = q2R(a[:, h["qw"] : h["qz"] + 1])
+    e = geo.hil_to_enu(p, setup["homes"][r], O)
+    return dict(
+        t=t,
+        sim=a[:, h["t"]],
+        e=e,
+        v=v @ NED2ENU.T,
+        R=NED2ENU @ R @ FLIP,
+        armed=a[:, h["armed"]] > 0,
+        u=np.abs(a[:, h["c0"] :]).max(1),
+    )
+
+
+T = {r: load(r) for r in "ij"}
+
+
+def intervals(r):
+    """[(on, off, [(t, dbm, slot)])]"""
+    out, cur = [], None
+    for l in open(f"{D}/tx-{r}.log"):
+        m = json.loads(l)
+        if m.get("on") is True:
+            if cur is None:
+                cur = [m["t"], None, []]
+            cur[2].append((m["t"], m["dbm"], m["slot"]))
+        elif m.get("on") is False and cur:
+            cur[1] = m["t"]
+            cur.append(m["why"])
+            out.append(cur)
+            cur = None
+    if cur:
+        cur[1] = T[r]["t"][-1]
+        cur.append("never")
+        out.append(cur)
+    return out
+
+
+TX = {r: intervals(r) for r in "ij"}
+users = [u["enu_m"] for u in mission["user"]]
+names = [u.get("name", f"user-{k+1}") for k, u in enumerate(mission["user"])]
+eaves = [e["enu_m"] for e in mission["eavesdropper"]]
+radio = mission.get("radio", {})
+noise = radio.get("noise_power_w", 1e-12)
+b0 = radio.get("reference_gain", 1.0)
+BW = radio.get("bandwidth_hz", 1e6)
+
+
+def at(r, t, k):
+    x = T[r]
+    i = np.clip(np.searchsorted(x["t"], t), 1, len(x["t"]) - 1)
+    f = np.clip((t - x["t"][i - 1]) / np.maximum(x["t"][i] - x["t"][i - 1], 1e-6), 0, 1)
+    if k == "R":
+        return x["R"][np.where(f > 0.5, i, i - 1)]
+    return x[k][i - 1] + f[:, None] * (x[k][i] - x[k][i - 1])
+
+
+def rate(pI, zI, PI, pJ, zJ, PJ, user):
+    def g(p, z, s):
+        d = s - p
+        return np.maximum(0, np.sum(np.cross(z, d) ** 2, -1) / np.sum(d * d, -1))
+
+    def sinr(s):
+        s = np.asarray(s, float)
+        dI, dJ = np.sum((s - pI) ** 2, -1), np.sum((s - pJ) ** 2, -1)
+        return b0 * g(pI, zI, s) * PI / dI / (b0 * g(pJ, zJ, s) * PJ / dJ + noise)
+
+    return np.maximum(0, np.log2(1 + sinr(user)) - np.max([np.log2(1 + sinr(e)) for e in eaves], 0))
+
+
+def power(r, t):
+    """W at each instant, from the transmitter's log."""
+    p = np.zeros(len(t))
+    s = np.full(len(t), -1)
+    for on, off, seg, *_ in TX[r]:
+        for k, (a, dbm, slot) in enumerate(seg):
+            b = seg[k + 1][0] if k + 1 < len(seg) else off
+            m = (t >= a) & (t < b)
+            p[m] = 10 ** (dbm / 10) / 1000
+            s[m] = slot
+    return p, s
+
+
+# ---- unprotected: I on while J off
+unprot = 0.0
+worst = 0.0
+for on, off, *_ in TX["i"]:
+    cov = sorted((max(on, a), min(off, b)) for a, b, *_ in TX["j"] if b > on and a < off)
+    u = (off - on) - sum(b - a for a, b in cov)
+    unprot += u
+    worst = max(worst, u)
+# ---- separation
+lo, hi = max(T["i"]["t"][0], T["j"]["t"][0]), min(T["i"]["t"][-1], T["j"]["t"][-1])
+grid = np.arange(lo, hi, 0.02)
+sep = np.linalg.norm(at("i", grid, "e") - at("j", grid, "e"), axis=1)
+air = (at("i", grid, "e")[:, 2] > 1) & (at("j", grid, "e")[:, 2] > 1)
+res = dict(
+    slots=[],
+    unprotected_s=round(unprot, 4),
+    least_separation_m=round(float(sep[air].min()), 2) if air.any() else None,
+)
+res["rtf"] = {r: round(float((T[r]["sim"][-1] - T[r]["sim"][0]) / (T[r]["t"][-1] - T[r]["t"][0])), 3) for r in "ij"}
+tdma = mission.get("tdma", {})
+slot_ids = sorted({s for r in "ij" for _, _, seg, *_ in TX[r] for _, _, s in seg})
+order = [s["user"] for s in plan["slots"]]
+for sid in slot_ids:
+    ps = plan["slots"][sid % len(plan["slots"])]
+    row = dict(slot=int(sid), user=ps["user"], planned=round(ps["secrecy_rate_bps"] / BW, 3))
+    user = users[names.index(ps["user"])]
+    for r in "ij":
+        segs = [(on, off, why) for on, off, seg, why in TX[r] if any(x[2] == sid for x in seg)]
+        row["on_" + r] = round(sum(b - a for a, b, _ in segs), 2)
+        row["n_" + r] = len(segs)
+        row["off_" + r] = ",".join(w for *_, w in segs)
+        v = ps["vehicles"][r]
+        Rp = euler(v["roll_rad"], v["pitch_rad"], v["yaw_rad"])
+        if not segs:
+            continue
+        m = np.zeros(len(T[r]["t"]), bool)
+        for a, b, _ in segs:
+            m |= (T[r]["t"] >= a) & (T[r]["t"] < b)
+        if not m.any():
+            continue
+        pe = np.linalg.norm(T[r]["e"][m] - np.array(v["position_enu_m"]), axis=1)
+        c = (np.einsum("ij,nij->n", Rp, T[r]["R"][m]) - 1) / 2
+        ae = np.degrees(np.arccos(np.clip(c, -1, 1)))
+        zc = np.abs(T[r]["R"][m][:, :, 2] @ Rp[:, 2])
+        ax = np.degrees(np.arccos(np.clip(zc, 0, 1)))
+        row["pos_" + r] = (round(float(np.sqrt((pe**2).mean())), 3), round(float(pe.max()), 3))
+        row["mean_" + r] = np.round((T[r]["e"][m] - np.array(v["position_enu_m"])).mean(0), 3).tolist()
+        row["att_" + r] = (round(float(np.sqrt((ae**2).mean())), 2), round(float(ae.max()), 2))
+        row["axis_" + r] = (round(float(np.sqrt((ax**2).mean())), 2), round(float(ax.max()), 2))
+        row["tilt_" + r] = round(math.degrees(math.acos(max(-1, min(1, Rp[2, 2])))), 1)
+        row["umax_" + r] = round(float(T[r]["u"][m].max()), 2)
+    t = grid
+    PI, sI = power("i", t)
+    PJ, sJ = power("j", t)
+    m = (PI > 0) & (PJ > 0) & (sI == sid) & (sJ == sid)
+    if m.any():
+        rr = rate(
+            at("i", t[m], "e"),
+            at("i", t[m], "R")[:, :, 2],
+            PI[m],
+            at("j", t[m], "e"),
+            at("j", t[m], "R")[:, :, 2],
+            PJ[m],
+            user,
+        )
+        row["rate"] = round(float(rr.mean()), 3)
+        row["rate_min"] = round(float(rr.min()), 2)
+        vi, vj = ps["vehicles"]["i"], ps["vehicles"]["j"]
+        row["rate_exact"] = round(
+            float(
+                rate(
+                    np.array(vi["position_enu_m"]),
+                    euler(vi["roll_rad"], vi["pitch_rad"], vi["yaw_rad"])[:, 2],
+                    PI[m].max(),
+                    np.array(vj["position_enu_m"]),
+                    euler(vj["roll_rad"], vj["pitch_rad"], vj["yaw_rad"])[:, 2],
+                    PJ[m].max(),
+                    user,
+                )
+            ),
+            3,
+        )
+        row["dbm"] = (round(10 * math.log10(PI[m].max() * 1e3), 2), round(10 * math.log10(PJ[m].max() * 1e3), 2))
+    res["slots"].append(row)
+for r in "ij":
+    res["tx_" + r] = [
+        dict(on=round(float(a - lo), 2), off=round(float(b - lo), 2), why=w, slots=sorted({x[2] for x in seg}))
+        for a, b, seg, w in TX[r]
+    ]
+    im = [l.strip() for l in open(f"{D}/{r}/sim.log") if "ground contact" in l]
+    res["impacts_" + r] = im
+try:
+    ev = json.load(open(D + "/events.json"))
+    res["events"] = [(round(t - lo, 2), a) for t, a in ev]
+    for t, a in ev:  # reaction: how long each radio stayed on after it
+        res.setdefault("after", []).append(
+            (
+                a,
+                {r: [round(off - t, 3) for on, off, *_ in TX[r] if on < t < off] for r in "ij"},
+                {r: [round(on - t, 2) for on, *_ in TX[r] if on > t] for r in "ij"},
+            )
+        )
+except FileNotFoundError:
+    pass
+if "--json" in sys.argv:
+    print(json.dumps(res, indent=1))
+else:
+    print(f"unprotected {res['unprotected_s']} s, least separation {res['least_separation_m']} m, rtf {res['rtf']}")
+    for s in res["slots"]:
+        print(" ", {k: v for k, v in s.items()})
+    for k in ("tx_i", "tx_j", "impacts_i", "impacts_j", "after"):
+        print(" ", k, res.get(k))
