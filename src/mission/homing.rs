@@ -17,6 +17,8 @@ use super::phase::{HOLD, Motion, Phase};
 const LAND_FIRST: Duration = Duration::from_secs(120);
 /// Where I is not heard, J gives it the time of its way home and this much more.
 const LAND_UNHEARD: Duration = Duration::from_secs(5);
+/// How far a vehicle that climbs or lands may be off the vertical above its home, in metres.
+const OWN_COLUMN_M: f64 = 2.0;
 
 impl Executive {
     /// All slots are over: both go home along the table's last transit, or, where their ways would only be apart in
@@ -62,10 +64,20 @@ impl Executive {
         }
     }
 
+    /// Whether a vehicle at `at` has not climbed into the altitude band yet, or has left it to land: what is below it is its
+    /// own home, and no route through the airspace begins there.
+    fn is_in_own_column(&self, at: Enu, home: Enu) -> bool {
+        at.z < self.settings.above(home).z && (at - home).xy().norm() <= OWN_COLUMN_M
+    }
+
     pub(super) fn go_home(&mut self, now: Instant) {
         let (Some(home), Some(start)) = (self.home_enu_m, self.phase.motion().map(|m| m.sample(now))) else {
             return;
         };
+        if self.is_in_own_column(start.position_enu_m, home) {
+            self.notice(Notice::LandingBelowBand);
+            return self.land(now);
+        }
         let start = Start { position_enu_m: start.position_enu_m, attitude: start.attitude };
         let way = self.router().and_then(|router| {
             // A way that keeps clear of wherever the peer may be; failing that, of where it was last seen.

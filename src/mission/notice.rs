@@ -100,6 +100,9 @@ pub enum Notice {
     /// The way home begins.
     #[error("returning home")]
     ReturningHome,
+    /// An abort before the altitude band was reached.
+    #[error("landing where it took off")]
+    LandingBelowBand,
     /// There is no way home.
     #[error("no way home, landing here: {0}")]
     NoWayHome(TransitError),
@@ -254,6 +257,7 @@ impl Notice {
             | Self::SlotOver(..)
             | Self::AllSlotsOver
             | Self::ReturningHome
+            | Self::LandingBelowBand
             | Self::Landed
             | Self::OnTheGround
             | Self::PeerFound(_)

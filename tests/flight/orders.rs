@@ -91,6 +91,23 @@ fn spec_kill_pause_and_return_are_obeyed_when_they_are_said_to_all() {
 }
 
 #[test]
+fn regress_a_return_ordered_just_after_lift_off_lands_below_the_band_and_blames_no_airspace() {
+    let mut flight = Flight::new(Setup::default());
+    let aloft = |flight: &Flight| {
+        flight.world.snapshot().vehicles.iter().all(|vehicle| vehicle.position_enu_m[2] > 0.5)
+    };
+    assert!(flight.until(aloft), "{}", flight.story());
+    flight.command(Role::I, MavCmd::MAV_CMD_NAV_RETURN_TO_LAUNCH);
+    flight.fly_out();
+    flight.assert_safe();
+    for role in Role::BOTH {
+        assert!(flight.said(role, "landing where it took off").is_some(), "{}", flight.story());
+        assert!(flight.said(role, "no way home").is_none(), "{}", flight.story());
+        assert!(flight.landed(role), "{}", flight.story());
+    }
+}
+
+#[test]
 fn spec_a_vehicle_that_flies_again_by_another_hand_is_not_started_by_what_was_ordered_before() {
     // The companion of I dies in a slot and comes back, its vehicle is landed by the pilot; --start is still set.
     let mut flight = Flight::new(Setup::default());
