@@ -9,6 +9,8 @@
 mod key;
 mod record;
 mod reserve;
+#[cfg(test)]
+mod tests;
 
 use std::collections::BTreeMap;
 use std::io;

@@ -280,5 +280,5 @@ fn spec_a_key_file_is_the_owners_and_holds_a_key() {
     }
     std::fs::remove_file(&path).unwrap();
     assert!(matches!(Key::load(&path), Err(SigningError::KeyFile { .. })));
-    assert!(!format!("{:?}", Key::new(KEY)).contains('1'));
+    assert_eq!(format!("{:?}", Key::new(KEY)), "Key(..)");
 }

@@ -60,10 +60,18 @@ impl Keeper for Recorder {
     }
 
     fn close(&mut self, latest: u64) {
-        if let Some(requests) = self.requests.take() {
+        if let Some(requests) = &self.requests {
             // Waits for the thread, which does not outlive this either.
             requests.send(latest).ok();
         }
+        self.finish();
+    }
+}
+
+impl Recorder {
+    /// Takes no more, and waits until what was taken is on disk or has failed.
+    pub(super) fn finish(&mut self) {
+        self.requests = None;
         if let Some(thread) = self.thread.take() {
             drop(thread.join());
         }
