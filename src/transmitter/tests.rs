@@ -1,5 +1,6 @@
 //! The transmitter's driver against radios and wires of every manner.
 
+mod bounds;
 mod leased;
 mod parameter;
 

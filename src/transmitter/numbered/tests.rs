@@ -1,6 +1,7 @@
 //! The driver of numbered commands against a radio that does what docs/radio.md says, over ways of every manner, and
 //! against true time: the companion's clock is true, the radio's drifts.
 
+mod bounds;
 mod defects;
 mod property;
 mod rules;
