@@ -146,4 +146,39 @@ mod tests {
             Some(Offset { offset_us: 10_000_000, uncertainty: Duration::from_millis(30) })
         );
     }
+
+    #[test]
+    fn spec_four_requests_may_be_under_way_and_the_fifth_forgets_the_first() {
+        let asked = |requests: u64| {
+            let mut filter = ClockFilter::default();
+            (0..requests).for_each(|k| filter.ask(k));
+            filter.take(0, 10, 10, 20);
+            filter.offset().is_some()
+        };
+        assert!(asked(4) && !asked(5));
+    }
+
+    #[test]
+    fn val_measurements_apart_by_no_more_than_both_uncertainties_and_5_ms_agree() {
+        // The second is off by 8 ms, and both are uncertain: 1 ms and 2 ms.
+        for (beyond_us, the_first_stays) in [(0, true), (2, false)] {
+            let mut filter = ClockFilter::default();
+            exchange(&mut filter, [0, 1_000, 1_000, 2_000]);
+            let peer_us = 1_010_000 + beyond_us;
+            exchange(&mut filter, [1_000_000, peer_us, peer_us, 1_004_000]);
+            assert_eq!(filter.offset().unwrap().offset_us == 0, the_first_stays, "{beyond_us}");
+        }
+    }
+
+    #[test]
+    fn spec_the_best_of_the_last_eight_counts() {
+        let mut filter = ClockFilter::default();
+        exchange(&mut filter, [0, 1_000, 1_000, 2_000]);
+        for k in 1..=8 {
+            assert_eq!(filter.offset().unwrap().uncertainty, Duration::from_millis(1), "{k}");
+            let sent = k * 1_000_000;
+            exchange(&mut filter, [sent, sent + 2_000, sent + 2_000, sent + 4_000]);
+        }
+        assert_eq!(filter.offset().unwrap().uncertainty, Duration::from_millis(2));
+    }
 }

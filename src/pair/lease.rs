@@ -135,6 +135,13 @@ mod tests {
     }
 
     #[test]
+    fn spec_a_grant_may_come_in_the_instant_of_its_request() {
+        let mut holder = Holder::default();
+        assert!(holder.take(at(1000), Duration::from_millis(400), at(1000)));
+        assert_eq!(holder.held(at(1000)), Some(at(1400)));
+    }
+
+    #[test]
     fn spec_older_grant_does_not_shorten() {
         let mut holder = Holder::default();
         holder.take(at(1000), Duration::from_millis(400), at(1010));

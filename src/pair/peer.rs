@@ -161,3 +161,6 @@ impl Peer {
         true
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,5 +1,8 @@
 //! What a single odd datagram must not do. Whole pairs are simulated in tests/pair.
 
+mod bounds;
+mod saying;
+
 use super::super::wire::VeilwingAnswer;
 use super::*;
 use crate::geo::{Enu, Pose};
@@ -17,16 +20,20 @@ fn utc(ms: u64) -> Utc {
 }
 
 fn coordinator(role: Role, boot_id: u32) -> Coordinator {
+    coordinator_of(role, boot_id, [1; 32], [2; 32])
+}
+
+fn coordinator_of(role: Role, boot_id: u32, mission_digest: [u8; 32], plan_digest: [u8; 32]) -> Coordinator {
     let settings = Settings {
         role,
         boot_id,
-        mission_digest: [1; 32],
+        mission_digest,
         lease: Duration::from_millis(500),
         peer_timeout: Duration::from_secs(3),
         clock_tolerance: Duration::from_millis(250),
         orders: super::super::orders::Record::default(),
     };
-    let pose = Pose { position_enu_m: Enu::new(1.0, 2.0, 80.0), roll_rad: 0.5, pitch_rad: 0.1, yaw_rad: 0.0 };
+    let pose = Pose { position_enu_m: Enu::new(1.0, 2.3, 80.7), roll_rad: 0.7, pitch_rad: 0.1, yaw_rad: 0.0 };
     let vehicle = VehiclePlan { pose, tx_power_w: 0.5 };
     let mut coordinator = Coordinator::new(settings, Instant::ZERO);
     let terms = SlotTerms {
@@ -37,7 +44,7 @@ fn coordinator(role: Role, boot_id: u32) -> Coordinator {
         radiate_until: Duration::from_secs(1),
         length: Duration::from_secs(1),
     };
-    coordinator.set_plan(PlanTerms { digest: [2; 32], slots: vec![terms; 3] });
+    coordinator.set_plan(PlanTerms { digest: plan_digest, slots: vec![terms; 3] });
     coordinator
 }
 

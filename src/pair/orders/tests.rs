@@ -1,5 +1,7 @@
 //! Two vehicles' orders, whatever the link between them loses, and whoever restarts.
 
+mod kept;
+
 use proptest::prelude::*;
 
 use super::*;
