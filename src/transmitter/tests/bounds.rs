@@ -41,7 +41,6 @@ fn spec_a_renewal_waits_for_the_answer_to_the_last_command_and_a_change_does_not
     assert_eq!(commanded(&mut world.transmitter), [500]);
     world.transmitter.set(0.1, 1, sent_at + ms(550), sent_at + ms(50)).unwrap();
     assert!(commanded(&mut world.transmitter).is_empty(), "the first may still be answered");
-    assert_eq!(world.transmitter.poll_timeout().unwrap().0, sent_at + ms(100));
     world.transmitter.handle_timeout(sent_at + ms(99));
     assert!(commanded(&mut world.transmitter).is_empty());
     world.transmitter.handle_timeout(sent_at + ms(100));
@@ -63,7 +62,6 @@ fn spec_a_power_that_is_not_answered_is_commanded_again() {
     let sent_at = world.now;
     world.transmitter.set(0.1, 1, sent_at + ms(500), sent_at).unwrap();
     commanded(&mut world.transmitter);
-    assert_eq!(world.transmitter.poll_timeout().unwrap().0, sent_at + ms(100));
     world.transmitter.handle_timeout(sent_at + ms(100));
     assert_eq!(commanded(&mut world.transmitter), [400]);
 }
