@@ -77,6 +77,45 @@ fn spec_death_of_companion_j_in_a_slot_is_safe() {
 }
 
 #[test]
+fn spec_a_dead_bridge_script_silences_both_within_a_second_and_both_come_home() {
+    for role in Role::BOTH {
+        let mut flight = in_mid_slot(Setup { bridged: Some(role), ..Setup::default() });
+        let died_at = flight.now;
+        flight.burst(role, 10);
+        flight.fly_out();
+        for silent in Role::BOTH {
+            let after = flight.silent_after(silent, died_at);
+            println!("the bridge of {role} is dead: {silent} silent after {after:?}");
+            assert!(after <= Duration::from_secs(1), "{after:?}\n{}", flight.story());
+            assert!(flight.landed(silent), "{}", flight.story());
+        }
+        assert!(cause(&flight, role).contains("bridge script"), "{}", flight.story());
+        let told_after = flight.said(role, "mission aborted: the bridge script").unwrap() - died_at;
+        assert!(told_after <= Duration::from_millis(700), "{told_after:?}\n{}", flight.story());
+        flight.assert_safe_but(REACTION);
+    }
+}
+
+#[test]
+fn spec_a_bridge_script_that_dies_on_the_way_home_is_told_and_changes_nothing() {
+    let mut flight = Flight::new(Setup { bridged: Some(Role::I), ..Setup::default() });
+    assert!(
+        flight.until(|flight| flight.said(Role::I, "all slots are over").is_some()),
+        "{}",
+        flight.story()
+    );
+    flight.pass(Duration::from_secs(1));
+    flight.burst(Role::I, 10);
+    flight.fly_out();
+    flight.assert_safe();
+    assert!(flight.said(Role::I, "the bridge script is gone").is_some(), "{}", flight.story());
+    for role in Role::BOTH {
+        assert_eq!(flight.outcomes[role], Some(Outcome::Completed), "{}", flight.story());
+        assert!(flight.landed(role), "{}", flight.story());
+    }
+}
+
+#[test]
 fn spec_loss_of_an_autopilot_link_silences_both() {
     for role in Role::BOTH {
         let mut flight = in_mid_slot(Setup::default());
