@@ -100,7 +100,7 @@ const ELSEWHERE: &[(&str, &[&str], &str)] = &[
     ("estimator", &["NotFinite", "OriginMoved"], "src/autopilot/tests/hearing.rs"),
     ("give-up", &["NoSlot"], "tests/flight/orders_table.rs"),
     ("notice", &["AutopilotNotReady"], "of real autopilots; src/autopilot/pursuit.rs"),
-    ("notice", &["BridgeDead"], "of ArduPilot's 6DoF frame; tests/flight/faults.rs"),
+    ("notice", &["BridgeDead", "SentHome"], "of ArduPilot's 6DoF frame, of an order; tests/flight/faults.rs"),
     ("notice", &["MissionDiffers", "PlanDiffers"], "both fly one mission; tests/flight/agreement.rs"),
     ("notice", &["NoOperator", "ParameterRefused", "ParameterSet"], "tests/flight/agreement.rs, face.rs"),
     ("notice", &["SameRole"], "src/pair/coordinator/tests.rs"),

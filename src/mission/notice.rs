@@ -103,6 +103,9 @@ pub enum Notice {
     /// The way home begins.
     #[error("returning home")]
     ReturningHome,
+    /// A surrendered vehicle goes home by the operator's order.
+    #[error("returning by the autopilot, on the operator's order")]
+    SentHome,
     /// There is no way home.
     #[error("no way home, landing here: {0}")]
     NoWayHome(TransitError),
@@ -263,6 +266,7 @@ impl Notice {
             | Self::StartOrdered
             | Self::LogTakenAgain => MavSeverity::MAV_SEVERITY_INFO,
             Self::Paused
+            | Self::SentHome
             | Self::GoingOn
             | Self::ParameterSet(..)
             | Self::KillLifted

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use mavlink::dialects::ardupilotmega::{EstimatorStatusFlags, MavMessage, MavSysStatusSensor};
+use mavlink::dialects::ardupilotmega::{EstimatorStatusFlags, MavCmd, MavMessage, MavSysStatusSensor};
 use veilwing::mission::Outcome;
 use veilwing::role::Role;
 use veilwing_sitl::Fault;
@@ -230,6 +230,38 @@ fn spec_a_surrender_on_the_ground_ends_the_companion() {
         assert!(cause(&flight, role).contains("nothing from the autopilot"), "{}", flight.story());
         assert!(flight.landed(role), "{}", flight.story());
     }
+}
+
+/// The companion has surrendered and the vehicle hovers: the operator's way home.
+#[test]
+fn spec_after_a_link_cut_the_operators_return_brings_the_vehicle_home() {
+    for bridged in [None, Some(Role::I)] {
+        let mut flight = in_mid_slot(Setup { bridged, ..Setup::default() });
+        for on in [true, false] {
+            flight.world.inject(Fault::LinkLoss { vehicle: 0, on });
+            flight.pass(Duration::from_secs(3));
+        }
+        flight.pass(Duration::from_secs(30));
+        assert!(flight.lives(Role::I) && !flight.landed(Role::I), "{}", flight.story());
+        flight.command(Role::I, MavCmd::MAV_CMD_NAV_RETURN_TO_LAUNCH);
+        flight.fly_out();
+        flight.assert_safe();
+        assert!(cause(&flight, Role::I).contains("from the autopilot"), "{}", flight.story());
+        assert!(flight.said(Role::I, "returning by the autopilot").is_some(), "{}", flight.story());
+        assert!(flight.landed(Role::I), "{}", flight.story());
+    }
+}
+
+#[test]
+fn spec_no_order_takes_a_vehicle_from_its_pilot() {
+    let mut flight = in_mid_slot(Setup::default());
+    flight.world.inject(Fault::PilotMode { vehicle: 0 });
+    flight.pass(Duration::from_secs(5));
+    let mode = flight.world.snapshot().vehicles[0].mode;
+    flight.command(Role::I, MavCmd::MAV_CMD_NAV_RETURN_TO_LAUNCH);
+    flight.pass(Duration::from_secs(5));
+    assert_eq!(flight.world.snapshot().vehicles[0].mode, mode, "{}", flight.story());
+    assert!(flight.said(Role::I, "returning by the autopilot").is_none(), "{}", flight.story());
 }
 
 #[test]
