@@ -10,16 +10,16 @@
 -- Each is answered with COMMAND_ACK; the answer to 31010 carries the power achieved in thousandths of a dBm
 -- (the least int32: off). A numbered 31010 is answered with VEILWING_RADIO in TUNNEL, and from then on that is said five
 -- times a second. Offsets hold in GUIDED alone, and only while they are renewed; the radio is on in GUIDED and
--- armed alone, and never past its expiry. README.md says how to install it and what each parameter means.
-
-local mavlink_msgs = require("MAVLink/mavlink_msgs")
+-- armed alone, and never past its expiry. Beside it runs veilwing_guard.lua, which levels the vehicle and silences the
+-- radio should this script be gone. README.md says how to install both and what each parameter means.
 
 local PERIOD_MS = 10
+local AFTER_FAULT_MS = 100
 local GUIDED = 4
 local FRAME_CLASS_6DOF = 16
 local AUTOPILOT_COMPONENT = 1
 local CMD = { LEASE = 31010, KILL = 31011, OFFSETS = 31013, SWITCH = 31014 }
-local ACCEPTED, NOT_NOW, DENIED, UNSUPPORTED = 0, 1, 2, 3
+local ACCEPTED, NOT_NOW, DENIED, UNSUPPORTED, FAILED = 0, 1, 2, 3, 4
 local SEVERITY = { CRITICAL = 2, ERROR = 3, NOTICE = 5, INFO = 6 }
 local OFF_MDBM = -2147483648
 local LONGEST_LEASE_MS = 5000
@@ -27,6 +27,8 @@ local RESTATE_OFF_MS = 1000
 -- The next step may come this much later: what ends before it ends now.
 local LATEST_STEP_MS = 15
 local REPORT_MS = 200
+local BEAT_MS = 50
+local GUARD_GONE_MS = 500
 
 -- Parameters ---------------------------------------------------------------------------------------------------------
 
@@ -42,6 +44,12 @@ local DEFAULTS = {
    { "DBM_HI", 20 }, -- the greatest power; what the relay alone gives
    { "TILT_RATE", 45 }, -- fastest turn of the offsets, degrees per second
    { "OFS_MS", 1000 }, -- offsets not renewed for so long go back to level
+   -- What the two scripts tell each other; not to be set.
+   { "BEAT", 0 }, -- this script's pulse: changes while it runs
+   { "GUARD", 0 }, -- the guard's pulse
+   { "TX_END", -1 }, -- when the radio is off by itself, ms of the clock modulo 2^24; -1: it is off
+   { "ROLL", 0 }, -- the offsets as they are, degrees
+   { "PITCH", 0 },
 }
 
 assert(param:add_table(TABLE_KEY, PREFIX, #DEFAULTS), "veilwing: parameter table key is taken")
@@ -51,6 +59,10 @@ end
 
 local function setting(index)
    return param:get(PREFIX .. DEFAULTS[index][1]) or DEFAULTS[index][2]
+end
+
+local function share(name, value)
+   param:set(PREFIX .. name, value)
 end
 
 local function say(severity, text)
@@ -71,6 +83,32 @@ local function in_guided()
    return arming:is_armed() and vehicle:get_mode() == GUIDED
 end
 
+-- The guard ----------------------------------------------------------------------------------------------------------
+
+local guard = { beat = nil, heard_at = nil, beaten_at = millis() }
+
+function guard.alive()
+   return guard.heard_at ~= nil and since_ms(guard.heard_at) <= GUARD_GONE_MS
+end
+
+-- Shows this script's pulse and looks for the guard's.
+function guard.update()
+   if since_ms(guard.beaten_at) < BEAT_MS then
+      return
+   end
+   guard.beaten_at = millis()
+   -- Below 2^24: a parameter is of single precision.
+   share("BEAT", guard.beaten_at:toint() & 0xFFFFF)
+   local beat = setting(11)
+   if guard.beat and beat ~= guard.beat then
+      guard.heard_at = millis()
+   elseif guard.heard_at and not guard.alive() then
+      guard.heard_at = nil
+      say(SEVERITY.ERROR, "the guard script is gone")
+   end
+   guard.beat = beat
+end
+
 -- Body offsets -------------------------------------------------------------------------------------------------------
 
 local offsets = {
@@ -84,6 +122,8 @@ local offsets = {
 
 function offsets.apply(roll, pitch)
    offsets.applied = { roll, pitch }
+   share("ROLL", roll)
+   share("PITCH", pitch)
    attitude_control:set_offset_roll_pitch(roll, pitch)
 end
 
@@ -138,7 +178,8 @@ function offsets.command(roll, pitch)
    end
    offsets.wanted = { roll, pitch }
    offsets.renewed_at = (not level) and millis() or nil
-   return ACCEPTED
+   -- On the ground it is said in time that the guard is missing; what is asked is done all the same.
+   return (guard.alive() or arming:is_armed()) and ACCEPTED or FAILED
 end
 
 function offsets.switch(value)
@@ -148,6 +189,8 @@ function offsets.switch(value)
    if value == 1 then
       if not in_guided() then
          return NOT_NOW
+      elseif not guard.alive() then
+         return FAILED
       end
       offsets.on = true
    elseif value == 0 then
@@ -177,6 +220,7 @@ function radio.silence()
    radio.until_off = nil
    radio.power_mdbm = OFF_MDBM
    radio.stated_at = millis()
+   share("TX_END", -1)
    local key, line = key_relay(), power_line()
    if key then
       relay:off(key)
@@ -218,6 +262,11 @@ function radio.radiate(dbm, expiry_ms, ends_early)
    if not in_guided() then
       return NOT_NOW
    end
+   if key and not guard.alive() then
+      -- Nothing else opens the relay should this script be gone by then.
+      return FAILED
+   end
+   share("TX_END", (millis():toint() + expiry_ms) & 0xFFFFFF)
    if line then
       -- The firmware ends this by itself, should the script be gone by then.
       SRV_Channels:set_output_pwm_chan_timeout(line, pwm, expiry_ms)
@@ -267,7 +316,7 @@ end
 -- Numbered commands --------------------------------------------------------------------------------------------------
 
 local RESULT = { ACCEPTED = 0, NOT_NEWER = 1, OTHER_SERIES = 2, EXPIRED = 3, DENIED = 4, NOT_NOW = 5, FAILED = 6 }
-local RESULTS = { [ACCEPTED] = RESULT.ACCEPTED, [NOT_NOW] = RESULT.NOT_NOW, [DENIED] = RESULT.DENIED }
+local RESULTS = { [ACCEPTED] = RESULT.ACCEPTED, [NOT_NOW] = RESULT.NOT_NOW, [DENIED] = RESULT.DENIED, [FAILED] = RESULT.FAILED }
 local WHOLE = 1 << 24
 
 math.randomseed(micros():toint())
@@ -323,17 +372,21 @@ end
 
 -- MAVLink ------------------------------------------------------------------------------------------------------------
 
-local COMMAND_INT, COMMAND_LONG = mavlink_msgs.get_msgid("COMMAND_INT"), mavlink_msgs.get_msgid("COMMAND_LONG")
-local NAMES = { [COMMAND_INT] = "COMMAND_INT", [COMMAND_LONG] = "COMMAND_LONG" }
-local QUEUE = 20
--- The firmware removes for good a script that takes too many instructions in one step: a burst is for several.
-local PER_STEP = 2
+local COMMAND_INT, COMMAND_LONG, COMMAND_ACK = 75, 76, 77
+local CRC_EXTRA = { [COMMAND_INT] = 158, [COMMAND_LONG] = 152 }
+-- The most that the firmware allows. When it is full, what comes is lost: see README.md.
+local QUEUE = 25
+-- The firmware removes for good a script that takes more than SCR_VM_I_COUNT (10000) instructions in one step. So many
+-- messages are looked at in a step, and so many obeyed; the rest is for the next.
+local LOOKS, OBEYS = 30, 2
 
 mavlink:init(QUEUE, 2)
 mavlink:register_rx_msgid(COMMAND_INT)
 mavlink:register_rx_msgid(COMMAND_LONG)
+local IS_OURS = {}
 for _, command in pairs(CMD) do
    assert(mavlink:block_command(command), "veilwing: cannot take over command " .. command)
+   IS_OURS[command] = true
 end
 
 local own_system = param:get("MAV_SYSID") or param:get("SYSID_THISMAV") or 1
@@ -346,8 +399,9 @@ local tunnel_sequence = 0
 
 local function crc(bytes)
    local sum = 0xFFFF
-   for at = 1, #bytes do
-      local t = bytes:byte(at) ~ (sum & 0xFF)
+   local values = { bytes:byte(1, -1) }
+   for at = 1, #values do
+      local t = values[at] ~ (sum & 0xFF)
       t = (t ~ (t << 4)) & 0xFF
       sum = ((sum >> 8) ~ (t << 8) ~ (t << 3) ~ (t >> 4)) & 0xFFFF
    end
@@ -393,7 +447,7 @@ local function obey_numbered(message, channel)
    report(channel, boot, number, result)
 end
 
--- Result and result_param2 of a command; nil if it is not ours.
+-- Result and result_param2 of a command.
 local function obey(message)
    local is_int = message.msgid == COMMAND_INT
    if message.command == CMD.OFFSETS and not is_int then
@@ -408,52 +462,69 @@ local function obey(message)
    elseif message.command == CMD.KILL then
       return radio.kill()
    end
-   for _, command in pairs(CMD) do
-      if message.command == command then
-         return UNSUPPORTED, 0
-      end
-   end
-   return nil, 0
+   return UNSUPPORTED, 0
 end
 
 local function is_numbered(message)
    return message.command == CMD.LEASE and message.msgid == COMMAND_INT and message.param2 ~= 0
 end
 
+-- Whether a message is a command for this script, by the few bytes that say so: COMMAND_LONG and COMMAND_INT have them in
+-- one place. The bytes are the firmware's mavlink_message_t: checksum, header, and the payload with zeros to its full length.
+local function is_for_us(bytes)
+   local command, system, component = string.unpack("<I2BB", bytes, 41)
+   return IS_OURS[command] and system == own_system and component <= AUTOPILOT_COMPONENT
+end
+
+-- The command, or nil if it was damaged on its way: the firmware hands those on as well.
+local function decode(bytes)
+   local checksum, magic, length = string.unpack("<I2BB", bytes)
+   local sysid, compid, msgid = string.unpack("<BBI3", bytes, 8)
+   local extra = CRC_EXTRA[msgid]
+   local header = magic == 0xFD and bytes:sub(4, 12) or bytes:sub(4, 4) .. bytes:sub(7, 10)
+   if not extra or crc(header .. bytes:sub(13, 12 + length) .. string.char(extra)) ~= checksum then
+      return nil
+   end
+   local message = { msgid = msgid, sysid = sysid, compid = compid, command = string.unpack("<I2", bytes, 41) }
+   message.param1, message.param2, message.param3, message.param4, message.x, message.y =
+      string.unpack("<ffffi4i4", bytes, 13)
+   return message
+end
+
+local function handle(message, channel)
+   if is_numbered(message) then
+      return obey_numbered(message, channel)
+   end
+   local result, detail = obey(message)
+   mavlink:send_chan(
+      channel,
+      COMMAND_ACK,
+      string.pack("<I2BBi4BB", message.command, result, 0, detail, message.sysid, message.compid)
+   )
+end
+
 local function receive()
-   for _ = 1, PER_STEP do
+   local obeyed = 0
+   for _ = 1, LOOKS do
       local bytes, channel = mavlink:receive_chan()
       if not bytes then
          return
       end
-      local message = mavlink_msgs.decode(bytes, NAMES)
-      if
-         message
-         and message.target_system == own_system
-         and (message.target_component == AUTOPILOT_COMPONENT or message.target_component == 0)
-      then
-         local result, detail
-         if is_numbered(message) then
-            obey_numbered(message, channel)
-         else
-            result, detail = obey(message)
+      if is_for_us(bytes) then
+         local message = decode(bytes)
+         if message then
+            handle(message, channel)
          end
-         if result then
-            local answer = {
-               command = message.command,
-               result = result,
-               progress = 0,
-               result_param2 = detail,
-               target_system = message.sysid,
-               target_component = message.compid,
-            }
-            mavlink:send_chan(channel, mavlink_msgs.encode("COMMAND_ACK", answer))
+         obeyed = obeyed + 1
+         if obeyed == OBEYS then
+            return
          end
       end
    end
 end
 
 local function step()
+   guard.update()
    radio.update()
    receive()
    offsets.update()
@@ -462,15 +533,20 @@ local function step()
    end
 end
 
-function update()
+local told_at
+
+local function update()
    local good, fault = pcall(step)
    if not good then
       pcall(radio.silence)
       offsets.on = false
       offsets.level()
       pcall(offsets.update)
-      say(SEVERITY.ERROR, tostring(fault))
-      return update, 500
+      if not told_at or since_ms(told_at) >= 1000 then
+         told_at = millis()
+         say(SEVERITY.ERROR, tostring(fault))
+      end
+      return update, AFTER_FAULT_MS
    end
    return update, PERIOD_MS
 end

@@ -1,5 +1,10 @@
--- The part of ArduPilot's scripting interface that the bridge uses, on a clock that the test turns.
+-- The part of ArduPilot's scripting interface that the bridge and its guard use, on a clock that the test turns.
+local wire = require("wire")
 local autopilot = {}
+
+-- SCR_VM_I_COUNT as ArduPilot has it unless told otherwise.
+autopilot.ALLOWANCE = 10000
+local BRIDGE, GUARD = "ardupilot/veilwing.lua", "ardupilot/veilwing_guard.lua"
 
 -- A 32-bit counter that wraps, as userdata in the firmware: only its difference is a number.
 local uint32 = {}
@@ -18,14 +23,7 @@ function autopilot.report(payload)
    assert(kind == 42120 and to_system == 0 and to_component == 0)
    local frame = payload:sub(6, 5 + length)
    assert(#frame == 45 and payload:sub(6 + length):find("[^\0]") == nil)
-   local sum = 0xFFFF
-   for _, byte in ipairs({ (frame:sub(2, -3) .. "\49"):byte(1, -1) }) do
-      sum = sum ~ byte
-      for _ = 1, 8 do
-         sum = (sum & 1 == 1) and (sum >> 1) ~ 0x8408 or sum >> 1
-      end
-   end
-   assert(string.unpack("<I2", frame:sub(-2)) == sum, "checksum")
+   assert(string.unpack("<I2", frame:sub(-2)) == wire.crc(frame:sub(2, -3) .. "\49"), "checksum")
    local report, start, size, id = {}, string.unpack("<BB", frame)
    assert(start == 0xFD and size == 33)
    report.sequence, report.sysid, report.compid, id = string.unpack("<BBBI3", frame, 5)
@@ -52,7 +50,10 @@ function autopilot.boot(change)
       texts = {},
       blocked = {},
       broken = false,
+      scripts = {},
+      most = {}, -- instructions that a run of each script has taken at the most, where they are counted
    }
+   a.allowance = autopilot.ALLOWANCE
    if change then
       change(a)
    end
@@ -66,6 +67,11 @@ function autopilot.boot(change)
    param = {}
    function param:get(name)
       return a.parameters[name]
+   end
+   function param:set(name, value)
+      assert(a.parameters[name], name)
+      a.parameters[name] = string.unpack("<f", string.pack("<f", value))
+      return true
    end
    function param:add_table(key, prefix, count)
       a.table = { key = key, prefix = prefix, count = count }
@@ -120,6 +126,7 @@ function autopilot.boot(change)
    end
    mavlink = {}
    function mavlink:init(depth, count)
+      assert(depth <= 25 and count <= 25, "the firmware's limits")
       a.depth, a.kinds = depth, count
    end
    function mavlink:register_rx_msgid(_)
@@ -145,36 +152,83 @@ function autopilot.boot(change)
       return true
    end
 
-   update = nil
-   local chunk = assert(loadfile("ardupilot/veilwing.lua"))
-   local again, period = chunk()
-   a.next_at = a.now_ms + period
+   -- Each script has globals of its own.
+   local function load(name)
+      local run = assert(loadfile(name, "t", setmetatable({}, { __index = _G })))
+      a.scripts[name] = { run = run, next_at = a.now_ms }
+   end
 
-   -- Passes time, with the script or without it (killed by the scheduler, out of memory).
-   function a.pass(duration_ms, without_script)
+   -- One run of a script. With `a.counts`, its instructions are counted, the stand-in's excepted, and more than the
+   -- allowance end it as in the firmware: an error at every further instruction, and it is never run again.
+   local function run(name)
+      local script, count = a.scripts[name], 0
+      if a.counts then
+         debug.sethook(function()
+            if debug.getinfo(2, "S").short_src == name then
+               count = count + 1
+               if count > a.allowance then
+                  error("Exceeded CPU time")
+               end
+            end
+         end, "", 1)
+      end
+      local good, again, period = pcall(script.run)
+      debug.sethook()
+      a.most[name] = math.max(a.most[name] or 0, count)
+      if good and count <= a.allowance then
+         script.run, script.next_at = again, a.now_ms + period
+      else
+         a.scripts[name] = nil
+         table.insert(a.texts, name .. (good and " exceeded time limit" or " failed: " .. tostring(again)))
+      end
+   end
+
+   local names = a.without_guard and { BRIDGE } or { BRIDGE, GUARD }
+   for _, name in ipairs(names) do
+      load(name)
+      run(name)
+   end
+   assert(a.scripts[BRIDGE], a.texts[#a.texts])
+
+   function a.kill_bridge()
+      a.scripts[BRIDGE] = nil
+   end
+
+   function a.bridge_lives()
+      return a.scripts[BRIDGE] ~= nil
+   end
+
+   -- Takes a message off a link as the firmware does: the queue keeps the oldest.
+   function a.receive(bytes)
+      if #a.queue < a.depth then
+         table.insert(a.queue, bytes)
+      end
+   end
+
+   -- Passes time, with the scripts or without them (the engine itself has stopped).
+   function a.pass(duration_ms, without_scripts)
       local to = a.now_ms + duration_ms
       while a.now_ms < to do
          a.now_ms = a.now_ms + 1
          if a.override_until and a.now_ms >= a.override_until then
             a.pwm, a.override_until = 1000, nil
          end
-         if not without_script and a.now_ms >= a.next_at then
-            local next_period
-            again, next_period = again()
-            a.next_at = a.now_ms + next_period
+         for _, name in ipairs(without_scripts and {} or names) do
+            if a.scripts[name] and a.now_ms >= a.scripts[name].next_at then
+               run(name)
+            end
          end
       end
    end
 
    -- Sends a command and returns the answer; nil if there is none.
-   local msgs = require("MAVLink/mavlink_msgs")
-   function a.command(name, command, fields)
+   function a.command(name, command, fields, form)
       local message = { command = command, target_system = 2, target_component = 1 }
       for key, value in pairs(fields or {}) do
          message[key] = value
       end
       a.sent = {}
-      table.insert(a.queue, msgs.pack(name, 1, 191, message))
+      a.receive(wire.pack(name, 1, 191, message, form))
       a.pass(11)
       assert(#a.sent <= 1, "one answer at most")
       if #a.sent == 0 then
@@ -199,7 +253,7 @@ function autopilot.boot(change)
          message[key] = value
       end
       local before = #a.reports
-      table.insert(a.queue, msgs.pack("COMMAND_INT", fields and fields.sysid or sysid, fields and fields.compid or compid, message))
+      a.receive(wire.pack("COMMAND_INT", fields and fields.sysid or sysid, fields and fields.compid or compid, message))
       a.pass(11)
       for at = before + 1, #a.reports do
          if a.reports[at].answers ~= 0 then
@@ -217,6 +271,8 @@ function autopilot.boot(change)
    function a.lease(dbm, expiry_ms, slot)
       return a.command("COMMAND_INT", 31010, { param1 = dbm, x = slot or 7, y = expiry_ms })
    end
+   -- Until the two scripts have seen each other.
+   a.pass(250)
    return a
 end
 

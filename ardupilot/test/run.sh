@@ -10,7 +10,7 @@ if ! command -v lua5.3 >/dev/null || ! command -v luac5.3 >/dev/null; then
         exit 1
     }
 fi
-for file in ardupilot/veilwing.lua ardupilot/modules/MAVLink/*.lua ardupilot/test/*.lua ardupilot/test/MAVLink/*.lua; do
+for file in ardupilot/*.lua ardupilot/test/*.lua; do
     luac5.3 -p "$file"
 done
 lua5.3 ardupilot/test/run.lua

@@ -289,6 +289,44 @@ fn spec_body_offsets_of_a_six_dof_frame_come_through_its_script() {
 }
 
 #[test]
+fn spec_a_burst_of_commands_ends_the_bridge_script_and_its_guard_goes_level() {
+    let (angles, switch) = (MavCmd::MAV_CMD_USER_4, MavCmd::MAV_CMD_USER_5);
+    for (dies, unguarded) in [(false, false), (true, false), (true, true)] {
+        let mut f = guided(copter(|t| (t.script_dies_of_bursts, t.script_without_guard) = (dies, unguarded)));
+        set(&mut f, "FRAME_CLASS", 16.0);
+        f.clients[0].command(&mut f.world, angles, &[40.0, 0.0]);
+        f.clients[0].command(&mut f.world, switch, &[1.0]);
+        f.pass(5000);
+        let tilt_deg = |f: &Flight| {
+            let [_, x, y, _] = f.world.snapshot().vehicles[0].nominal_attitude_wxyz;
+            2.0 * x.hypot(y).asin().to_degrees()
+        };
+        for _ in 0..10 {
+            f.clients[0].command(&mut f.world, MavCmd::MAV_CMD_REQUEST_MESSAGE, &[242.0]);
+        }
+        f.pass(20);
+        f.clients[0].received.clear();
+        f.clients[0].command(&mut f.world, angles, &[40.0, 0.0]);
+        f.pass(2500);
+        assert_eq!(f.clients[0].last_ack(angles).is_none(), dies, "nobody answers");
+        // Another mode levels it, where somebody lives to do it.
+        let tilts = [tilt_deg(&f), {
+            f.clients[0].command(&mut f.world, MavCmd::MAV_CMD_DO_SET_MODE, &[1.0, 9.0]);
+            f.pass(3000);
+            tilt_deg(&f)
+        }];
+        let wanted = if unguarded {
+            [40.0, 40.0]
+        } else if dies {
+            [0.0, 0.0]
+        } else {
+            [40.0, 0.0]
+        };
+        assert!(tilts.iter().zip(wanted).all(|(t, w)| (t - w).abs() < 1.0), "{dies} {unguarded}: {tilts:?}");
+    }
+}
+
+#[test]
 fn spec_stock_attitude_targets_climb_and_drift() {
     let mut f = guided(copter(|t| t.angle_control = true));
     let start = f.position(0);

@@ -11,6 +11,8 @@ use crate::time::Instant;
 const ANSWER_TIMEOUT: Duration = Duration::from_millis(500);
 const PROGRESS_TIMEOUT: Duration = Duration::from_secs(5);
 const ATTEMPTS: u8 = 4;
+/// A command that nobody answers is given up after this.
+pub(super) const LONGEST_WAIT: Duration = ANSWER_TIMEOUT.saturating_mul(ATTEMPTS as u32);
 
 /// What a command was sent for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

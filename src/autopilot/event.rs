@@ -127,6 +127,11 @@ pub enum Event {
         /// As it is now.
         is: f64,
     },
+    /// ArduPilot's bridge script follows the body offsets no more, and nobody answers in its place.
+    BridgeDead {
+        /// Since the first of the offsets that were not answered.
+        silent_for: Duration,
+    },
     /// On the ground after a flight.
     Landed,
     /// The motors are off.

@@ -35,6 +35,9 @@ pub enum Cause {
     /// The position estimate.
     #[error("estimator: {0}")]
     Estimator(EstimatorFault),
+    /// ArduPilot's bridge script is gone: nobody follows the planned attitudes.
+    #[error("the bridge script is gone: no answer of its own for {:.1} s", .0.as_secs_f64())]
+    BridgeDead(Duration),
     /// The other vehicle, or its companion.
     #[error("{}", words::give_up(.0, .1))]
     Peer(Role, GiveUp),

@@ -48,6 +48,9 @@ pub enum Notice {
     /// The estimate is not to be trusted; nothing follows in this phase.
     #[error("estimator: {0}")]
     Estimator(EstimatorFault),
+    /// ArduPilot's bridge script is gone; nothing follows in this phase.
+    #[error("the bridge script is gone: no answer of its own for {:.1} s", .0.as_secs_f64())]
+    BridgeDead(Duration),
     /// What is missing before take-off. `failed`: a preflight check is among it.
     #[error("waiting: {text}")]
     Waiting {
@@ -103,6 +106,9 @@ pub enum Notice {
     /// An abort before the altitude band was reached.
     #[error("landing where it took off")]
     LandingBelowBand,
+    /// A surrendered vehicle goes home by the operator's order.
+    #[error("returning by the autopilot, on the operator's order")]
+    SentHome,
     /// There is no way home.
     #[error("no way home, landing here: {0}")]
     NoWayHome(TransitError),
@@ -264,6 +270,7 @@ impl Notice {
             | Self::StartOrdered
             | Self::LogTakenAgain => MavSeverity::MAV_SEVERITY_INFO,
             Self::Paused
+            | Self::SentHome
             | Self::GoingOn
             | Self::ParameterSet(..)
             | Self::KillLifted
@@ -272,6 +279,7 @@ impl Notice {
             | Self::NotTakingOff(_) => MavSeverity::MAV_SEVERITY_NOTICE,
             Self::AutopilotRefused(_)
             | Self::Estimator(_)
+            | Self::BridgeDead(_)
             | Self::Waiting { again: true, .. }
             | Self::PreflightWarning(_)
             | Self::Silent(_)

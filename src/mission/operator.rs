@@ -4,6 +4,7 @@
 use mavlink::MavHeader;
 use mavlink::dialects::ardupilotmega::{MavCmd, MavMessage, MavResult};
 
+use crate::autopilot::Mode;
 use crate::pair::orders::{Change, Order};
 use crate::pair::wire::{VeilwingFlags, VeilwingSilence};
 use crate::time::Instant;
@@ -67,6 +68,11 @@ impl Executive {
         let by = (u8::try_from(header.system_id).unwrap_or_default(), header.component_id);
         let mut information = None;
         let result = match wanted {
+            Wanted::Order(Order::Recall) if to_us && self.may_be_sent_home() => {
+                self.notice(Notice::SentHome);
+                self.autopilot.return_to_launch(now);
+                MavResult::MAV_RESULT_ACCEPTED
+            }
             Wanted::Order(order) => match self.take_order(order, now) {
                 Some(number) => return self.asked_for.note(by, command, number, now),
                 None => MavResult::MAV_RESULT_DENIED,
@@ -89,6 +95,18 @@ impl Executive {
         };
         self.outbox.push_back(acknowledgement(by, command, result));
         self.outbox.extend(information);
+    }
+
+    /// Whether this vehicle, surrendered and in the air, hovers in nobody's hand: its autopilot is heard, in the mode that
+    /// the companion left or in its own hold. Such a vehicle the operator, and nobody else, sends home by the autopilot's
+    /// own return. From a pilot's mode it is never taken (F2). The order is this vehicle's alone: a vehicle on its way by
+    /// autopilot heeds no other, so when it goes is for a person to say.
+    fn may_be_sent_home(&self) -> bool {
+        let state = self.autopilot.state();
+        matches!(self.phase, Phase::Surrendered { .. })
+            && matches!(state.mode(), Some(Mode::Companion | Mode::Hold))
+            && self.autopilot.state_received_at().is_some()
+            && state.is_armed()
     }
 
     /// Gives an order its number, or `None` if it cannot be obeyed. On the ground, a pause takes back a START.

@@ -46,6 +46,14 @@ impl Executive {
                     self.notice(Notice::Estimator(fault));
                 }
             }
+            AutopilotEvent::BridgeDead { silent_for } => {
+                if self.phase.is_outward() {
+                    self.service.tell_silence(VeilwingSilence::VEILWING_SILENCE_POSE, now);
+                    self.abort(Cause::BridgeDead(silent_for), now);
+                } else {
+                    self.notice(Notice::BridgeDead(silent_for));
+                }
+            }
             AutopilotEvent::Refused { what, result, statustext } => {
                 let answer = result.map_or("no answer".to_owned(), |result| format!("{result:?}"));
                 let text = statustext.unwrap_or_default();

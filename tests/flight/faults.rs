@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use mavlink::dialects::ardupilotmega::{EstimatorStatusFlags, MavMessage, MavSysStatusSensor};
+use mavlink::dialects::ardupilotmega::{EstimatorStatusFlags, MavCmd, MavMessage, MavSysStatusSensor};
 use veilwing::mission::Outcome;
 use veilwing::role::Role;
 use veilwing_sitl::Fault;
@@ -74,6 +74,45 @@ fn spec_death_of_companion_i_in_a_slot_is_safe() {
 #[test]
 fn spec_death_of_companion_j_in_a_slot_is_safe() {
     dies_at_ten_points(Role::J);
+}
+
+#[test]
+fn spec_a_dead_bridge_script_silences_both_within_a_second_and_both_come_home() {
+    for role in Role::BOTH {
+        let mut flight = in_mid_slot(Setup { bridged: Some(role), ..Setup::default() });
+        let died_at = flight.now;
+        flight.burst(role, 10);
+        flight.fly_out();
+        for silent in Role::BOTH {
+            let after = flight.silent_after(silent, died_at);
+            println!("the bridge of {role} is dead: {silent} silent after {after:?}");
+            assert!(after <= Duration::from_secs(1), "{after:?}\n{}", flight.story());
+            assert!(flight.landed(silent), "{}", flight.story());
+        }
+        assert!(cause(&flight, role).contains("bridge script"), "{}", flight.story());
+        let told_after = flight.said(role, "mission aborted: the bridge script").unwrap() - died_at;
+        assert!(told_after <= Duration::from_millis(700), "{told_after:?}\n{}", flight.story());
+        flight.assert_safe_but(REACTION);
+    }
+}
+
+#[test]
+fn spec_a_bridge_script_that_dies_on_the_way_home_is_told_and_changes_nothing() {
+    let mut flight = Flight::new(Setup { bridged: Some(Role::I), ..Setup::default() });
+    assert!(
+        flight.until(|flight| flight.said(Role::I, "all slots are over").is_some()),
+        "{}",
+        flight.story()
+    );
+    flight.pass(Duration::from_secs(1));
+    flight.burst(Role::I, 10);
+    flight.fly_out();
+    flight.assert_safe();
+    assert!(flight.said(Role::I, "the bridge script is gone").is_some(), "{}", flight.story());
+    for role in Role::BOTH {
+        assert_eq!(flight.outcomes[role], Some(Outcome::Completed), "{}", flight.story());
+        assert!(flight.landed(role), "{}", flight.story());
+    }
 }
 
 #[test]
@@ -191,6 +230,38 @@ fn spec_a_surrender_on_the_ground_ends_the_companion() {
         assert!(cause(&flight, role).contains("nothing from the autopilot"), "{}", flight.story());
         assert!(flight.landed(role), "{}", flight.story());
     }
+}
+
+/// The companion has surrendered and the vehicle hovers: the operator's way home.
+#[test]
+fn spec_after_a_link_cut_the_operators_return_brings_the_vehicle_home() {
+    for bridged in [None, Some(Role::I)] {
+        let mut flight = in_mid_slot(Setup { bridged, ..Setup::default() });
+        for on in [true, false] {
+            flight.world.inject(Fault::LinkLoss { vehicle: 0, on });
+            flight.pass(Duration::from_secs(3));
+        }
+        flight.pass(Duration::from_secs(30));
+        assert!(flight.lives(Role::I) && !flight.landed(Role::I), "{}", flight.story());
+        flight.command(Role::I, MavCmd::MAV_CMD_NAV_RETURN_TO_LAUNCH);
+        flight.fly_out();
+        flight.assert_safe();
+        assert!(cause(&flight, Role::I).contains("from the autopilot"), "{}", flight.story());
+        assert!(flight.said(Role::I, "returning by the autopilot").is_some(), "{}", flight.story());
+        assert!(flight.landed(Role::I), "{}", flight.story());
+    }
+}
+
+#[test]
+fn spec_no_order_takes_a_vehicle_from_its_pilot() {
+    let mut flight = in_mid_slot(Setup::default());
+    flight.world.inject(Fault::PilotMode { vehicle: 0 });
+    flight.pass(Duration::from_secs(5));
+    let mode = flight.world.snapshot().vehicles[0].mode;
+    flight.command(Role::I, MavCmd::MAV_CMD_NAV_RETURN_TO_LAUNCH);
+    flight.pass(Duration::from_secs(5));
+    assert_eq!(flight.world.snapshot().vehicles[0].mode, mode, "{}", flight.story());
+    assert!(flight.said(Role::I, "returning by the autopilot").is_none(), "{}", flight.story());
 }
 
 #[test]

@@ -7,6 +7,7 @@ use std::time::Duration;
 
 use mavlink::MavHeader;
 use mavlink::dialects::ardupilotmega::{COMMAND_LONG_DATA, MavCmd, MavMessage, MavParamType, PARAM_SET_DATA};
+use veilwing::autopilot::Actuation;
 use veilwing::config::{Mission, MissionDraft, Vehicle};
 use veilwing::desk::simulation::{self, Given, Observer, vehicle_draft, world_config};
 pub use veilwing::desk::simulation::{Path, index};
@@ -15,7 +16,7 @@ use veilwing::mission::{Notice, Outgoing};
 use veilwing::planner::slots::Plan;
 use veilwing::planning;
 use veilwing::role::{PerVehicle, Role};
-use veilwing_sitl::{FlightReport, Slip, World};
+use veilwing_sitl::{Firmware, FlightReport, Slip, World};
 
 /// No flight of the small mission takes longer, faults included.
 pub const LONGEST: Duration = Duration::from_secs(300);
@@ -53,8 +54,14 @@ pub fn yard() -> &'static Planned {
     YARD.get_or_init(|| Planned::new(Mission::parse("yard.toml", MISSION).unwrap()))
 }
 
-fn vehicle(mission: &Mission, role: Role, simulated: bool, tunnel: bool) -> Vehicle {
+fn vehicle(
+    mission: &Mission,
+    role: Role,
+    (simulated, tunnel): (bool, bool),
+    actuation: Option<Actuation>,
+) -> Vehicle {
     let mut draft = vehicle_draft(mission, role, [1, 2]);
+    draft.autopilot.actuation = actuation.unwrap_or(draft.autopilot.actuation);
     draft.transmitter.simulated = simulated;
     draft.pair_tunnel = tunnel;
     // Nothing is signed in virtual time; what is at stake here is the mission's leave, not the links'.
@@ -92,6 +99,8 @@ pub struct Setup {
     /// Whose pair messages ride in TUNNEL.
     pub tunnel: PerVehicle<bool>,
     pub pair: Path,
+    /// An ArduCopter of the 6DoF frame, whose bridge script dies of a burst of commands.
+    pub bridged: Option<Role>,
     /// A slip planted in what a vehicle's autopilot hears.
     pub slip: Option<(Role, Slip)>,
     pub seed: u64,
@@ -105,6 +114,7 @@ impl Default for Setup {
             start_unasked: true,
             tunnel: PerVehicle::default(),
             pair: Path::GOOD,
+            bridged: None,
             slip: None,
             seed: 1,
         }
@@ -141,9 +151,16 @@ impl Flight {
         if let Some((role, slip)) = setup.slip {
             config.vehicles[index(role)].slip = Some(slip);
         }
+        if let Some(role) = setup.bridged {
+            let vehicle = &mut config.vehicles[index(role)];
+            vehicle.firmware = Firmware::ArduCopter;
+            vehicle.traps.script_dies_of_bursts = true;
+        }
+        let bridged = setup.bridged;
         let given = PerVehicle::from_fn(|role| {
             let Planned { mission, plan } = setup.given[role].clone();
-            let vehicle = vehicle(&mission, role, setup.simulated, setup.tunnel[role]);
+            let actuation = (bridged == Some(role)).then_some(Actuation::Pose);
+            let vehicle = vehicle(&mission, role, (setup.simulated, setup.tunnel[role]), actuation);
             Arc::new(Given { mission, plan, vehicle })
         });
         let setup = simulation::Setup {
@@ -153,12 +170,27 @@ impl Flight {
             pair: setup.pair,
             seed: setup.seed,
         };
-        Self {
+        let mut flight = Self {
             flight: simulation::Flight::new(World::new(config).unwrap(), setup),
             station: Encoder::default(),
             log: Log::default(),
             now: Duration::ZERO,
+        };
+        if let Some(role) = bridged {
+            flight.set_autopilot(role, "FRAME_CLASS", 16.0);
         }
+        flight
+    }
+
+    fn set_autopilot(&mut self, role: Role, name: &str, value: f32) {
+        let set = PARAM_SET_DATA {
+            param_value: value,
+            target_system: 1 + index(role) as u8,
+            target_component: 1,
+            param_id: name.into(),
+            param_type: MavParamType::MAV_PARAM_TYPE_REAL32,
+        };
+        self.tell_autopilot(role, &MavMessage::PARAM_SET(set));
     }
 
     /// A ground station's command to the companion, through the vehicle's link.
@@ -209,6 +241,18 @@ impl Flight {
     pub fn tell_autopilot(&mut self, role: Role, message: &MavMessage) {
         let frame = self.station.encode((255, 190), message);
         self.world.handle(index(role), 0, frame.raw_bytes());
+    }
+
+    /// Ordinary commands of a ground station to the autopilot, all at once.
+    pub fn burst(&mut self, role: Role, count: usize) {
+        let message = MavMessage::COMMAND_LONG(COMMAND_LONG_DATA {
+            command: MavCmd::MAV_CMD_REQUEST_MESSAGE,
+            param1: 242.0,
+            target_system: 1 + index(role) as u8,
+            target_component: 1,
+            ..COMMAND_LONG_DATA::DEFAULT
+        });
+        (0..count).for_each(|_| self.tell_autopilot(role, &message));
     }
 
     /// Flies until `done`, or to `LONGEST`. Whether it was done.

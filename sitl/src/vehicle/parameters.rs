@@ -202,6 +202,8 @@ const ARDUCOPTER: &[(&str, Value)] = &[
     ("GUID_TIMEOUT", Value::Real(3.0)),
     ("LAND_SPEED", Value::Int(70)),
     ("RTL_ALT", Value::Int(3000)),
+    ("SCR_ENABLE", Value::Int(1)),
+    ("SCR_VM_I_COUNT", Value::Int(10_000)),
     ("SYSID_THISMAV", Value::Int(1)),
     ("WPNAV_SPEED", Value::Int(1200)),
     ("WPNAV_SPEED_DN", Value::Int(600)),

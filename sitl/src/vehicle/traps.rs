@@ -26,6 +26,11 @@ pub struct Traps {
     pub fast_interval_refused: bool,
     /// ArduCopter: an attitude quaternion sent to a 6DoF frame (FRAME_CLASS 16) ends the autopilot's program.
     pub six_dof_panics: bool,
+    /// ArduCopter 6DoF: ten commands at once end a bridge script that decodes them all: its offsets stay, and nobody
+    /// answers its commands.
+    pub script_dies_of_bursts: bool,
+    /// ArduCopter 6DoF: no guard script levels the vehicle when the bridge script is gone.
+    pub script_without_guard: bool,
     /// ArduCopter: SETUP_SIGNING is refused while armed. Off: it is carried out, and whoever has not the key is heard no
     /// more in mid-air.
     pub signing_refused_while_armed: bool,
@@ -57,6 +62,8 @@ impl Default for Traps {
             odd_frame_stops: true,
             fast_interval_refused: true,
             six_dof_panics: true,
+            script_dies_of_bursts: false,
+            script_without_guard: false,
             signing_refused_while_armed: true,
             silent_unknown_parameter: true,
             gps_health_is_talk: true,

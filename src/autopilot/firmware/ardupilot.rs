@@ -14,7 +14,7 @@ const BRAKE: u8 = 17;
 pub(super) const LOITER: Mode = Mode::Other { name: "LOITER", custom_mode: 5 };
 
 pub(super) const PARAMETERS: &[&str] =
-    &["FRAME_CLASS", "GUID_TIMEOUT", "GUID_OPTIONS", "FS_GCS_ENABLE", "SCR_ENABLE"];
+    &["FRAME_CLASS", "GUID_TIMEOUT", "GUID_OPTIONS", "FS_GCS_ENABLE", "SCR_ENABLE", "SCR_VM_I_COUNT"];
 
 pub(super) fn mode(custom_mode: u32) -> Mode {
     let name = match custom_mode {

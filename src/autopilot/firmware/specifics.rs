@@ -50,7 +50,8 @@ impl Specifics {
             }
             Self::ArduPilot { bridge } => {
                 if let Some(bridge) = bridge {
-                    *bridge = Bridge::probe(context.commands);
+                    *bridge = Bridge::default();
+                    bridge.probe(context.state.is_armed(), context.commands, context.now);
                 }
             }
         }
@@ -67,16 +68,23 @@ impl Specifics {
 
     /// Does what flying by setpoints (`in_flight`) asks of the autopilot's parameters, and puts them back once that is
     /// over and the vehicle stands, or flies level in a mode that nobody's setpoints tilt; `fresh` being whether its attitude
-    /// is known.
+    /// is known. Asks on the ground whether the bridge is there.
     pub(in crate::autopilot) fn advance(&mut self, in_flight: bool, fresh: bool, context: &mut Context) {
-        if let Self::Px4 { guard, .. } = self {
-            let state = context.state;
-            let level = state.attitude.is_some_and(|attitude| attitude.value.tilt_rad() < LEVEL_BELOW_RAD);
-            let flown_by_itself = state.mode().is_some_and(|mode| mode != Mode::Companion);
-            let safe = state.is_disarmed() || (level && fresh && flown_by_itself);
-            if let Some(event) = guard.advance(in_flight, safe, context.parameters) {
-                context.out.tell(event);
+        let state = context.state;
+        match self {
+            Self::Px4 { guard, .. } => {
+                let level =
+                    state.attitude.is_some_and(|attitude| attitude.value.tilt_rad() < LEVEL_BELOW_RAD);
+                let flown_by_itself = state.mode().is_some_and(|mode| mode != Mode::Companion);
+                let safe = state.is_disarmed() || (level && fresh && flown_by_itself);
+                if let Some(event) = guard.advance(in_flight, safe, context.parameters) {
+                    context.out.tell(event);
+                }
             }
+            Self::ArduPilot { bridge: Some(bridge) } => {
+                bridge.probe(state.is_armed(), context.commands, context.now);
+            }
+            Self::ArduPilot { bridge: None } => {}
         }
     }
 
@@ -89,7 +97,7 @@ impl Specifics {
     pub(in crate::autopilot) fn allows_tilt(&self, parameters: &Parameters) -> bool {
         match self {
             Self::Px4 { guard, .. } => guard.allows_tilt(parameters),
-            Self::ArduPilot { .. } => true,
+            Self::ArduPilot { bridge } => !bridge.as_ref().is_some_and(Bridge::is_dead),
         }
     }
 
@@ -128,7 +136,7 @@ impl Specifics {
     ) {
         let Some(bridge) = self.bridge() else { return };
         match purpose {
-            Purpose::Bridge => bridge.probe_answered(outcome),
+            Purpose::Bridge => bridge.probe_answered(outcome, context.now),
             Purpose::Offsets => bridge.switch_answered(outcome, context),
             _ => {}
         }

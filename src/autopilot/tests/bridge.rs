@@ -56,12 +56,16 @@ fn spec_offsets_follow_the_agreed_switch_at_20_hz_and_no_faster() {
 fn spec_a_script_that_is_gone_is_told_once_and_asked_again() {
     let mut world = rolling(|fake| fake.without_bridge = true);
     world.run(5.0);
-    // A stock autopilot answers, and knows nothing of it.
-    assert_eq!(refusals(&world), [Some(MavResult::MAV_RESULT_UNSUPPORTED)]);
+    // The autopilot answers, and knows nothing of it: scripting was stopped.
+    assert_eq!(deaths(&world), 1);
     world.fake.without_bridge = false;
     world.run(3.0);
     assert!(angle_off(&world) < 1e-6);
-    assert_eq!(refusals(&world).len(), 1);
+    assert_eq!((deaths(&world), refusals(&world).len()), (1, 0));
+}
+
+fn deaths(world: &World) -> usize {
+    world.count(|event| matches!(event, Event::BridgeDead { .. }))
 }
 
 #[test]
@@ -69,15 +73,58 @@ fn spec_offsets_without_an_answer_are_told_within_a_second() {
     let mut world = rolling(|_| {});
     world.run(3.0);
     world.fake.mute_bridge = true;
-    world.run(0.9);
-    assert!(refusals(&world).is_empty());
+    world.run(0.4);
+    assert_eq!(deaths(&world), 0);
     world.run(0.3);
-    assert_eq!(refusals(&world), [None]);
+    assert_eq!(deaths(&world), 1);
     world.fake.mute_bridge = false;
     world.run(1.0);
     world.fake.mute_bridge = true;
     world.run(1.2);
-    assert_eq!(refusals(&world), [None, None], "each time anew");
+    assert_eq!(deaths(&world), 2, "each time anew");
+}
+
+#[test]
+fn spec_a_gap_in_the_autopilots_link_is_no_dead_script() {
+    let mut world = rolling(|_| {});
+    world.run(3.0);
+    world.fake.silent = true;
+    world.run(0.8);
+    world.fake.silent = false;
+    world.run(1.0);
+    assert_eq!(deaths(&world), 0);
+    assert_eq!(world.count(|event| matches!(event, Event::LinkLost { .. })), 0);
+    assert!(world.autopilot.in_control());
+}
+
+#[test]
+fn spec_the_preflight_asks_again_whether_the_script_answers() {
+    let mut world = World::new(Fake::new(Firmware::ArduPilot), |settings| settings.planned_tilt_rad = 0.6);
+    let verdict = |world: &World| {
+        let checks = world.autopilot.preflight(world.now);
+        checks.into_iter().find(|check| check.name == "bridge script").unwrap().result
+    };
+    world.run(5.0);
+    assert_eq!(verdict(&world), Verdict::Pass);
+    world.fake.mute_bridge = true;
+    world.run(5.0);
+    assert_eq!(verdict(&world), Verdict::Fail, "it has died meanwhile");
+    world.fake.mute_bridge = false;
+    world.run(5.0);
+    assert_eq!(verdict(&world), Verdict::Pass);
+}
+
+#[test]
+fn spec_a_script_with_few_instructions_is_refused() {
+    for (count, verdict) in [(10_000, Verdict::Pass), (9_000, Verdict::Fail)] {
+        let mut fake = Fake::new(Firmware::ArduPilot);
+        fake.parameters.insert("SCR_VM_I_COUNT".into(), int(count, Firmware::ArduPilot));
+        let mut world = World::new(fake, |settings| settings.planned_tilt_rad = 0.6);
+        world.run(5.0);
+        let checks = world.autopilot.preflight(world.now);
+        let check = checks.into_iter().find(|check| check.name == "SCR_VM_I_COUNT").unwrap();
+        assert_eq!(check.result, verdict, "{check:?}");
+    }
 }
 
 #[test]

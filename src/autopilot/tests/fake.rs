@@ -127,10 +127,11 @@ impl Fake {
             ],
             Firmware::ArduPilot => vec![
                 ("FRAME_CLASS", int(16, firmware)),
-                ("GUID_TIMEOUT", real(3.0)),
+                ("GUID_TIMEOUT", real(1.0)),
                 ("GUID_OPTIONS", int(0, firmware)),
                 ("FS_GCS_ENABLE", int(0, firmware)),
                 ("SCR_ENABLE", int(1, firmware)),
+                ("SCR_VM_I_COUNT", int(10_000, firmware)),
             ],
         };
         let mut parameters: BTreeMap<String, _> =

@@ -96,20 +96,32 @@ impl Autopilot {
             return MavResult::MAV_RESULT_DENIED;
         }
         if command == MavCmd::MAV_CMD_USER_4 {
-            self.offboard.offsets_rad = params.map(|p| f64::from(p).to_radians());
+            self.script.want(params.map(|p| f64::from(p).to_radians()));
             return MavResult::MAV_RESULT_ACCEPTED;
         }
         if params[0] != 0.0 && self.mode != Mode::Companion {
             return MavResult::MAV_RESULT_TEMPORARILY_REJECTED;
         }
-        self.offboard.offsets_on = params[0] != 0.0;
+        self.script.switch(params[0] != 0.0);
         MavResult::MAV_RESULT_ACCEPTED
     }
 
+    /// A command of whatever kind passes by the script. `true` if nobody answers it: it is one of a dead script's.
+    pub(super) fn passes_the_script(&mut self, command: MavCmd, now: Duration, router: &mut Router) -> bool {
+        if !self.is_six_dof() {
+            return false;
+        }
+        if self.traps.script_dies_of_bursts && self.script.dies_of(now) {
+            let text = "Lua: APM/scripts/veilwing.lua exceeded time limit";
+            self.text(MavSeverity::MAV_SEVERITY_CRITICAL, text, router);
+        }
+        self.script.is_dead() && matches!(command, MavCmd::MAV_CMD_USER_4 | MavCmd::MAV_CMD_USER_5)
+    }
+
     /// The attitude of a heading (from east towards north) with the script's offsets, if they are on.
-    pub(super) fn with_offsets(&self, heading_rad: f64) -> Option<UnitQuaternion<f64>> {
-        let [roll, pitch] = self.offboard.offsets_rad;
+    pub(super) fn with_offsets(&self, heading_rad: f64, now: Duration) -> Option<UnitQuaternion<f64>> {
+        let [roll, pitch] = self.script.offsets_rad(!self.traps.script_without_guard, now)?;
         let ned = UnitQuaternion::from_euler_angles(roll, pitch, FRAC_PI_2 - heading_rad);
-        self.offboard.offsets_on.then(|| self.frame.attitude_to_enu(&ned))
+        Some(self.frame.attitude_to_enu(&ned))
     }
 }

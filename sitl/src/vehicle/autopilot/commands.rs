@@ -66,6 +66,9 @@ impl Autopilot {
             }
             _ => return,
         };
+        if self.passes_the_script(command.id, now, router) {
+            return;
+        }
         let result = self.execute(&command, from, now, router);
         self.acknowledge(from, command.id, result, router);
     }

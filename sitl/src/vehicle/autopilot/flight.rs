@@ -117,6 +117,19 @@ impl Autopilot {
         )
     }
 
+    /// What a dead script has left behind, in whatever mode.
+    pub(super) fn tilted_by_the_dead(&self, guidance: Guidance, sensed: &Sensed) -> Guidance {
+        match guidance {
+            Guidance::Fly(mut target, limits) if self.script.is_dead() => {
+                if let Some(attitude) = self.with_offsets(self.flight.heading_rad, sensed.now) {
+                    target.attitude = attitude;
+                }
+                Guidance::Fly(target, limits)
+            }
+            other => other,
+        }
+    }
+
     /// The companion's setpoints.
     fn follow(&mut self, sensed: &Sensed, limits: SpeedLimits) -> Guidance {
         if let Some(target) = self.offboard.thrust {
@@ -143,7 +156,7 @@ impl Autopilot {
         } else if self.landed && self.firmware == Firmware::ArduCopter {
             return Guidance::Off;
         }
-        if let Some(attitude) = self.with_offsets(self.flight.heading_rad) {
+        if let Some(attitude) = self.with_offsets(self.flight.heading_rad, sensed.now) {
             target.attitude = attitude;
         } else if let Some((attitude, at)) = self.offboard.attitude {
             // Old roll and pitch are levelled; the heading stays.

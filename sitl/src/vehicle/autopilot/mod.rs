@@ -26,6 +26,7 @@ mod modes;
 mod offboard;
 mod parameter_protocol;
 mod reposition;
+mod script;
 pub mod slip;
 mod streams;
 mod telemetry;
@@ -95,6 +96,7 @@ pub(crate) struct Autopilot {
     pub parameters: Parameters,
     tuning: tuning::Tuning,
     offboard: offboard::Offboard,
+    script: script::Script,
 
     pub mode: Mode,
     pub armed: bool,
@@ -153,6 +155,7 @@ impl Autopilot {
             tuning: tuning::Tuning::of(&parameters, config.firmware),
             parameters,
             offboard: offboard::Offboard::default(),
+            script: script::Script::default(),
             mode: match config.firmware {
                 Firmware::Px4 => Mode::Hold,
                 Firmware::ArduCopter => Mode::Stabilize,
@@ -332,7 +335,8 @@ impl Autopilot {
         self.tell(sensed, router);
         self.watch_land(sensed, router);
         self.watch(sensed, router);
-        self.guide(sensed, router)
+        let guidance = self.guide(sensed, router);
+        self.tilted_by_the_dead(guidance, sensed)
     }
 
     /// ArduCopter takes no key while it is armed, and says so.
@@ -386,8 +390,7 @@ impl Autopilot {
     /// Changes the mode, from where the vehicle is.
     fn enter(&mut self, mode: Mode, sensed: &Sensed) {
         if mode != Mode::Companion {
-            // The bridge script levels the vehicle when GUIDED ends.
-            self.offboard.offsets_on = false;
+            self.script.guided_ends();
         }
         self.traces.changes(self.mode, mode, sensed.now);
         self.mode = mode;

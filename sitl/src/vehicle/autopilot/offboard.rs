@@ -66,9 +66,6 @@ pub(super) struct Offboard {
     pub thrust: Option<ThrustTarget>,
     /// ArduCopter: a lean of angle control, likewise.
     pub angle: Option<Angle>,
-    /// The bridge script's roll and pitch (FRD), and whether they are flown.
-    pub offsets_rad: [f64; 2],
-    pub offsets_on: bool,
     pub counters: SetpointCounters,
     since: Option<Duration>,
     last: Option<Duration>,

@@ -4,12 +4,16 @@
 //! alone (the repository's `ardupilot/`): COMMAND_LONG 31013 carries the angles, 31014 switches them on and off, and
 //! each is acknowledged. An attitude target is never sent to it: a quaternion panics that frame. Offsets are setpoints,
 //! so one is never repeated for want of an answer; the next one is on its way.
+//!
+//! The answers are the script's heartbeat: ArduPilot removes a script that fails or takes too many instructions, for
+//! good, without a word to us, and answers nothing in its place. In flight each offset is answered, twenty times a
+//! second; on the ground an offset of zero asks every second. What the vehicle then does is the second script's affair.
 
 use std::time::Duration;
 
 use mavlink::dialects::ardupilotmega::{COMMAND_ACK_DATA, MavCmd, MavMessage, MavResult};
 
-use crate::autopilot::command::{CommandQueue, Outcome, Purpose, is_meant_for, long};
+use crate::autopilot::command::{CommandQueue, LONGEST_WAIT, Outcome, Purpose, is_meant_for, long};
 use crate::autopilot::context::Context;
 use crate::autopilot::event::Event;
 use crate::geo::Attitude;
@@ -17,8 +21,14 @@ use crate::time::Instant;
 
 /// The script answers each offset, so they are sent no faster than this.
 const OFFSET_INTERVAL: Duration = Duration::from_millis(50);
-/// Offsets without an answer for so long are not followed.
-const UNANSWERED: Duration = Duration::from_secs(1);
+/// After offsets without an answer for so long the script is dead: ten of them, or an answer late by as much.
+const UNANSWERED: Duration = Duration::from_millis(500);
+/// While the autopilot itself has not been heard for so long, or offsets have not gone out, the script's silence says nothing.
+const GAP: Duration = Duration::from_millis(150);
+/// On the ground the script is asked this long after its last answer,
+const PROBE_INTERVAL: Duration = Duration::from_secs(1);
+/// and after a question that nobody saw the end of: longer than a command is repeated.
+const PROBE_LOST: Duration = Duration::from_secs(3);
 /// A refused switch is asked for again after this.
 const ASK_AGAIN: Duration = Duration::from_secs(1);
 
@@ -42,19 +52,35 @@ enum Switch {
 #[derive(Debug, Clone, Default)]
 pub(in crate::autopilot) struct Bridge {
     probed: Outcome,
+    /// When the script is asked again whether it is there.
+    probe_at: Option<Instant>,
     switch: Switch,
+    /// It has fallen silent, and has not answered since.
+    dead: bool,
     /// The trouble at hand has been told.
     told: bool,
 }
 
 impl Bridge {
-    /// Asks a script of which nothing is known whether it is there, by an offset of zero.
-    pub(in crate::autopilot::firmware) fn probe(commands: &mut CommandQueue) -> Self {
-        commands.push(long(MavCmd::MAV_CMD_USER_4, [0.0, 0.0]), Purpose::Bridge);
-        Self::default()
+    /// Asks now and then whether the script is there, by an offset of zero, while it has no offsets to answer.
+    pub(in crate::autopilot::firmware) fn probe(
+        &mut self,
+        armed: bool,
+        commands: &mut CommandQueue,
+        now: Instant,
+    ) {
+        if !armed && self.switch == Switch::Off && self.probe_at.is_none_or(|at| now >= at) {
+            commands.push(long(MavCmd::MAV_CMD_USER_4, [0.0, 0.0]), Purpose::Bridge);
+            self.probe_at = Some(now + PROBE_LOST);
+        }
     }
 
-    /// The answer to the first offset of zero; `None` if there was none.
+    /// Whether the script follows no more.
+    pub(in crate::autopilot::firmware) fn is_dead(&self) -> bool {
+        self.dead
+    }
+
+    /// The last answer to an offset of zero; `None` if there was none.
     pub(super) fn probed(&self) -> Outcome {
         self.probed
     }
@@ -74,7 +100,7 @@ impl Bridge {
     }
 
     fn is_off(&mut self) {
-        (self.switch, self.told) = (Switch::Off, false);
+        (self.switch, self.told, self.dead) = (Switch::Off, false, false);
     }
 
     /// Has the script follow this attitude, once it has agreed to; it is asked to only `in_control`.
@@ -89,13 +115,20 @@ impl Bridge {
             Switch::Refused { ask_at } if now < ask_at => {}
             Switch::Off | Switch::Refused { .. } if in_control => {
                 self.switch = Switch::Asked;
+                // From here on the offsets are the question.
+                context.commands.cancel(Purpose::Bridge);
                 context.commands.push(long(MavCmd::MAV_CMD_USER_5, [1.0, 0.0]), Purpose::Offsets);
             }
             Switch::Off | Switch::Refused { .. } | Switch::Asked => {}
             Switch::On { sent_at: Some(at), .. } if now < at + OFFSET_INTERVAL => {}
-            Switch::On { unanswered_since, .. } => {
-                if unanswered_since.is_some_and(|since| now >= since + UNANSWERED) {
-                    self.tell_refused(None, context);
+            Switch::On { sent_at, unanswered_since } => {
+                let gap = GAP.max(context.settings.period() * 3);
+                let lately = |at: Instant| now.saturating_since(at) <= gap;
+                let talking =
+                    context.state.pose_received_at().is_none_or(lately) && sent_at.is_none_or(lately);
+                let unanswered_since = unanswered_since.filter(|_| talking);
+                if let Some(since) = unanswered_since.filter(|since| now >= *since + UNANSWERED) {
+                    self.tell_dead(now.saturating_since(since), context);
                 }
                 let unanswered_since = Some(unanswered_since.unwrap_or(now));
                 self.switch = Switch::On { sent_at: Some(now), unanswered_since };
@@ -109,8 +142,9 @@ impl Bridge {
     }
 
     /// The end of the command that probed for the script.
-    pub(in crate::autopilot::firmware) fn probe_answered(&mut self, outcome: Outcome) {
+    pub(in crate::autopilot::firmware) fn probe_answered(&mut self, outcome: Outcome, now: Instant) {
         self.probed = outcome;
+        self.probe_at = Some(now + PROBE_INTERVAL);
     }
 
     /// The answer to 31014.
@@ -124,10 +158,13 @@ impl Bridge {
         }
         if outcome == Some(MavResult::MAV_RESULT_ACCEPTED) {
             self.switch = Switch::On { sent_at: None, unanswered_since: None };
-            self.told = false;
+            (self.told, self.dead) = (false, false);
         } else {
             self.switch = Switch::Refused { ask_at: context.now + ASK_AGAIN };
-            self.tell_refused(outcome, context);
+            match outcome {
+                Some(_) => self.tell_refused(outcome, context),
+                None => self.tell_dead(LONGEST_WAIT, context),
+            }
         }
     }
 
@@ -143,6 +180,11 @@ impl Bridge {
             return;
         }
         *unanswered_since = None;
+        if ack.result == MavResult::MAV_RESULT_UNSUPPORTED {
+            // The autopilot's own answer: scripting has been stopped.
+            return self.tell_dead(Duration::ZERO, context);
+        }
+        self.dead = false;
         match ack.result {
             MavResult::MAV_RESULT_ACCEPTED => self.told = false,
             // The script has gone level by itself and wants to be switched on again.
@@ -151,6 +193,12 @@ impl Bridge {
                 self.tell_refused(Some(ack.result), context);
             }
             other => self.tell_refused(Some(other), context),
+        }
+    }
+
+    fn tell_dead(&mut self, silent_for: Duration, context: &mut Context) {
+        if !std::mem::replace(&mut self.dead, true) {
+            context.out.tell(Event::BridgeDead { silent_for });
         }
     }
 
@@ -182,8 +230,9 @@ mod tests {
     /// A script that has agreed to follow.
     fn agreed() -> (Bench, Bridge) {
         let mut bench = Bench::new(Firmware::ArduPilot);
-        let mut bridge = Bridge::probe(&mut bench.commands);
-        bridge.probe_answered(Some(MavResult::MAV_RESULT_ACCEPTED));
+        let mut bridge = Bridge::default();
+        bridge.probe(false, &mut bench.commands, bench.now);
+        bridge.probe_answered(Some(MavResult::MAV_RESULT_ACCEPTED), bench.now);
         bridge.drive(tilted(), true, &mut bench.context());
         bridge.switch_answered(Some(MavResult::MAV_RESULT_ACCEPTED), &mut bench.context());
         bench.commands.clear();
@@ -214,7 +263,7 @@ mod tests {
     }
 
     #[test]
-    fn spec_offsets_keep_their_interval_and_silence_is_told_once() {
+    fn spec_offsets_keep_their_interval_and_silence_is_told_once_within_a_second() {
         let (mut bench, mut bridge) = agreed();
         let mut sent = 0;
         for _ in 0..100 {
@@ -224,11 +273,53 @@ mod tests {
         }
         assert_eq!(sent, 34, "every third tick of 20 ms, for 2 s");
         let told = bench.events();
-        assert!(matches!(told[..], [Event::Refused { what: "body offsets", result: None, .. }]), "{told:?}");
+        let [Event::BridgeDead { silent_for }] = told[..] else { panic!("{told:?}") };
+        assert!(silent_for >= UNANSWERED && silent_for < Duration::from_millis(600), "{silent_for:?}");
+        assert!(bridge.is_dead());
         bridge.offset_answered(&ack(MavResult::MAV_RESULT_ACCEPTED), &mut bench.context());
+        assert!(!bridge.is_dead());
         bench.pass(UNANSWERED);
         bridge.drive(tilted(), true, &mut bench.context());
         assert_eq!(bench.events(), [], "answered meanwhile");
+    }
+
+    #[test]
+    fn spec_a_switch_that_nobody_answers_is_a_dead_script() {
+        let mut bench = Bench::new(Firmware::ArduPilot);
+        let mut bridge = Bridge::default();
+        bridge.drive(tilted(), true, &mut bench.context());
+        bridge.switch_answered(None, &mut bench.context());
+        assert!(matches!(bench.events()[..], [Event::BridgeDead { .. }]));
+        assert!(bridge.is_dead());
+    }
+
+    #[test]
+    fn spec_on_the_ground_the_script_is_asked_every_second_and_in_flight_by_its_offsets() {
+        let mut bench = Bench::new(Firmware::ArduPilot);
+        let mut bridge = Bridge::default();
+        let mut asked = 0;
+        for _ in 0..500 {
+            bridge.probe(false, &mut bench.commands, bench.now);
+            if !bench.sent().is_empty() {
+                asked += 1;
+                bench.commands.clear();
+                bridge.probe_answered(Some(MavResult::MAV_RESULT_ACCEPTED), bench.now);
+            }
+            bench.pass(TICK);
+        }
+        assert_eq!(asked, 10, "in ten seconds");
+        // Whoever sees no end of a question asks again.
+        bridge.probe(false, &mut bench.commands, bench.now);
+        bench.commands.clear();
+        bench.pass(PROBE_LOST);
+        bridge.probe(false, &mut bench.commands, bench.now);
+        assert_eq!(bench.sent().len(), 1);
+        bridge.drive(tilted(), true, &mut bench.context());
+        let [switch] = &bench.sent()[..] else { panic!("not one command") };
+        assert_eq!(switch.command, MavCmd::MAV_CMD_USER_5);
+        bench.pass(PROBE_LOST);
+        bridge.probe(true, &mut bench.commands, bench.now);
+        assert!(bench.sent().iter().all(|command| command.command == MavCmd::MAV_CMD_USER_5));
     }
 
     #[test]
