@@ -103,6 +103,11 @@ const ELSEWHERE: &[(&str, &[&str], &str)] = &[
     ("notice", &["BridgeDead", "SentHome"], "of ArduPilot's 6DoF frame, of an order; tests/flight/faults.rs"),
     ("notice", &["MissionDiffers", "PlanDiffers"], "both fly one mission; tests/flight/agreement.rs"),
     ("notice", &["NoOperator", "ParameterRefused", "ParameterSet"], "tests/flight/agreement.rs, face.rs"),
+    (
+        "notice",
+        &["NoWayHome"],
+        "the other vehicle would have to bar every way; src/schedule/transit/tests.rs",
+    ),
     ("notice", &["SameRole"], "src/pair/coordinator/tests.rs"),
     ("peer-silence", &["VEILWING_SILENCE_SHUTDOWN"], "nobody ends a process; tests/flight/agreement.rs"),
     (
