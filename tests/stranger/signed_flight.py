@@ -30,6 +30,7 @@ role = "{role}"
 link = "{autopilot}"
 system_id = {system}
 key_file = "autopilot.key"
+tracks_pose = true
 [transmitter]
 kind = "leased"
 simulated = true
