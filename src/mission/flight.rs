@@ -221,12 +221,12 @@ impl Executive {
         match (peer.mission_digest, peer.plan_digest, &self.itinerary) {
             (None, ..) => format!("vehicle {role} has not said yet which mission it flies"),
             (Some(digest), ..) if digest != self.settings.pair.mission_digest => {
-                format!("vehicle {role} flies another mission: copy the same mission file to both vehicles")
+                Notice::MissionDiffers(role).to_string()
             }
             _ if peer.home_enu_m.is_none() => format!("vehicle {role} does not know yet where it stands"),
             (_, None, _) => format!("vehicle {role} has not made its plan yet"),
             (.., None) => "this vehicle has not made its plan yet".to_owned(),
-            _ => format!("vehicle {role} made another plan of the same mission: same version on both?"),
+            _ => Notice::PlanDiffers(role).to_string(),
         }
     }
 
