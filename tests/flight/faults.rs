@@ -14,14 +14,6 @@ const STALE: Duration = Duration::from_millis(250 + 20);
 /// Without a word for so long the peer is lost.
 const PEER_TIMEOUT: Duration = Duration::from_secs(3);
 
-/// In mid-slot: both have radiated for half a second.
-fn in_mid_slot(setup: Setup) -> Flight {
-    let mut flight = Flight::new(setup);
-    assert!(flight.until(|flight| flight.radiating() == [true, true]), "{}", flight.story());
-    flight.pass(Duration::from_millis(500));
-    flight
-}
-
 fn cause(flight: &Flight, role: Role) -> String {
     match &flight.outcomes[role] {
         Some(Outcome::Aborted(cause)) => cause.to_string(),

@@ -9,14 +9,6 @@ use veilwing::role::Role;
 
 use crate::harness::*;
 
-/// In mid-slot, tilted: both have radiated for half a second.
-fn tilted() -> Flight {
-    let mut flight = Flight::new(Setup::default());
-    assert!(flight.until(|flight| flight.radiating() == [true, true]), "{}", flight.story());
-    flight.pass(Duration::from_millis(500));
-    flight
-}
-
 /// The pilot lands a vehicle that no companion flies; whether it disarms by itself.
 fn lands_by_its_pilot(flight: &mut Flight, role: Role) -> bool {
     // PX4's AUTO.LAND.
@@ -36,7 +28,7 @@ fn lands_by_its_pilot(flight: &mut Flight, role: Role) -> bool {
 #[test]
 fn spec_a_companion_that_is_told_to_end_levels_the_vehicle_and_puts_the_land_detector_back_first() {
     for role in Role::BOTH {
-        let mut flight = tilted();
+        let mut flight = in_mid_slot(Setup::default());
         let at = flight.now;
         flight.stop(role);
         assert!(flight.until(|flight| flight.outcomes[role].is_some()), "{}", flight.story());
@@ -54,7 +46,7 @@ fn spec_a_companion_that_is_told_to_end_levels_the_vehicle_and_puts_the_land_det
 #[test]
 fn spec_a_guard_whose_companion_was_killed_is_told_by_the_peer_and_put_back_by_the_next() {
     for role in Role::BOTH {
-        let mut flight = tilted();
+        let mut flight = in_mid_slot(Setup::default());
         flight.kill(role);
         let told = format!("the land detector of vehicle {role} is off");
         assert!(flight.until(|flight| flight.said(role.peer(), &told).is_some()), "{}", flight.story());
@@ -70,7 +62,7 @@ fn spec_a_guard_whose_companion_was_killed_is_told_by_the_peer_and_put_back_by_t
 /// What the two above prevent.
 #[test]
 fn regress_without_anyone_to_put_it_back_the_vehicle_stays_armed_on_the_ground() {
-    let mut flight = tilted();
+    let mut flight = in_mid_slot(Setup::default());
     flight.kill(Role::J);
     flight.pass(Duration::from_secs(2));
     assert!(!lands_by_its_pilot(&mut flight, Role::J), "{}", flight.story());

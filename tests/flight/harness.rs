@@ -361,6 +361,14 @@ impl Flight {
     }
 }
 
+/// In mid-slot, both tilted: they have radiated for half a second.
+pub fn in_mid_slot(setup: Setup) -> Flight {
+    let mut flight = Flight::new(setup);
+    assert!(flight.until(|flight| flight.radiating() == [true, true]), "{}", flight.story());
+    flight.pass(Duration::from_millis(500));
+    flight
+}
+
 impl Observer for Log {
     fn said(&mut self, at: Duration, role: Role, _phase: Option<&'static str>, notice: &Notice) {
         self.notices.push((at, role, notice.to_string()));
