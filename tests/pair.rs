@@ -86,14 +86,17 @@ fn violated(seen: &world::Seen, invariant: &str) -> bool {
 /// A bug put in on purpose must be found, or the observer sees nothing.
 #[test]
 fn spec_a_grant_counted_from_its_receipt_is_found() {
-    let case = Case { loss: 0.3, delay: Duration::from_millis(400), ..quiet(7, 40) };
-    assert_eq!(world::run(case).violations, Vec::<String>::new());
-    let seen = world::run_with(case, |now_us, message| {
-        if let MavMessage::VEILWING_LEASE_GRANT(grant) = message {
-            grant.time_us = now_us;
-        }
+    let found = (1..=5).any(|seed| {
+        let case = Case { loss: 0.3, delay: Duration::from_millis(400), ..quiet(seed, 40) };
+        assert_eq!(world::run(case).violations, Vec::<String>::new());
+        let seen = world::run_with(case, |now_us, message| {
+            if let MavMessage::VEILWING_LEASE_GRANT(grant) = message {
+                grant.time_us = now_us;
+            }
+        });
+        violated(&seen, "S1") || violated(&seen, "S3")
     });
-    assert!(violated(&seen, "S1") || violated(&seen, "S3"), "{seen:?}");
+    assert!(found);
 }
 
 #[test]

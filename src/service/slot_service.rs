@@ -319,16 +319,16 @@ impl SlotService {
         // J keeps what it has vouched for (S3): by then I is off, for it was told.
         let killed = self.orders().is_killed() && !self.must_jam_on(now);
         self.interlock.set_killed(killed, now);
-        match &self.stage {
-            Stage::Away => {}
-            Stage::Between { next, refusals, since } => self.seek(*next, *refusals, *since, utc, now),
-            Stage::Committed(slot) => {
-                if self.is_over(slot, now) {
-                    self.end_slot(now);
-                } else {
-                    self.watch_peer_ending(slot.commitment.slot, Some(slot.radiate_until), now);
-                }
+        if let Stage::Committed(slot) = &self.stage {
+            if self.is_over(slot, now) {
+                self.end_slot(now);
+            } else {
+                self.watch_peer_ending(slot.commitment.slot, Some(slot.radiate_until), now);
             }
+        }
+        // At once after a slot: who hears that it is over here may already propose the next one.
+        if let Stage::Between { next, refusals, since } = &self.stage {
+            self.seek(*next, *refusals, *since, utc, now);
         }
     }
 
@@ -477,7 +477,9 @@ impl SlotService {
         if waited > LONGEST_WAIT && !paused || waited > LONGEST_PAUSE {
             return self.events.push_back(Event::GiveUp(GiveUp::NoSlot(waited)));
         }
-        let peer_ready = self.pair.peer().says(VeilwingFlags::VEILWING_FLAGS_AIRBORNE) && self.pair.agrees();
+        // A peer that is still in the last slot, be it for milliseconds, would refuse, and a refusal costs half a second.
+        let free = self.peer().says(VeilwingFlags::VEILWING_FLAGS_AIRBORNE) && self.peer().committed.is_none();
+        let peer_ready = free && self.pair.agrees();
         if let Err(reason) = self.interlock.transmitter().ready(now)
             && !paused
         {
