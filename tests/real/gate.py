@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
-"""UDP gate between PX4's onboard link and a companion: cuts, delays, drops on command.
-PX4 sends to 14540+i (bound here), the companion listens on 24540+i. Control: UDP 4800+i, text:
+"""UDP gate between an autopilot's onboard link and a companion: cuts, delays, drops on command.
+The autopilot sends to 14540+i (bound here), the companion listens on 24540+i. Control: UDP 4800+i, text:
   cut SECONDS | delay SECONDS [jitter] | loss P | rate BYTES_PER_S (serial-like, both ways) | quit
 usage: gate.py --instance N"""
 
@@ -11,16 +11,13 @@ import select
 import socket
 import time
 
+from autopilots import GATE_CONTROL, ONBOARD
+
 ap = argparse.ArgumentParser()
 ap.add_argument("--instance", type=int, default=0)
 ap.add_argument("--rate", type=float, default=0)
 ap.add_argument("--delay", type=float, default=0)
 ap.add_argument("--loss", type=float, default=0)
-ap.add_argument(
-    "--calm",
-    action="store_true",
-    help="clear CONST_POS_MODE in ESTIMATOR_STATUS (PX4 sets it whenever it stands still)",
-)
 A = ap.parse_args()
 i = A.instance
 
@@ -32,8 +29,8 @@ def sock(p):
     return s
 
 
-px, co, ctl = sock(14540 + i), sock(34540 + i), sock(4800 + i)
-px_addr, co_addr = ("127.0.0.1", 14580 + i), ("127.0.0.1", 24540 + i)
+px, co, ctl = sock(ONBOARD + i), sock(20000 + ONBOARD + i), sock(GATE_CONTROL + i)
+px_addr, co_addr = ("127.0.0.1", 14580 + i), ("127.0.0.1", 10000 + ONBOARD + i)
 cut_until = 0.0
 delay, jit, loss, rate = A.delay, 0.0, A.loss, A.rate
 q = []
@@ -42,32 +39,8 @@ free = [0.0, 0.0]
 counts = [0, 0, 0]
 
 
-def x25(b, crc=0xFFFF):
-    for x in b:
-        t = (x ^ crc) & 0xFF
-        t = (t ^ (t << 4)) & 0xFF
-        crc = ((crc >> 8) ^ (t << 8) ^ (t << 3) ^ (t >> 4)) & 0xFFFF
-    return crc
-
-
-def calm(d):
-    o = 0
-    d = bytearray(d)
-    while o + 12 <= len(d) and d[o] == 0xFD:
-        ln = d[o + 1]
-        end = o + 10 + ln + 2
-        if d[o + 7] == 230 and d[o + 8] == 0 and ln >= 41 and d[o + 10 + 40] & 0x80:
-            d[o + 10 + 40] &= 0x7F
-            c = x25(bytes(d[o + 1 : o + 10 + ln]) + bytes([163]))
-            d[end - 2], d[end - 1] = c & 255, c >> 8
-        o = end + (13 if d[o + 2] & 1 else 0)
-    return bytes(d)
-
-
 def put(which, data):
     global n
-    if A.calm and which == 0:
-        data = calm(data)
     now = time.monotonic()
     if now < cut_until or random.random() < loss:
         counts[2] += 1

@@ -6,9 +6,12 @@ Written apart from the project: geo.py, the paper's formulas (ARCHITECTURE: body
 import geo
 import numpy as np
 import csv
+import datetime
+import glob
 import json
 import math
 import os
+import re
 import subprocess
 import sys
 import tomllib
@@ -55,13 +58,14 @@ def load(r):
     n = len(rows[0])
     a = np.array([x for x in rows[1:] if len(x) == n], float)
     h = {k: i for i, k in enumerate(rows[0])}
-    t = a[:, h["wall"]]
-    p = a[:, h["px"] : h["pz"] + 1]
     v = a[:, h["vx"] : h["vz"] + 1]
     R = q2R(a[:, h["qw"] : h["qz"] + 1])
-    e = geo.hil_to_enu(p, setup["homes"][r], O)
+    if "lat" in h:
+        e = geo.to_enu(a[:, h["lat"]], a[:, h["lon"]], a[:, h["alt"]], O)
+    else:
+        e = geo.hil_to_enu(a[:, h["px"] : h["pz"] + 1], setup["homes"][r], O)
     return dict(
-        t=t,
+        t=a[:, h["wall"]],
         sim=a[:, h["t"]],
         e=e,
         v=v @ NED2ENU.T,
@@ -224,13 +228,46 @@ for sid in slot_ids:
         )
         row["dbm"] = (round(10 * math.log10(PI[m].max() * 1e3), 2), round(10 * math.log10(PJ[m].max() * 1e3), 2))
     res["slots"].append(row)
+def said(r, pattern):
+    """Wall times at which a companion's log has it; its stamps are UTC."""
+    at = []
+    for name in sorted(glob.glob(f"{D}/{r}/companion*.log")):
+        for line in open(name, errors="replace"):
+            if re.search(pattern, line):
+                stamp = re.sub(r"\x1b\[[0-9;]*m", "", line).split()[0]
+                at.append(datetime.datetime.fromisoformat(stamp).timestamp())
+    return at
+
+
+def overshoot(r, slot):
+    """How far it flies past the slot's pose along its way there, horizontally, m; None where the way is shorter than a metre."""
+    agreed, over = said(r, f"slot {slot} for .*agreed"), said(r, f"slot {slot} for .*(over|not served|abandoned)")
+    if not agreed or not over:
+        return None
+    x, goal = T[r], np.array(plan["slots"][slot % len(plan["slots"])]["vehicles"][r]["position_enu_m"][:2])
+    m = (x["t"] >= agreed[0]) & (x["t"] <= over[0])
+    if not m.any():
+        return None
+    way = goal - x["e"][m][0, :2]
+    length = np.linalg.norm(way)
+    return round(float(((x["e"][m][:, :2] - goal) @ way / length).max()), 2) if length >= 1 else None
+
+
 for r in "ij":
+    for row in res["slots"]:
+        row["past_" + r] = overshoot(r, row["slot"])
+    res["end_" + r] = dict(at=np.round(T[r]["e"][-1], 2).tolist(), from_home_m=round(float(np.linalg.norm((T[r]["e"][-1] - T[r]["e"][0])[:2])), 2))
+    res["modes_" + r] = [
+        (round(x[0] - lo, 2), x[3], "armed" if x[4] else "disarmed")
+        for x in map(json.loads, open(f"{D}/gcs.log"))
+        if x[1] == "mode" and x[2] == ["ij".index(r) + 1, 1]
+    ]
     res["tx_" + r] = [
         dict(on=round(float(a - lo), 2), off=round(float(b - lo), 2), why=w, slots=sorted({x[2] for x in seg}))
         for a, b, seg, w in TX[r]
     ]
-    im = [l.strip() for l in open(f"{D}/{r}/sim.log") if "ground contact" in l]
-    res["impacts_" + r] = im
+    if os.path.exists(f"{D}/{r}/sim.log"):
+        res["impacts_" + r] = [l.strip() for l in open(f"{D}/{r}/sim.log") if "ground contact" in l]
 try:
     ev = json.load(open(D + "/events.json"))
     res["events"] = [(round(t - lo, 2), a) for t, a in ev]
@@ -250,5 +287,5 @@ else:
     print(f"unprotected {res['unprotected_s']} s, least separation {res['least_separation_m']} m, rtf {res['rtf']}")
     for s in res["slots"]:
         print(" ", {k: v for k, v in s.items()})
-    for k in ("tx_i", "tx_j", "impacts_i", "impacts_j", "after"):
+    for k in ("tx_i", "tx_j", "modes_i", "modes_j", "end_i", "end_j", "impacts_i", "impacts_j", "after"):
         print(" ", k, res.get(k))

@@ -1,0 +1,141 @@
+"""The ground station of a flight: hears both autopilots on one port, keeps a record, gives commands and sets parameters."""
+
+import json
+import threading
+import time
+
+from pymavlink import mavutil
+
+from autopilots import GROUND, PowerLine, Truth
+
+ROLES = "ij"
+
+
+class Ground(threading.Thread):
+    def __init__(self, folder, vehicles, say, beats, power_lines):
+        super().__init__(daemon=True)
+        self.folder, self.vehicles, self.say, self.beats = folder, vehicles, say, beats
+        self.link = mavutil.mavlink_connection(
+            f"udpin:127.0.0.1:{GROUND}", source_system=255, source_component=190, dialect="ardupilotmega"
+        )
+        self.file = open(folder + "/gcs.log", "a", buffering=1)
+        self.modes, self.landed, self.parameters, self.asked, self.sticks = {}, {}, {}, {}, set()
+        self.acknowledged = []
+        self.truth = {v.system: Truth(v.folder) for v in vehicles if v.streams}
+        self.lines = {
+            v.system: PowerLine(f"{folder}/tx-{v.role}.log", lambda **k: json.dumps(k) + "\n") for v in power_lines
+        }
+
+    def note(self, *what):
+        self.file.write(json.dumps([time.time(), *what]) + "\n")
+
+    def run(self):
+        beat = sticks = 0.0
+        while True:
+            now = time.time()
+            try:
+                if self.beats and now > beat:
+                    beat = now + 1
+                    self.link.mav.heartbeat_send(6, 8, 0, 0, 4)
+                if self.sticks and now > sticks:
+                    sticks = now + 0.2
+                    for system in self.sticks:
+                        self.link.mav.rc_channels_override_send(system, 1, *[1500] * 4, *[65535] * 4)
+                message = self.link.recv_match(blocking=True, timeout=0.05)
+            except OSError:
+                continue
+            source = message and (message.get_srcSystem(), message.get_srcComponent())
+            if message is not None and message.get_type() != "BAD_DATA" and source[0] in (1, 2):
+                self.take(message, source)
+
+    def take(self, m, source):
+        kind, now, vehicle = m.get_type(), time.time(), self.vehicles[source[0] - 1]
+        own = source[1] == 1
+        if kind == "STATUSTEXT":
+            self.note("text", source, m.severity, m.text)
+            if own:
+                self.say(f"autopilot {vehicle.role}: {m.text}")
+        elif kind == "HEARTBEAT" and own:
+            state = vehicle.mode_name(m.custom_mode), bool(m.base_mode & 128)
+            if self.modes.get(source[0]) != state:
+                self.modes[source[0]] = state
+                self.note("mode", source, *state)
+                self.say(f"autopilot {vehicle.role}: mode", state[0], "armed" if state[1] else "disarmed")
+            self.ask_for_streams(vehicle)
+        elif kind == "EXTENDED_SYS_STATE" and own and self.landed.get(source[0]) != m.landed_state:
+            self.landed[source[0]] = m.landed_state
+            self.note("landed", source, m.landed_state)
+        elif kind == "COMMAND_ACK":
+            self.acknowledged.append((source, m.command, m.result))
+            self.note("ack", source, m.command, m.result, m.target_system, m.target_component)
+        elif kind == "PARAM_VALUE" and own:
+            self.parameters[(source[0], m.param_id)] = vehicle.decoded(m), m.param_type
+        elif kind == "LOCAL_POSITION_NED" and own and source[0] in self.truth:
+            self.truth[source[0]].boot_s = m.time_boot_ms / 1e3
+        elif kind == "SIM_STATE" and source[0] in self.truth:
+            self.asked[source[0]] = now
+            self.truth[source[0]].put(now, m, self.modes.get(source[0], ("", False))[1])
+        elif kind == "SERVO_OUTPUT_RAW" and source[0] in self.lines:
+            self.lines[source[0]].put(now, m.servo9_raw)
+
+    def ask_for_streams(self, vehicle):
+        """Again with every heartbeat until the true state comes."""
+        if time.time() - self.asked.get(vehicle.system, 0.0) > 1.0:
+            for message, rate in vehicle.streams:
+                self.command(vehicle.system, 1, 511, message, 1e6 / rate)
+
+    def get(self, vehicle, name):
+        """The value, or None after four seconds."""
+        key = vehicle.system, name
+        for _ in range(6):
+            self.parameters.pop(key, None)
+            self.link.mav.param_request_read_send(vehicle.system, 1, name.encode(), -1)
+            end = time.time() + 0.7
+            while time.time() < end:
+                if key in self.parameters:
+                    return self.parameters[key][0]
+                time.sleep(0.02)
+        return None
+
+    def set(self, vehicle, name, value):
+        before = self.get(vehicle, name)
+        if before is None:
+            return self.say("parameter", name, "is not known to", vehicle.role)
+        kind = self.parameters[(vehicle.system, name)][1]
+        for _ in range(5):
+            self.link.mav.param_set_send(
+                vehicle.system, 1, name.encode(), vehicle.encoded(value, kind == 6), kind
+            )
+            time.sleep(0.3)
+            now = self.get(vehicle, name)
+            if now is not None and abs(now - value) < 1e-6:
+                break
+        self.say("parameter", vehicle.role, name, before, "->", now)
+
+    def command(self, system, component, command, *p):
+        p = (list(p) + [0] * 7)[:7]
+        self.note("command", system, component, command, p)
+        self.link.mav.command_long_send(system, component, command, 0, *p)
+
+    def pilot(self, vehicle, mode):
+        """The pilot changes the mode; on ArduPilot with the sticks centred."""
+        if vehicle.firmware == "ardupilot":
+            self.sticks.add(vehicle.system)
+        self.command(vehicle.system, 1, 176, 1, *vehicle.modes[mode])
+
+    def burst(self, vehicle, count):
+        """Ordinary commands of anybody, all at once (MAV_CMD_REQUEST_MESSAGE for HOME_POSITION)."""
+        mav = self.link.mav
+        for _ in range(count):
+            mav.command_long_send(vehicle.system, 1, 512, 0, 242, 0, 0, 0, 0, 0, 0)
+
+    def chatter(self, rate):
+        """That many ordinary commands a second to each autopilot, ten at once, for good."""
+
+        def run():
+            while True:
+                for vehicle in self.vehicles:
+                    self.burst(vehicle, 10)
+                time.sleep(10.0 / rate)
+
+        threading.Thread(target=run, daemon=True).start()
