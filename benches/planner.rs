@@ -33,7 +33,7 @@ fn objective(c: &mut Criterion) {
         let problem = problem(n, 2.0, 0.0);
         for count in [64, 512, 2048] {
             let samples = Samples::new(&problem, count, 1, 1, Sequence::Sobol);
-            let scene = Scene { user: [0.0; 3], budget_m2_w: 1e12 };
+            let scene = Scene::of(&problem);
             let (mut workspace, mut gradient) = (Workspace::default(), [0.0; 14]);
             group.throughput(Throughput::Elements(count as u64));
             group.bench_function(BenchmarkId::new(format!("N {n}"), count), |b| {

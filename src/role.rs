@@ -60,6 +60,11 @@ impl<T> PerVehicle<T> {
         Self { i: f(Role::I), j: f(Role::J) }
     }
 
+    /// Both values, borrowed.
+    pub fn as_ref(&self) -> PerVehicle<&T> {
+        PerVehicle { i: &self.i, j: &self.j }
+    }
+
     /// Applies `f` to both values.
     pub fn map<U>(self, mut f: impl FnMut(T) -> U) -> PerVehicle<U> {
         PerVehicle { i: f(self.i), j: f(self.j) }

@@ -163,6 +163,7 @@ fn variant(line: &str) -> Result<Variant, Failure> {
         },
         objective: if m["objective"] == "worst-case" { Objective::WorstCase } else { Objective::Mean },
         free_yaw: false,
+        ..Problem::paper([], 0.5, 0.0)
     };
     let plan = |key: &str| -> Result<VehiclePlan, Failure> {
         let p = &v["plan"][key];

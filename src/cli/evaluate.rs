@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use crate::config::file::{read_text, text_of};
 use crate::config::{Diagnostics, Mission, plan_of_text};
+use crate::planner::assessment::assess;
 use crate::planner::document::{EditedPlan, FORMAT, PlanDocument};
 use crate::planner::plan::{BoundKind, SlotPlan, Status, VehiclePlan};
 use crate::planner::slots::{Plan, PlannedSlot, hex};
@@ -76,6 +77,7 @@ fn read(path: &Path, name: &str) -> Result<EditedPlan, Diagnostics> {
 fn score(mission: &Mission, edited: &EditedPlan, samples: usize) -> Result<PlanDocument, String> {
     let options = EvaluateOptions { samples, seed: mission.seed, ..EvaluateOptions::default() };
     let mut planned = Vec::new();
+    let mut assessments = Vec::new();
     for (index, slot) in edited.slots.iter().enumerate() {
         let user = mission.users.iter().position(|user| user.name == slot.user).ok_or_else(|| {
             let names: Vec<_> = mission.users.iter().map(|user| user.name.as_str()).collect();
@@ -89,6 +91,9 @@ fn score(mission: &Mission, edited: &EditedPlan, samples: usize) -> Result<PlanD
         let vehicles = slot.vehicles.clone().map(VehiclePlan::from);
         let score = evaluate(&problem, &vehicles, &options)
             .map_err(|error| format!("user {:?}: {error}", slot.user))?;
+        let assessment = assess(&problem, &vehicles, mission.planner.target_rate_bps, &options)
+            .map_err(|error| format!("user {:?}: {error}", slot.user))?;
+        assessments.push(assessment);
         let plan = SlotPlan {
             status: Status::Evaluated,
             vehicles,
@@ -111,7 +116,8 @@ fn score(mission: &Mission, edited: &EditedPlan, samples: usize) -> Result<PlanD
         slots: plan
             .slots
             .iter()
-            .map(|slot| slot_document(mission, &slot.user, &slot.plan, [0.0; 2]))
+            .zip(&assessments)
+            .map(|(slot, assessment)| slot_document(mission, &slot.user, &slot.plan, assessment, [0.0; 2]))
             .collect(),
     })
 }

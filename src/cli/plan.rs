@@ -161,6 +161,7 @@ fn write_slot(text: &mut String, mission: &Mission, slot: &SlotDocument) -> std:
         write!(text, ", found in {:.2} s", slot.bound_time_s)?;
     }
     writeln!(text)?;
+    write_assessment(text, slot, per_hz)?;
     let db = |sinr: f64| 10.0 * sinr.log10();
     write!(text, "  SINR: user {:.1} dB", db(slot.sinr.user))?;
     for eavesdropper in &slot.sinr.eavesdroppers {
@@ -178,6 +179,27 @@ fn write_slot(text: &mut String, mission: &Mission, slot: &SlotDocument) -> std:
             v.yaw_rad.to_degrees(),
             Watts(v.tx_power_w)
         )?;
+    }
+    Ok(())
+}
+
+/// What most slots exceed, how likely one misses the target, and what each imperfection costs: where the mission states more
+/// than jitter.
+fn write_assessment(text: &mut String, slot: &SlotDocument, per_hz: impl Fn(f64) -> f64) -> std::fmt::Result {
+    let is_cause = |cause: &str| cause != "all";
+    let stated = slot.loss_bps.keys().any(|cause| is_cause(cause) && *cause != "jitter");
+    if !stated && slot.miss_probability.is_none() {
+        return Ok(());
+    }
+    write!(text, "  19 slots in 20 exceed {:.3} bit/s/Hz", per_hz(slot.quantile_5pct_bps))?;
+    if let Some(probability) = slot.miss_probability {
+        write!(text, "; {:.1}% miss the target", probability * 100.0)?;
+    }
+    writeln!(text)?;
+    let Some(all) = slot.loss_bps.get("all") else { return Ok(()) };
+    writeln!(text, "  lost to imperfections, bit/s/Hz: {:.3} together; alone", per_hz(*all))?;
+    for (cause, loss) in slot.loss_bps.iter().filter(|(cause, _)| is_cause(cause)) {
+        writeln!(text, "    {cause:<13} {:>7.3}", per_hz(*loss))?;
     }
     Ok(())
 }

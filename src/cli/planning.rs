@@ -4,13 +4,17 @@ use std::time::Duration;
 
 use crate::config::{METHODS, Mission};
 use crate::link::clock::Clock;
-use crate::planner::Options;
+use crate::planner::assessment::{Assessment, assess};
 use crate::planner::bound::{Budget, best_bound};
 use crate::planner::document::{FORMAT, PlanDocument, SlotDocument};
 use crate::planner::plan::SlotPlan;
-use crate::planner::problem::Method;
+use crate::planner::problem::{Method, Problem};
 use crate::planner::slots::{Plan, hex};
+use crate::planner::{EvaluateOptions, Options};
 use crate::planning::{self, PlanningError};
+
+/// Samples by which a plan is assessed.
+const ASSESSED_SAMPLES: usize = 16_384;
 
 /// A plan and what each slot's searches took.
 #[derive(Debug, Clone)]
@@ -19,6 +23,8 @@ pub(crate) struct TimedPlan {
     pub planning_time: Vec<Duration>,
     /// Of the search for a bound better than the cap: zero until [`certify_plan`] has run.
     pub bound_time: Vec<Duration>,
+    /// What each slot's rate leaves out.
+    pub assessments: Vec<Assessment>,
 }
 
 /// Plans every slot of the mission.
@@ -26,21 +32,28 @@ pub(crate) fn plan_mission(mission: &Mission, options: &Options) -> Result<Timed
     let clock = Clock::real();
     let planning::Timed { plan, planning_time } = planning::plan_with(mission, options, || clock.now())?;
     let bound_time = vec![Duration::ZERO; planning_time.len()];
-    Ok(TimedPlan { plan, planning_time, bound_time })
+    let score =
+        EvaluateOptions { samples: ASSESSED_SAMPLES, seed: options.seed, ..EvaluateOptions::default() };
+    let mut assessments = Vec::new();
+    for slot in &plan.slots {
+        let Some(problem) = problem_of(mission, &slot.user) else { continue };
+        let assessment = assess(&problem, &slot.plan.vehicles, mission.planner.target_rate_bps, &score);
+        assessments.push(assessment.map_err(|error| PlanningError { user: slot.user.clone(), error })?);
+    }
+    Ok(TimedPlan { plan, planning_time, bound_time, assessments })
+}
+
+/// What the planner is asked for a user, by name.
+fn problem_of(mission: &Mission, user: &str) -> Option<Problem> {
+    let index = mission.users.iter().position(|known| known.name == user)?;
+    mission.problem(index)
 }
 
 /// Replaces each slot's bound by the best that a certificate's budget shows. Poses, powers and digest stay.
 pub(crate) fn certify_plan(mission: &Mission, timed: &mut TimedPlan) -> Result<(), PlanningError> {
     let clock = Clock::real();
     for (slot, time) in timed.plan.slots.iter_mut().zip(&mut timed.bound_time) {
-        let Some(problem) = mission
-            .users
-            .iter()
-            .position(|user| user.name == slot.user)
-            .and_then(|index| mission.problem(index))
-        else {
-            continue;
-        };
+        let Some(problem) = problem_of(mission, &slot.user) else { continue };
         let started = clock.now();
         let bound = best_bound(&problem, slot.plan.secrecy_rate_bps, Budget::of(&problem))
             .map_err(|error| PlanningError { user: slot.user.clone(), error })?;
@@ -55,6 +68,7 @@ pub(crate) fn certify_plan(mission: &Mission, timed: &mut TimedPlan) -> Result<(
 pub(crate) fn document(mission: &Mission, options: &Options, timed: &TimedPlan) -> PlanDocument {
     let times = timed.planning_time.iter().zip(&timed.bound_time);
     let slots = timed.plan.slots.iter().zip(times);
+    let slots = slots.zip(&timed.assessments);
     PlanDocument {
         format: FORMAT,
         mission_digest: mission.digest_hex(),
@@ -62,9 +76,9 @@ pub(crate) fn document(mission: &Mission, options: &Options, timed: &TimedPlan) 
         seed: options.seed,
         method: method_name(options.method).into(),
         slots: slots
-            .map(|(slot, (planning, bound))| {
+            .map(|((slot, (planning, bound)), assessment)| {
                 let times_s = [planning, bound].map(Duration::as_secs_f64);
-                slot_document(mission, &slot.user, &slot.plan, times_s)
+                slot_document(mission, &slot.user, &slot.plan, assessment, times_s)
             })
             .collect(),
     }
@@ -79,8 +93,9 @@ pub(crate) fn slot_document(
     mission: &Mission,
     user: &str,
     slot: &SlotPlan,
+    assessment: &Assessment,
     times_s: [f64; 2],
 ) -> SlotDocument {
     let names: Vec<String> = mission.eavesdroppers.iter().map(|e| e.name.clone()).collect();
-    SlotDocument::new(user, &names, slot, times_s[0], times_s[1])
+    SlotDocument::new(user, &names, slot, assessment, times_s[0], times_s[1])
 }

@@ -74,6 +74,8 @@ pub fn settings(mission: &Mission, vehicle: &Vehicle, boot_id: u32, start_unaske
             users_enu_m: mission.users.iter().map(|user| user.position_enu_m).collect(),
             eavesdroppers_enu_m: mission.eavesdroppers.iter().map(|e| e.node.position_enu_m).collect(),
             radio: mission.radio,
+            antennas: mission.antennas.clone(),
+            fading: mission.fading,
         },
         start_unasked,
         start_utc: mission.tdma.start_utc,

@@ -35,12 +35,18 @@ pub struct MissionDraft {
     pub vehicles: PerVehicle<PlannedVehicleDraft>,
     /// Attitude jitter of both vehicles.
     pub jitter: JitterDraft,
+    /// The vehicles' antennas.
+    pub antenna: AntennasDraft,
+    /// Scattering about the nodes.
+    pub fading: FadingDraft,
+    /// What stays wrong with a vehicle's pose during a slot.
+    pub pointing: PointingDraft,
     /// Slots.
     pub tdma: Tdma,
     /// At least one.
     pub users: Vec<NodeDraft>,
     /// At least one.
-    pub eavesdroppers: Vec<EavesdropperDraft>,
+    pub eavesdroppers: Vec<NodeDraft>,
     /// How slots are planned.
     pub planner: PlannerSettings,
 }
@@ -62,6 +68,9 @@ impl Default for MissionDraft {
             airspace_max_tilt_deg: 90.0,
             vehicles: PerVehicle::default(),
             jitter: JitterDraft { std_deg: 2.0, model: JitterModel::Euler, axes: JitterAxes::RollPitch },
+            antenna: AntennasDraft::default(),
+            fading: FadingDraft::default(),
+            pointing: PointingDraft::default(),
             tdma: Tdma::default(),
             users: Vec::new(),
             eavesdroppers: Vec::new(),
@@ -69,6 +78,7 @@ impl Default for MissionDraft {
                 method: Method::Veilwing,
                 objective: Objective::Mean,
                 free_yaw: false,
+                target_rate_bps: None,
             },
         }
     }
@@ -119,7 +129,7 @@ impl Default for RadioDraft {
 }
 
 /// What must be known of a vehicle to plan for it and to time its transits.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct PlannedVehicleDraft {
     /// Omnidirectional or level.
     pub airframe: Airframe,
@@ -135,6 +145,10 @@ pub struct PlannedVehicleDraft {
     pub tilt_rate_deg_s: f64,
     /// Where the simulated vehicle starts.
     pub home_enu_m: Option<Enu>,
+    /// The least power above off that its transmitter can give, in W.
+    pub min_power_w: Option<f64>,
+    /// The only powers above off that its transmitter can give, in W, rising. Not with a least power.
+    pub power_levels_w: Option<Vec<f64>>,
 }
 
 impl Default for PlannedVehicleDraft {
@@ -147,6 +161,8 @@ impl Default for PlannedVehicleDraft {
             acceleration_m_s2: 2.5,
             tilt_rate_deg_s: 45.0,
             home_enu_m: None,
+            min_power_w: None,
+            power_levels_w: None,
         }
     }
 }
@@ -160,6 +176,53 @@ pub struct JitterDraft {
     pub model: JitterModel,
     /// The axes that jitter.
     pub axes: JitterAxes,
+}
+
+/// What is known of the vehicles' antennas.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct AntennasDraft {
+    /// Of both, where a vehicle has none of its own.
+    pub both: AntennaDraft,
+    /// Of I.
+    pub i: Option<AntennaDraft>,
+    /// Of J.
+    pub j: Option<AntennaDraft>,
+}
+
+/// What is known of an antenna; nothing: an ideal dipole.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct AntennaDraft {
+    /// How far the null lies below the largest gain, in dB.
+    pub null_depth_db: Option<f64>,
+    /// The pattern's points: degrees from the axis, and dB below the largest gain. Not with a null depth.
+    pub pattern: Option<Vec<[f64; 2]>>,
+}
+
+/// What is known of scattering about the nodes.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct FadingDraft {
+    /// Rician factor about each kind of receiver, in dB; `None`: nothing is scattered.
+    pub rician_k_db: Option<PerReceiver>,
+}
+
+/// One number for each kind of receiver.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PerReceiver {
+    /// The user's.
+    pub user: f64,
+    /// Every eavesdropper's.
+    pub eavesdropper: f64,
+}
+
+/// What stays wrong with a vehicle's pose during a slot: standard deviations, the same for both vehicles; `None`: 0.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct PointingDraft {
+    /// Of the heading, in degrees.
+    pub heading_std_deg: Option<f64>,
+    /// Of the antenna's mounting, in degrees about each of body x and y.
+    pub mounting_std_deg: Option<f64>,
+    /// Of the position in metres: per horizontal axis, and vertically.
+    pub position_std_m: Option<[f64; 2]>,
 }
 
 /// The slot table.
@@ -193,17 +256,20 @@ impl Default for Tdma {
 }
 
 /// How slots are planned.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PlannerSettings {
     /// The planning method.
     pub method: Method,
-    /// What is maximised over uncertain positions.
+    /// What is maximised over what stays wrong during a slot.
     pub objective: Objective,
     /// The desired yaw is a variable instead of 0.
     pub free_yaw: bool,
+    /// A secrecy rate in bit/s that is counted on: plans say how likely a slot misses it.
+    pub target_rate_bps: Option<f64>,
 }
 
-/// A node's name and its position: in the mission frame, or by latitude and longitude, not both.
+/// A user or an eavesdropper: its name, its position, in the mission frame or by latitude and longitude, not both, and how
+/// well that is known.
 #[derive(Debug, Clone, PartialEq)]
 pub struct NodeDraft {
     /// Unique among its kind.
@@ -216,17 +282,30 @@ pub struct NodeDraft {
     pub lon_deg: Option<f64>,
     /// With latitude and longitude: altitude above the mission origin in metres; `None`: 0.
     pub alt_m: Option<f64>,
+    /// It is anywhere in a horizontal disc of this radius in metres; 0 is exact.
+    pub radius_m: Option<f64>,
+    /// It is Gaussian with this deviation in east and in north in metres; 0 is exact. Not with a radius.
+    pub std_m: Option<f64>,
 }
 
 impl NodeDraft {
-    /// A node by its position in the mission frame.
+    /// A node by its position in the mission frame, exactly known.
     #[must_use]
     pub fn new(name: &str, enu_m: Enu) -> Self {
         Self { enu_m: Some(enu_m), ..Self::unplaced(name.to_owned()) }
     }
 
     pub(super) fn unplaced(name: String) -> Self {
-        Self { name, enu_m: None, lat_deg: None, lon_deg: None, alt_m: None }
+        Self { name, enu_m: None, lat_deg: None, lon_deg: None, alt_m: None, radius_m: None, std_m: None }
+    }
+
+    pub(super) fn uncertainty(&self) -> Uncertainty {
+        let positive = |value: Option<f64>| value.filter(|value| *value > 0.0);
+        match (positive(self.radius_m), positive(self.std_m)) {
+            (Some(radius_m), _) => Uncertainty::Disc { radius_m },
+            (None, Some(std_m)) => Uncertainty::Gaussian { std_m },
+            (None, None) => Uncertainty::None,
+        }
     }
 
     /// Where it is, as far as it is told.
@@ -255,34 +334,6 @@ impl Position {
         match self {
             Self::Enu(position) => position,
             Self::Geodetic(point) => Geodetic { alt_m: point.alt_m + origin.alt_m, ..point }.to_enu(origin),
-        }
-    }
-}
-
-/// An eavesdropper: a node, and how well its position is known.
-#[derive(Debug, Clone, PartialEq)]
-pub struct EavesdropperDraft {
-    /// Name and estimated position.
-    pub node: NodeDraft,
-    /// It is anywhere in a horizontal disc of this radius in metres; 0 is exact.
-    pub radius_m: Option<f64>,
-    /// It is Gaussian with this deviation in east and in north in metres; 0 is exact. Not with a radius.
-    pub std_m: Option<f64>,
-}
-
-impl EavesdropperDraft {
-    /// One whose position is exactly known.
-    #[must_use]
-    pub fn new(name: &str, enu_m: Enu) -> Self {
-        Self { node: NodeDraft::new(name, enu_m), radius_m: None, std_m: None }
-    }
-
-    pub(super) fn uncertainty(&self) -> Uncertainty {
-        let positive = |value: Option<f64>| value.filter(|value| *value > 0.0);
-        match (positive(self.radius_m), positive(self.std_m)) {
-            (Some(radius_m), _) => Uncertainty::Disc { radius_m },
-            (None, Some(std_m)) => Uncertainty::Gaussian { std_m },
-            (None, None) => Uncertainty::None,
         }
     }
 }

@@ -4,9 +4,11 @@
 //! [`Number`], and are the same setting.
 
 mod compound;
+mod pattern;
 mod scalar;
 mod value;
 
-pub(crate) use compound::{Each, List, Numbers};
+pub(crate) use compound::{Each, List, Numbers, Receivers};
+pub(crate) use pattern::PatternRows;
 pub(crate) use scalar::{Choice, Flag, Integer, Moment, Number, Parsed, Text};
 pub(crate) use value::{Fault, Item, Kind, miscount, nearest};

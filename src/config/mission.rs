@@ -3,6 +3,7 @@
 use std::f64::consts::PI;
 use std::ops::Deref;
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Duration;
 
 use serde_json::Value as Json;
@@ -10,14 +11,21 @@ use sha2::{Digest, Sha256};
 
 use super::diagnostic::{Diagnostics, Severity};
 use super::document::Document;
-use super::draft::{EavesdropperDraft, Emission, MissionDraft, NodeDraft, PlannerSettings, RadioDraft, Tdma};
+use super::draft::{
+    AntennaDraft, AntennasDraft, Emission, MissionDraft, NodeDraft, PlannedVehicleDraft, PlannerSettings,
+    PointingDraft, RadioDraft, Tdma,
+};
 use super::file::{MAX_BYTES, read_text};
 use super::mission_file::NOWHERE;
 use super::reader::Section;
 use super::{mission_checks, mission_file, reading};
 use crate::geo::{Enu, Geodetic};
-use crate::planner::problem::{Airframe, Airspace, Eavesdropper, Jitter, Problem, Radio, VehicleModel};
+use crate::planner::problem::{
+    Airframe, Airspace, Eavesdropper, Fading, Jitter, Pattern, Pointing, PowerSteps, Problem, Radio, Rician,
+    Uncertainty, VehicleModel,
+};
 use crate::planner::{PlanError, cap};
+use crate::radio::measured::Measured;
 use crate::role::{PerVehicle, Role};
 use crate::schedule::table::Timing;
 use crate::schedule::trajectory::Limits;
@@ -67,6 +75,14 @@ pub struct Settled {
     pub vehicles: PerVehicle<VehicleSettings>,
     /// Attitude jitter of both vehicles.
     pub jitter: Jitter,
+    /// The antennas' patterns.
+    pub antennas: PerVehicle<Pattern>,
+    /// Scattering about the nodes.
+    pub fading: Fading,
+    /// What stays wrong with a vehicle's pose during a slot.
+    pub pointing: Pointing,
+    /// Which powers the transmitters can give.
+    pub power_steps: PerVehicle<PowerSteps>,
     /// Slots.
     pub tdma: Tdma,
     /// At least one.
@@ -101,8 +117,10 @@ pub struct VehicleSettings {
 pub struct User {
     /// Unique among users.
     pub name: String,
-    /// Position in metres.
+    /// Estimated position in metres.
     pub position_enu_m: Enu,
+    /// How well it is known.
+    pub uncertainty: Uncertainty,
 }
 
 /// An eavesdropper with its name.
@@ -216,6 +234,15 @@ impl Mission {
         Err(all)
     }
 
+    /// The mission as a file that needs no other, where it has a measured pattern; `None` where its own file needs none.
+    #[must_use]
+    pub fn with_rows(&self) -> Option<String> {
+        let AntennasDraft { both, i, j } = &self.draft.antenna;
+        let measured =
+            [Some(both), i.as_ref(), j.as_ref()].into_iter().flatten().any(|a| a.pattern.is_some());
+        measured.then(|| self.document.to_toml())
+    }
+
     /// The JSON Schema of the mission file.
     #[must_use]
     pub fn schema() -> Json {
@@ -228,6 +255,7 @@ impl Mission {
         let user = self.users.get(user)?;
         Some(Problem {
             user_enu_m: user.position_enu_m,
+            user_uncertainty: user.uncertainty,
             eavesdroppers: self.eavesdroppers.iter().map(|eavesdropper| eavesdropper.node).collect(),
             radio: Radio {
                 max_power_w: PerVehicle::from_fn(|role| self.power_ceiling(role).0),
@@ -238,7 +266,11 @@ impl Mission {
                 airframe: vehicle.airframe,
                 max_tilt_rad: vehicle.max_tilt_rad.min(self.airspace_max_tilt_rad),
             }),
+            power_steps: self.power_steps.clone(),
             jitter: self.jitter,
+            antennas: self.antennas.clone(),
+            fading: self.fading,
+            pointing: self.pointing,
             objective: self.planner.objective,
             free_yaw: self.planner.free_yaw,
         })
@@ -314,11 +346,14 @@ fn in_si_units(draft: &MissionDraft) -> Settled {
         let gains_dbi = draft.radio.tx_gain_dbi + draft.radio.rx_gain_dbi;
         (C_M_S / carrier_hz / (4.0 * PI)).powi(2) * 10f64.powf(gains_dbi / 10.0)
     });
-    let user =
-        |user: &NodeDraft| User { name: user.name.clone(), position_enu_m: user.position().enu(origin) };
-    let eavesdropper = |e: &EavesdropperDraft| NamedEavesdropper {
-        name: e.node.name.clone(),
-        node: Eavesdropper { position_enu_m: e.node.position().enu(origin), uncertainty: e.uncertainty() },
+    let user = |user: &NodeDraft| User {
+        name: user.name.clone(),
+        position_enu_m: user.position().enu(origin),
+        uncertainty: user.uncertainty(),
+    };
+    let eavesdropper = |e: &NodeDraft| NamedEavesdropper {
+        name: e.name.clone(),
+        node: Eavesdropper { position_enu_m: e.position().enu(origin), uncertainty: e.uncertainty() },
     };
     Settled {
         name: draft.name.clone(),
@@ -329,7 +364,7 @@ fn in_si_units(draft: &MissionDraft) -> Settled {
         carrier_hz,
         airspace: draft.airspace.clone(),
         airspace_max_tilt_rad: draft.airspace_max_tilt_deg.to_radians(),
-        vehicles: draft.vehicles.map(|vehicle| VehicleSettings {
+        vehicles: draft.vehicles.as_ref().map(|vehicle| VehicleSettings {
             airframe: vehicle.airframe,
             max_tilt_rad: vehicle.max_tilt_deg.to_radians(),
             speed_m_s: vehicle.speed_m_s,
@@ -343,9 +378,46 @@ fn in_si_units(draft: &MissionDraft) -> Settled {
             model: draft.jitter.model,
             axes: draft.jitter.axes,
         },
+        antennas: patterns(&draft.antenna),
+        fading: draft.fading.rician_k_db.map_or_else(Fading::default, |k_db| Fading {
+            user: Rician::from_db(k_db.user),
+            eavesdropper: Rician::from_db(k_db.eavesdropper),
+        }),
+        pointing: pointing(&draft.pointing),
+        power_steps: draft.vehicles.as_ref().map(power_steps),
         tdma: draft.tdma,
         users: draft.users.iter().map(user).collect(),
         eavesdroppers: draft.eavesdroppers.iter().map(eavesdropper).collect(),
         planner: draft.planner,
+    }
+}
+
+fn patterns(antennas: &AntennasDraft) -> PerVehicle<Pattern> {
+    let pattern = |own: &Option<AntennaDraft>| {
+        let AntennaDraft { null_depth_db, pattern } = own.as_ref().unwrap_or(&antennas.both);
+        // Points that make no pattern were refused.
+        let measured = pattern.as_ref().and_then(|points| Measured::new(points).ok());
+        match (measured, null_depth_db) {
+            (Some(measured), _) => Pattern::Measured(Arc::new(measured)),
+            (None, Some(depth_db)) => Pattern::with_null_depth(*depth_db),
+            (None, None) => Pattern::IDEAL,
+        }
+    };
+    PerVehicle { i: pattern(&antennas.i), j: pattern(&antennas.j) }
+}
+
+fn pointing(draft: &PointingDraft) -> Pointing {
+    Pointing {
+        heading_std_rad: draft.heading_std_deg.unwrap_or(0.0).to_radians(),
+        mounting_std_rad: draft.mounting_std_deg.unwrap_or(0.0).to_radians(),
+        position_std_m: draft.position_std_m.unwrap_or_default(),
+    }
+}
+
+fn power_steps(vehicle: &PlannedVehicleDraft) -> PowerSteps {
+    match (&vehicle.power_levels_w, vehicle.min_power_w) {
+        (Some(levels_w), _) => PowerSteps::Levels(levels_w.clone()),
+        (None, Some(least_w)) if least_w > 0.0 => PowerSteps::AtLeast(least_w),
+        (None, _) => PowerSteps::Any,
     }
 }

@@ -3,7 +3,8 @@
 use std::collections::BTreeMap;
 
 use super::document::Document;
-use super::draft::{EavesdropperDraft, MissionDraft, Position};
+use super::draft::{MissionDraft, Position};
+use super::link_checks;
 use super::mission_file::{FAR_M, NOWHERE};
 use crate::geo::polygon::{Polygon, check_simple};
 use crate::geo::{Enu, Geodetic};
@@ -20,9 +21,10 @@ pub(super) fn check(draft: &MissionDraft, file: &mut Document) {
     airspace(draft, file);
     emission(draft, file);
     names(draft.users.iter().map(|user| &user.name), "user", file);
-    names(draft.eavesdroppers.iter().map(|e| &e.node.name), "eavesdropper", file);
+    names(draft.eavesdroppers.iter().map(|e| &e.name), "eavesdropper", file);
     nodes(draft, file);
     homes(draft, file);
+    link_checks::check(draft, file);
     tdma(draft, file);
     hints(draft, file);
 }
@@ -117,8 +119,7 @@ fn names<'n>(names: impl Iterator<Item = &'n String>, kind: &str, file: &mut Doc
 
 fn nodes(draft: &MissionDraft, file: &mut Document) {
     let users = draft.users.iter().enumerate().map(|(index, user)| ("user", index, user));
-    let eavesdroppers =
-        draft.eavesdroppers.iter().enumerate().map(|(index, e)| ("eavesdropper", index, &e.node));
+    let eavesdroppers = draft.eavesdroppers.iter().enumerate().map(|(index, e)| ("eavesdropper", index, e));
     for (kind, index, at) in users.chain(eavesdroppers) {
         let path = format!("{kind}[{index}]");
         if file.sound(&[&path]) {
@@ -127,7 +128,7 @@ fn nodes(draft: &MissionDraft, file: &mut Document) {
     }
     let origin = draft.origin.unwrap_or(NOWHERE);
     let users: Vec<Enu> = draft.users.iter().map(|user| user.position().enu(origin)).collect();
-    for (index, EavesdropperDraft { node, .. }) in draft.eavesdroppers.iter().enumerate() {
+    for (index, node) in draft.eavesdroppers.iter().enumerate() {
         let at = node.position().enu(origin);
         let path = format!("eavesdropper[{index}]");
         if let Some(user) = users.iter().position(|user| *user == at)
@@ -191,7 +192,7 @@ fn node(draft: &MissionDraft, file: &mut Document, kind: &str, path: &str, posit
 }
 
 fn homes(draft: &MissionDraft, file: &mut Document) {
-    let homes = draft.vehicles.map(|vehicle| vehicle.home_enu_m);
+    let homes = draft.vehicles.as_ref().map(|vehicle| vehicle.home_enu_m);
     for role in Role::BOTH {
         let path = if role == Role::I { "vehicles.i.home_enu_m" } else { "vehicles.j.home_enu_m" };
         if let Some(home) = homes[role]
@@ -270,7 +271,7 @@ fn hints(draft: &MissionDraft, file: &mut Document) {
     }
 }
 
-fn refuse(file: &mut Document, path: &str, message: String, help: &str) {
+pub(super) fn refuse(file: &mut Document, path: &str, message: String, help: &str) {
     file.fail(path);
     file.error(file.at(path), message, help.to_owned());
 }

@@ -3,10 +3,10 @@
 use nalgebra::Vector2;
 
 use super::draft::{
-    EavesdropperDraft, Emission, JitterDraft, MissionDraft, NodeDraft, PlannedVehicleDraft, PlannerSettings,
-    RadioDraft, Tdma,
+    Emission, JitterDraft, MissionDraft, NodeDraft, PlannedVehicleDraft, PlannerSettings, RadioDraft, Tdma,
 };
 use super::kind::{Choice, Each, Flag, Integer, List, Moment, Number, Numbers, Text};
+use super::link_file;
 use super::reader::Section;
 use crate::geo::{Enu, Geodetic};
 use crate::planner::problem::{Airframe, Airspace, JitterAxes, JitterModel, Method, Objective};
@@ -50,20 +50,16 @@ pub(super) fn describe(s: &mut Section<'_, '_>, draft: &mut MissionDraft) {
         s.table("j", "Vehicle J, the friendly jammer.", |s| vehicle(s, &mut draft.vehicles.j));
     });
     s.table("jitter", "How steadily the vehicles hold their attitude.", |s| jitter(s, &mut draft.jitter));
+    link_file::describe(s, draft);
     s.table("tdma", "The slot table: one user a slot.", |s| tdma(s, &mut draft.tdma));
     s.set_tables("user", "A ground user, served one a slot.", 1, &mut draft.users, unnamed("user"), node);
-    let new = |index| EavesdropperDraft { node: unnamed("eavesdropper")(index), radius_m: None, std_m: None };
-    let listeners = &mut draft.eavesdroppers;
     s.set_tables(
         "eavesdropper",
         "A node that must not decode the users' traffic.",
         1,
-        listeners,
-        new,
-        |s, e| {
-            node(s, &mut e.node);
-            uncertainty(s, e);
-        },
+        &mut draft.eavesdroppers,
+        unnamed("eavesdropper"),
+        node,
     );
     s.table("planner", "How each slot's poses and powers are found.", |s| planner(s, &mut draft.planner));
 }
@@ -216,6 +212,7 @@ fn vehicle(s: &mut Section<'_, '_>, vehicle: &mut PlannedVehicleDraft) {
         "Where the simulated vehicle starts. A real one starts where it stands.",
         &mut vehicle.home_enu_m,
     );
+    link_file::powers(s, vehicle);
 }
 
 /// A position in the mission frame, which may be left unset.
@@ -325,21 +322,18 @@ fn node(s: &mut Section<'_, '_>, node: &mut NodeDraft) {
     );
     s.alternatives(&[&["enu_m"], &["lat_deg", "lon_deg"]], true);
     s.excludes("alt_m", "enu_m");
-}
-
-fn uncertainty(s: &mut Section<'_, '_>, eavesdropper: &mut EavesdropperDraft) {
     let metres = Number::within("m", 0.0, 10_000.0);
     s.set_optional(
         "radius_m",
         "The position is anywhere in a horizontal disc of this radius; 0 is exact.",
         metres,
-        &mut eavesdropper.radius_m,
+        &mut node.radius_m,
     );
     s.set_optional(
         "std_m",
         "The position is Gaussian with this deviation in east and in north; 0 is exact.",
         metres,
-        &mut eavesdropper.std_m,
+        &mut node.std_m,
     );
     s.alternatives(&[&["radius_m"], &["std_m"]], false);
 }
@@ -359,9 +353,15 @@ fn planner(s: &mut Section<'_, '_>, planner: &mut PlannerSettings) {
     );
     s.set(
         "objective",
-        "Over uncertain positions: at the estimates, the mean, the 5% quantile, or the worst case.",
+        "Over what stays wrong during a slot (positions, poses): with nothing wrong, the mean, the 5% quantile, or the worst case over the eavesdroppers' discs.",
         objectives,
         &mut planner.objective,
     );
     s.set("free_yaw", "Plan the yaw too, instead of 0.", Flag, &mut planner.free_yaw);
+    s.set_optional(
+        "target_rate_bps",
+        "A secrecy rate that is counted on, as by a code of fixed rate: plans say how likely a slot misses it.",
+        Number::positive("bit/s", 1e15),
+        &mut planner.target_rate_bps,
+    );
 }

@@ -9,6 +9,8 @@ pub(crate) mod document;
 mod draft;
 pub(crate) mod file;
 pub(crate) mod kind;
+mod link_checks;
+mod link_file;
 mod mission;
 mod mission_checks;
 mod mission_file;
@@ -22,8 +24,9 @@ mod vehicle_links;
 
 pub use diagnostic::{Diagnostic, Diagnostics, Severity};
 pub use draft::{
-    Autopilot, EavesdropperDraft, Emission, JitterDraft, Limits, MissionDraft, NodeDraft,
-    PlannedVehicleDraft, PlannerSettings, RadioDraft, Tdma, Transmitter, VehicleDraft,
+    AntennaDraft, AntennasDraft, Autopilot, Emission, FadingDraft, JitterDraft, Limits, MissionDraft,
+    NodeDraft, PerReceiver, PlannedVehicleDraft, PlannerSettings, PointingDraft, RadioDraft, Tdma,
+    Transmitter, VehicleDraft,
 };
 pub use mission::{Difference, Mission, NamedEavesdropper, PowerLimit, Settled, User, VehicleSettings};
 pub use mission_file::METHODS;

@@ -1,6 +1,8 @@
 //! Reads, checks and describes settings in one pass: each setting is declared once, with its kind, default, unit,
 //! range and sentence, and from that come its value, its errors, its schema and its share of the digest.
 
+use std::path::{Path, PathBuf};
+
 use serde_json::{Map, Value as Json, json};
 use toml::de::{DeTable, DeValue};
 
@@ -338,6 +340,11 @@ impl<'c, 'd> Section<'c, 'd> {
             let path = self.path_of(key);
             self.document.place(&path, 0..0);
         }
+    }
+
+    /// Where relative paths in the file begin: the file's own directory.
+    pub(crate) fn directory(&self) -> PathBuf {
+        Path::new(&self.document.file).parent().map(Path::to_path_buf).unwrap_or_default()
     }
 
     /// Whether nothing of this table has been refused so far.

@@ -4,6 +4,7 @@ mod by_value;
 mod defaults;
 mod digest;
 mod garbage;
+mod link;
 mod schema;
 mod vehicles;
 

@@ -2,6 +2,9 @@
 
 use crate::geo::Enu;
 use crate::planner::problem::Radio;
+use crate::radio::antenna::Pattern;
+use crate::radio::fading::Fading;
+use crate::role::PerVehicle;
 
 /// The nodes and the radio of a mission, for the live figures.
 #[derive(Debug, Clone, PartialEq)]
@@ -12,4 +15,8 @@ pub struct Scene {
     pub eavesdroppers_enu_m: Vec<Enu>,
     /// Bandwidth, noise and reference gain.
     pub radio: Radio,
+    /// What is known of the vehicles' antennas.
+    pub antennas: PerVehicle<Pattern>,
+    /// What is known of scattering about the nodes.
+    pub fading: Fading,
 }

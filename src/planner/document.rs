@@ -1,9 +1,12 @@
 //! The plan as JSON (`veilwing-plan/1`), as `plan --json` writes and `evaluate` reads it.
 
+use std::collections::BTreeMap;
+
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use crate::geo::Pose;
+use crate::planner::assessment::Assessment;
 use crate::planner::plan::{SlotPlan, Status, VehiclePlan};
 use crate::role::PerVehicle;
 
@@ -38,6 +41,14 @@ pub struct SlotDocument {
     pub secrecy_rate_bps: f64,
     /// Its standard error as an estimate.
     pub standard_error_bps: f64,
+    /// The rate that a slot exceeds with a probability of 95%, over what stays wrong during it; the mean where nothing does.
+    pub quantile_5pct_bps: f64,
+    /// The probability that a slot's rate is below the mission's target, if it has one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub miss_probability: Option<f64>,
+    /// By cause, how much higher the mean rate of the same poses and powers would be without it alone, bit/s; `all`: without
+    /// all of them.
+    pub loss_bps: BTreeMap<&'static str, f64>,
     /// Upper bound on the secrecy rate of any poses and powers, bit/s.
     pub upper_bound_bps: f64,
     /// What that bounds and how firmly: [`BoundKind::name`](crate::planner::plan::BoundKind::name).
@@ -97,6 +108,7 @@ impl SlotDocument {
         user: &str,
         eavesdroppers: &[String],
         slot: &SlotPlan,
+        assessment: &Assessment,
         planning_time_s: f64,
         bound_time_s: f64,
     ) -> Self {
@@ -106,6 +118,9 @@ impl SlotDocument {
             status: status_name(slot.status),
             secrecy_rate_bps: slot.secrecy_rate_bps,
             standard_error_bps: slot.standard_error_bps,
+            quantile_5pct_bps: assessment.quantile_5pct_bps,
+            miss_probability: assessment.miss_probability,
+            loss_bps: losses(assessment),
             upper_bound_bps: slot.upper_bound_bps,
             upper_bound_kind: slot.upper_bound_kind.name(),
             sinr: SinrDocument {
@@ -119,6 +134,11 @@ impl SlotDocument {
             bound_time_s,
         }
     }
+}
+
+fn losses(assessment: &Assessment) -> BTreeMap<&'static str, f64> {
+    let each = assessment.losses_bps.iter().map(|(cause, loss_bps)| (cause.name(), *loss_bps));
+    each.chain([("all", assessment.loss_to_ideal_bps)]).collect()
 }
 
 impl From<VehiclePlan> for VehicleDocument {

@@ -23,6 +23,11 @@ pub enum PlanError {
         /// Most allowed.
         most: f64,
     },
+    /// The paper's methods vary powers from 0 to the ceiling.
+    #[error(
+        "this method plans any power up to the ceiling, and knows nothing of power_levels_w and min_power_w; plan with \"veilwing\", or leave the key out"
+    )]
+    PowerSteps,
     /// The geofence has no interior.
     #[error(
         "the area of {vertices} vertices has no interior or crosses itself; give the corners of a simple polygon in order"

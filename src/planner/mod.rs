@@ -8,6 +8,7 @@
 // Kernels index several arrays in step, and `!(a > b)` is how NaN is refused.
 #![allow(clippy::needless_range_loop, clippy::neg_cmp_op_on_partial_ord)]
 
+pub mod assessment;
 pub mod baseline;
 pub mod bound;
 mod cap;
@@ -20,6 +21,7 @@ pub(crate) mod parallel;
 pub mod phase1;
 pub mod phase2;
 pub mod plan;
+mod powers;
 pub mod problem;
 mod region;
 mod robust;
@@ -38,7 +40,7 @@ pub use expectation::{EvaluateOptions, Evaluation, evaluate};
 use expectation::kernel::{POWER, Raw, VEHICLE};
 use expectation::samples::Sequence;
 use plan::{BoundKind, SlotPlan, Status};
-use problem::{Method, Problem};
+use problem::{Method, PowerSteps, Problem};
 use setup::Setup;
 
 /// How to plan.
@@ -68,6 +70,7 @@ impl Default for Options {
 /// [`PlanError`] for a problem without meaning. A search that ends early is no error: the plan's status says so.
 pub fn plan_slot(problem: &Problem, options: &Options) -> Result<SlotPlan, PlanError> {
     let setup = Setup::new(problem)?;
+    check_steps(problem, options)?;
     let found = match options.method {
         Method::Veilwing => search::best(&setup, options),
         method => baseline::plan(&setup, method, options),
@@ -98,12 +101,22 @@ impl Default for Near {
 /// As [`plan_slot`].
 pub fn plan_slot_near(problem: &Problem, options: &Options, near: Near) -> Result<Vec<SlotPlan>, PlanError> {
     let setup = Setup::new(problem)?;
+    check_steps(problem, options)?;
     let near = Near { most: near.most.max(1), ..near };
     let found = match options.method {
         Method::Veilwing => search::near(&setup, options, near),
         method => vec![baseline::plan(&setup, method, options)],
     };
     Ok(found.into_iter().map(|found| finish(&setup, options, found)).collect())
+}
+
+/// Refuses what a method knows nothing of.
+fn check_steps(problem: &Problem, options: &Options) -> Result<(), PlanError> {
+    let steps = [&problem.power_steps.i, &problem.power_steps.j];
+    if options.method != Method::Veilwing && steps.iter().any(|steps| **steps != PowerSteps::Any) {
+        return Err(PlanError::PowerSteps);
+    }
+    Ok(())
 }
 
 /// A rate below this is rounding, not secrecy.

@@ -5,13 +5,17 @@ use nalgebra::{Vector2, Vector3};
 
 use crate::role::PerVehicle;
 
+pub use crate::radio::antenna::Pattern;
+pub use crate::radio::fading::{Fading, Rician};
 pub use crate::radio::jitter::{Jitter, JitterAxes, JitterModel};
 
 /// The problem of one TDMA slot (paper 2.2a, 2.2b with the field's constraints).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Problem {
-    /// The served user's position in metres.
+    /// The served user's position in metres, as it is estimated.
     pub user_enu_m: Vector3<f64>,
+    /// How well it is known.
+    pub user_uncertainty: Uncertainty,
     /// At least one.
     pub eavesdroppers: Vec<Eavesdropper>,
     /// Link budget and power limits.
@@ -20,15 +24,36 @@ pub struct Problem {
     pub airspace: Airspace,
     /// What each vehicle can do.
     pub vehicles: PerVehicle<VehicleModel>,
+    /// Which powers up to its ceiling each transmitter can give.
+    pub power_steps: PerVehicle<PowerSteps>,
     /// Attitude jitter of both vehicles.
     pub jitter: Jitter,
-    /// Over uncertain positions: what is maximised.
+    /// The antennas' patterns.
+    pub antennas: PerVehicle<Pattern>,
+    /// Scattering about the nodes.
+    pub fading: Fading,
+    /// What stays wrong with each vehicle's pose during a slot.
+    pub pointing: Pointing,
+    /// Over what stays wrong during a slot: what is maximised.
     pub objective: Objective,
     /// The desired yaw is a variable instead of 0.
     pub free_yaw: bool,
 }
 
 impl Problem {
+    /// Whether anything but the eavesdroppers' positions stays wrong during a slot.
+    #[must_use]
+    pub fn errs(&self) -> bool {
+        self.pointing.is_present() || self.user_uncertainty.is_present()
+    }
+
+    /// Whether the link is the paper's but for jitter and uncertain eavesdroppers: dipoles without a floor, nothing
+    /// scattered, poses and user as they are said to be.
+    #[must_use]
+    pub fn has_ideal_link(&self) -> bool {
+        self.antennas.i.is_ideal() && self.antennas.j.is_ideal() && !self.fading.is_present() && !self.errs()
+    }
+
     /// The paper's set-up (its section V): a user at the origin, these eavesdroppers on the ground, given as east and
     /// north; 1 MHz, a noise variance of 1e-12 W, reference gain 1, the same power ceiling for both vehicles; an
     /// altitude of 80 to 300 m over a square of a kilometre about the user, no separation; omnidirectional vehicles that
@@ -49,6 +74,7 @@ impl Problem {
         };
         Self {
             user_enu_m: Vector3::zeros(),
+            user_uncertainty: Uncertainty::None,
             eavesdroppers: eavesdroppers_m.into_iter().map(on_the_ground).collect(),
             radio: Radio {
                 bandwidth_hz: 1e6,
@@ -62,11 +88,15 @@ impl Problem {
                 min_separation_m: 0.0,
             },
             vehicles: PerVehicle { i: vehicle, j: vehicle },
+            power_steps: PerVehicle::default(),
             jitter: Jitter {
                 std_rad: jitter_std_rad,
                 model: JitterModel::Euler,
                 axes: JitterAxes::RollPitch,
             },
+            antennas: PerVehicle::default(),
+            fading: Fading::default(),
+            pointing: Pointing::default(),
             objective: Objective::Mean,
             free_yaw: false,
         }
@@ -99,6 +129,34 @@ pub enum Uncertainty {
     },
 }
 
+impl Uncertainty {
+    /// Whether anything is uncertain.
+    #[must_use]
+    pub fn is_present(&self) -> bool {
+        *self != Self::None
+    }
+}
+
+/// What stays wrong with a vehicle's pose during a slot, drawn anew for each vehicle and slot. All independent, normal and
+/// without a mean; standard deviations, the same for both vehicles.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Pointing {
+    /// Of the heading, in radians: it turns the antenna's axis about the world's vertical.
+    pub heading_std_rad: f64,
+    /// Of the antenna's mounting, in radians about each of body x and y: the axis is `R(eta) exp([delta]) e_z`.
+    pub mounting_std_rad: f64,
+    /// Of the position in metres: per horizontal axis, and vertically.
+    pub position_std_m: [f64; 2],
+}
+
+impl Pointing {
+    /// Whether anything stays wrong.
+    #[must_use]
+    pub fn is_present(&self) -> bool {
+        *self != Self::default()
+    }
+}
+
 /// Link budget.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Radio {
@@ -110,6 +168,18 @@ pub struct Radio {
     pub max_power_w: PerVehicle<f64>,
     /// b0 of (1.5): gain at one metre in the plane of maximum gain, linear.
     pub reference_gain: f64,
+}
+
+/// Which powers a transmitter can give beside none, up to its ceiling.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub enum PowerSteps {
+    /// Any.
+    #[default]
+    Any,
+    /// Any from this one in W on, positive.
+    AtLeast(f64),
+    /// These alone, in W, positive and rising.
+    Levels(Vec<f64>),
 }
 
 /// Where vehicles may be.
@@ -141,16 +211,17 @@ pub enum Airframe {
     Conventional,
 }
 
-/// Over uncertain eavesdropper positions: what is maximised.
+/// Over what stays wrong during a slot (positions of nodes, poses of vehicles): what is maximised of the mean over what does
+/// not (attitude jitter, scattering).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Objective {
-    /// The rate at the estimated positions.
+    /// The rate where nothing stays wrong.
     Nominal,
-    /// The mean over positions.
+    /// The mean over it.
     Mean,
-    /// The 5% quantile over positions.
+    /// The 5% quantile over it.
     Quantile,
-    /// The worst case over the discs.
+    /// The worst case over the eavesdroppers' discs, in the mean over the rest.
     WorstCase,
 }
 

@@ -1,7 +1,8 @@
-//! Uncertain eavesdroppers: the 5% quantile and the worst case as objectives. (The mean is part of the expectation: each
-//! sixteen samples of attitude noise have a draw of the positions of their own.)
+//! What stays wrong during a slot: the 5% quantile and the worst case as objectives. (The mean is part of the expectation:
+//! each sixteen samples of attitude noise have a draw of the eavesdroppers' positions of their own, or each sample has,
+//! where more than these stays wrong.)
 //!
-//! *Quantile.* Let `F_d(x)` be the expected rate at draw d of the positions, the same attitude noise for each draw. The
+//! *Quantile.* Let `F_d(x)` be the expected rate at draw d of what stays wrong, the same attitude noise for each draw. The
 //! 5% quantile of the F_d is smoothed into their mean with a triangular weight over the lowest tenth of the ranks. Few draws
 //! matter to it, and many are needed lest a dozen variables fit the few that do: of many draws those that are lowest at
 //! the present x are searched over, and those that have become low join them, until the quantile over all gains no more.
@@ -12,7 +13,7 @@
 
 use super::draws::Combination;
 use super::expectation::kernel::Raw;
-use super::expectation::samples::Samples;
+use super::expectation::samples::{Draw, Samples};
 use super::expectation::sobol;
 use super::model::{Local, Memory, Solver, Target};
 use super::setup::Setup;
@@ -51,15 +52,15 @@ pub fn maximise_quantile(
         Resolution::Medium => (512, 32, 2),
         Resolution::Fine => (2048, 64, 4),
     };
-    let positions = Samples::positions(setup.problem, draws, sobol::mix(seed, 2));
-    let shared = |positions| Samples::shared(setup.problem, count, positions, sobol::mix(seed, 1));
-    let all = shared(positions.clone());
+    let all_draws = Samples::draws_of(setup.problem, draws, sobol::mix(seed, 2));
+    let shared = |draws: Vec<Draw>| Samples::shared(setup.problem, count, draws, sobol::mix(seed, 1));
+    let all = shared(all_draws.clone());
     let combination = Combination::Quantile { of: draws };
     let mut is_low = vec![false; draws];
     let mut best = Local { value: memory.quantile(setup, &all, &start.raw, &mut is_low), ..start };
     let mut at = best;
     for _ in 0..rounds {
-        let low = positions.iter().zip(&is_low).filter(|(_, low)| **low).map(|(draw, _)| draw.clone());
+        let low = all_draws.iter().zip(&is_low).filter(|(_, low)| **low).map(|(draw, _)| draw.clone());
         let samples = shared(low.collect());
         let target = Target::OverDraws { samples: &samples, combination };
         at = memory.maximise(setup, chart, target, &at.raw, &settings(60)).unwrap_or(at);

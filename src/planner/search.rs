@@ -8,6 +8,10 @@
 //! 2. *Polish.* The best distinct ends, all variables free, on more and more samples (or with a sharper maximum). Each
 //!    stage goes on with the curvature that the one before has learnt.
 //!
+//! Where J's transmitter cannot give every power, it is screened between the least and the largest that it can give, and
+//! silent; every candidate is then polished at each of the levels about its own power, and the best is kept: nothing is
+//! rounded afterwards.
+//!
 //! Starts beyond a method's own number (`Options::starts`) are a search of another kind, to check the first against:
 //! see [`starts::ELSEWHERE`]. More candidates are polished then, in proportion.
 
@@ -23,7 +27,7 @@ use super::setup::Setup;
 use super::solver::active_set;
 use super::solver::dense::Matrix;
 use super::variables::{AxisChart, Chart, PowerChart};
-use super::{Found, Near, Options, parallel, phase2, robust, starts};
+use super::{Found, Near, Options, parallel, phase2, powers, robust, starts};
 use crate::radio::pattern;
 
 /// Sharpness of the smoothed maximum per nat: screening, then polishing.
@@ -52,8 +56,6 @@ const FOR_QUANTILE: &[(Resolution, usize)] =
 const FOR_WORST_CASE: &[(Resolution, usize)] = &[(Resolution::Coarse, 4), (Resolution::Fine, 1)];
 /// Samples that share a draw of uncertain positions; without jitter a block, whose samples are then all the same.
 const SAMPLES_PER_DRAW: usize = 16;
-/// Least P_J over its cap, as a logarithm.
-const LEAST_LOG_POWER: f64 = -25.0;
 
 /// Plans by the global search.
 pub(super) fn best(setup: &Setup, options: &Options) -> Found {
@@ -80,7 +82,7 @@ pub(super) fn near(setup: &Setup, options: &Options, near: Near) -> Vec<Found> {
 /// The best ends of the search; without `near` only the best one is brought to its full accuracy.
 fn ends(setup: &Setup, options: &Options, near: Option<Near>) -> Vec<Local> {
     let heeds_uncertainty = setup.heeds_uncertainty();
-    let random = setup.jitters() || heeds_uncertainty;
+    let random = setup.varies() || heeds_uncertainty;
     match (random, setup.problem.objective) {
         (false, _) => exact(setup, options, near),
         (true, Objective::Quantile) if heeds_uncertainty => {
@@ -126,28 +128,37 @@ fn candidates(own: usize, setup: &Setup, options: &Options) -> usize {
     own.max(own * options.starts.unwrap_or(0) / 100)
 }
 
-/// Without jitter, at the estimated positions.
+/// Without anything random, at the estimated positions.
 fn exact(setup: &Setup, options: &Options, near: Option<Near>) -> Vec<Local> {
-    let charts = [chart(setup, true, can_null(setup)), chart(setup, false, false)];
-    let count = options.starts.unwrap_or_else(|| own_starts(setup, EXACT_STARTS));
-    let screened = parallel::map(options.threads, count, |memory: &mut Memory, index| {
-        let mut raw = starts::start(setup, index, options.seed);
-        let mut end = None;
-        for sharpness in SCREEN_SHARPNESS {
-            let target = Target::Exact(sharpness);
-            let chart = &charts[usize::from(starts::is_elsewhere(index))];
-            end = memory.maximise(setup, chart, target, &raw, &settings(60, 1e-6)).or(end);
-            raw = end.map_or(raw, |e| e.raw);
-        }
-        end
-    });
-    let best = distinct(setup, screened, candidates(EXACT_POLISHED, setup, options));
-    let chart = &charts[usize::from(count > starts::ELSEWHERE)];
+    // Where J's null leaks, its power and its axis are worth a search of their own.
+    let leaks = !setup.nulls_exactly();
+    let own = if leaks { SAMPLED_STARTS } else { EXACT_STARTS };
+    let count = options.starts.unwrap_or_else(|| own_starts(setup, own));
+    let mut best = Vec::new();
+    for power in powers::screened(setup) {
+        let charts = [chart(setup, true, nulled(setup, power)), chart(setup, false, power)];
+        let screened = parallel::map(options.threads, count, |memory: &mut Memory, index| {
+            let mut raw = starts::start(setup, index, options.seed);
+            let mut end = None;
+            for sharpness in SCREEN_SHARPNESS {
+                let target = Target::Exact(sharpness);
+                let chart = &charts[usize::from(starts::is_elsewhere(index))];
+                end = memory.maximise(setup, chart, target, &raw, &settings(60, 1e-6)).or(end);
+                raw = end.map_or(raw, |e| e.raw);
+            }
+            end
+        });
+        best.extend(distinct(setup, screened, candidates(EXACT_POLISHED, setup, options)));
+    }
+    let best = powers::stepped(setup, best);
+    let free = leaks || count > starts::ELSEWHERE;
     let polished = parallel::map(options.threads, best.len(), |memory: &mut Memory, index| {
         let mut end = best[index];
+        let power = powers::of(setup, &end.raw);
+        let chart = if free { chart(setup, false, power) } else { chart(setup, true, nulled(setup, power)) };
         for sharpness in POLISH_SHARPNESS {
             let target = Target::Exact(sharpness);
-            end = memory.maximise(setup, chart, target, &end.raw, &settings(100, 1e-9)).unwrap_or(end);
+            end = memory.maximise(setup, &chart, target, &end.raw, &settings(100, 1e-9)).unwrap_or(end);
         }
         Some(end)
     });
@@ -157,7 +168,7 @@ fn exact(setup: &Setup, options: &Options, near: Option<Near>) -> Vec<Local> {
 /// The sample set of a plan; the sets of its stages are the first so many of it.
 fn samples(setup: &Setup, options: &Options) -> Samples {
     let count = POLISH_SAMPLES[POLISH_SAMPLES.len() - 1].0;
-    let per_draw = if setup.jitters() { SAMPLES_PER_DRAW } else { LANES };
+    let per_draw = if setup.varies() { SAMPLES_PER_DRAW } else { LANES };
     let draws = if setup.heeds_uncertainty() { count / per_draw } else { 1 };
     Samples::new(setup.problem, count, draws, sobol::mix(options.seed, 1), Sequence::Sobol)
 }
@@ -171,8 +182,23 @@ fn own_starts(setup: &Setup, [usual, many]: [usize; 2]) -> usize {
 
 /// The best distinct ends of many starts on few samples.
 fn screen(setup: &Setup, options: &Options, samples: &Samples, most: usize) -> Vec<Local> {
+    let screened = powers::screened(setup);
+    powers::stepped(
+        setup,
+        screened.into_iter().flat_map(|power| screen_at(setup, options, samples, most, power)).collect(),
+    )
+}
+
+/// [`screen`] with J's power as `power` says.
+fn screen_at(
+    setup: &Setup,
+    options: &Options,
+    samples: &Samples,
+    most: usize,
+    power: PowerChart,
+) -> Vec<Local> {
     let coarse = samples.first(if setup.heeds_uncertainty() { 4 * SCREEN_SAMPLES } else { SCREEN_SAMPLES });
-    let charts = [chart(setup, true, false), chart(setup, false, false)];
+    let charts = [chart(setup, true, power), chart(setup, false, power)];
     // With a free yaw J's axis leaves open how the noise acts on it.
     let free = |index: usize| setup.problem.free_yaw || starts::is_elsewhere(index);
     let chart_of = |index: usize| &charts[usize::from(free(index))];
@@ -205,18 +231,21 @@ fn polish(
     all: &Samples,
     mut best: Vec<Local>,
 ) -> Vec<Local> {
-    let chart = chart(setup, false, false);
     for end in &mut best {
         end.curvature = None;
     }
-    for (count, own, tolerance) in POLISH_SAMPLES {
+    for (stage, (count, own, tolerance)) in POLISH_SAMPLES.into_iter().enumerate() {
         let kept = if own > 1 { candidates(own, setup, options) } else { last(&best, near) };
-        best.truncate(kept);
+        // At first every level that was put in is worth a look.
+        if stage > 0 || !powers::are_stepped(setup) {
+            best.truncate(kept);
+        }
         let samples = all.first(count);
         let target = Target::Mean { samples: &samples, clip: true };
         let polished = parallel::map(options.threads, best.len(), |memory: &mut Memory, index| {
             let end = best[index];
             let solver = continued(100, tolerance, end.curvature);
+            let chart = chart(setup, false, powers::of(setup, &end.raw));
             Some(memory.maximise(setup, &chart, target, &end.raw, &solver).unwrap_or(end))
         });
         best = distinct(setup, polished, kept);
@@ -235,11 +264,13 @@ fn over_draws(
 ) -> Vec<Local> {
     let most = stages.first().map_or(1, |(_, own)| *own);
     let mut best = screen(setup, options, &samples(setup, options), most);
-    let chart = chart(setup, false, false);
-    for &(resolution, own) in stages {
+    for (stage, &(resolution, own)) in stages.iter().enumerate() {
         let kept = if own > 1 { candidates(own, setup, options) } else { last(&best, near) };
-        best.truncate(kept);
+        if stage > 0 || !powers::are_stepped(setup) {
+            best.truncate(kept);
+        }
         let ends = parallel::map(options.threads, best.len(), |memory: &mut Memory, index| {
+            let chart = chart(setup, false, powers::of(setup, &best[index].raw));
             Some(maximise(setup, &chart, best[index], options.seed, resolution, memory))
         });
         best = distinct(setup, ends, kept);
@@ -263,6 +294,7 @@ fn distinct(setup: &Setup, ends: Vec<Option<Local>>, most: usize) -> Vec<Local> 
 /// Whether two ends are one local maximum, found to the accuracy of a screening.
 fn is_same(setup: &Setup, a: &Local, b: &Local) -> bool {
     (a.value - b.value).abs() < 0.02
+        && powers::are_alike(setup, a, b)
         && [0, VEHICLE].iter().all(|at| {
             let position = |l: &Local| Vector3::new(l.raw[*at], l.raw[at + 1], l.raw[at + 2]);
             let axis = |l: &Local| {
@@ -280,14 +312,18 @@ fn is_restricted(setup: &Setup) -> bool {
 
 /// Whether J can null the user exactly wherever it is.
 fn can_null(setup: &Setup) -> bool {
-    setup.tilt_rad[1] >= std::f64::consts::FRAC_PI_2 && !setup.jitters()
+    setup.tilt_rad[1] >= std::f64::consts::FRAC_PI_2 && setup.nulls_exactly()
 }
 
-fn chart(setup: &Setup, nulled: bool, full_power: bool) -> Chart {
+/// J's power where its null is exact: the largest costs nothing.
+fn nulled(setup: &Setup, power: PowerChart) -> PowerChart {
+    if can_null(setup) { PowerChart::Fixed(setup.highest_w[1]) } else { power }
+}
+
+fn chart(setup: &Setup, nulled: bool, power: PowerChart) -> Chart {
     let problem = setup.problem;
     let yaw = problem.free_yaw && setup.jitters();
-    let caps = problem.radio.max_power_w;
-    let free = |v: usize| AxisChart::free(setup.tilt_rad[v], yaw);
+    let free = |v: usize| setup.free_axis(v, yaw);
     let j = if nulled && setup.tilt_rad[1] > 0.0 {
         AxisChart::Follows {
             map: phase2::axis_map(),
@@ -297,10 +333,6 @@ fn chart(setup: &Setup, nulled: bool, full_power: bool) -> Chart {
     } else {
         free(1)
     };
-    let power = if full_power || caps.j <= 0.0 {
-        PowerChart::Fixed(caps.j)
-    } else {
-        PowerChart::Log { max_w: caps.j, floor: LEAST_LOG_POWER }
-    };
-    Chart { length_m: setup.length_m, axes: [free(0), j], powers: [PowerChart::Fixed(caps.i), power] }
+    let powers = [PowerChart::Fixed(setup.highest_w[0]), power];
+    Chart { length_m: setup.length_m, axes: [free(0), j], powers }
 }

@@ -7,8 +7,9 @@ use rand_chacha::ChaCha8Rng;
 use super::error::PlanError;
 use super::expectation::kernel::{ANGLES, POWER, Raw, Scene, VEHICLE};
 use super::plan::VehiclePlan;
-use super::problem::{Airframe, Objective, Problem, Uncertainty};
+use super::problem::{Airframe, Objective, Pattern, Pointing, PowerSteps, Problem, Uncertainty};
 use super::region::Region;
+use super::variables::AxisChart;
 use crate::geo::Pose;
 use crate::radio::pattern;
 use crate::role::{PerVehicle, Role};
@@ -29,6 +30,8 @@ pub struct Setup<'a> {
     pub length_m: f64,
     /// Largest tilt of I and J in radians; 0 for a level vehicle.
     pub tilt_rad: [f64; 2],
+    /// The largest power in W that I and J can give within their ceilings.
+    pub highest_w: [f64; 2],
 }
 
 impl<'a> Setup<'a> {
@@ -38,7 +41,6 @@ impl<'a> Setup<'a> {
     /// [`PlanError`] names the first value that makes the question meaningless, and the remedy.
     pub fn new(problem: &'a Problem) -> Result<Self, PlanError> {
         check_numbers(problem)?;
-        let radio = &problem.radio;
         let air = &problem.airspace;
         let region =
             Region::new(&air.area_enu_m).ok_or(PlanError::EmptyArea { vertices: air.area_enu_m.len() })?;
@@ -55,13 +57,11 @@ impl<'a> Setup<'a> {
         };
         Ok(Self {
             problem,
-            scene: Scene {
-                user: [user.x, user.y, user.z],
-                budget_m2_w: radio.reference_gain / radio.noise_power_w,
-            },
+            scene: Scene::of(problem),
             length_m: libm::hypot((nearest - user.xy()).norm(), height).clamp(10.0, 1000.0),
             region,
             tilt_rad: [tilt(Role::I), tilt(Role::J)],
+            highest_w: Role::BOTH.map(|role| highest_w(problem, role)),
         })
     }
 
@@ -79,16 +79,52 @@ impl<'a> Setup<'a> {
         self.problem.jitter.std_rad > 0.0
     }
 
-    /// Whether an eavesdropper's position is uncertain.
+    /// Whether anything changes within a slot, over which every objective is a mean: attitudes, or what is scattered.
     #[must_use]
-    pub fn is_uncertain(&self) -> bool {
-        self.problem.eavesdroppers.iter().any(|e| e.uncertainty != Uncertainty::None)
+    pub fn varies(&self) -> bool {
+        self.jitters() || self.problem.fading.is_present()
     }
 
-    /// Whether a search takes uncertain positions into account.
+    /// Whether anything stays wrong during a slot: a node's position, or a vehicle's pose.
+    #[must_use]
+    pub fn is_uncertain(&self) -> bool {
+        self.problem.eavesdroppers.iter().any(|e| e.uncertainty.is_present()) || self.problem.errs()
+    }
+
+    /// Whether a search takes what stays wrong into account.
     #[must_use]
     pub fn heeds_uncertainty(&self) -> bool {
         self.is_uncertain() && self.problem.objective != Objective::Nominal
+    }
+
+    /// Mean gain of J's antenna towards the user when its null is on it, from a distance: by its floor, by attitude noise, by
+    /// what is scattered about the user and, where a search takes them into account, by errors of both poses.
+    #[must_use]
+    pub fn leak(&self, distance_m: f64) -> f64 {
+        let problem = self.problem;
+        let antenna = &problem.antennas.j;
+        let (angle2, across_m2) = if self.heeds_uncertainty() { errors_squared(problem) } else { (0.0, 0.0) };
+        let angle2 = problem.jitter.std_rad * problem.jitter.std_rad + angle2;
+        let turned = 2.0 * angle2 + 2.0 * across_m2 / (distance_m * distance_m).max(1.0);
+        let floor = antenna.least();
+        problem.fading.user.mean_gain(floor + (1.0 - floor) * turned, antenna.mean())
+    }
+
+    /// The chart of a free axis. Of an antenna whose ends differ, the axis that counts is the upper end of its line: the angles
+    /// of a plan know no other.
+    #[must_use]
+    pub fn free_axis(&self, v: usize, yaw: bool) -> AxisChart {
+        let limit_rad = self.tilt_rad[v];
+        if limit_rad >= std::f64::consts::FRAC_PI_2 && !self.scene.antennas[v].pattern.is_symmetric() {
+            return AxisChart::Tilt { yaw, limit_rad: std::f64::consts::FRAC_PI_2 };
+        }
+        AxisChart::free(limit_rad, yaw)
+    }
+
+    /// Whether J's exact null on the user leaves nothing there, so that no power of J costs anything.
+    #[must_use]
+    pub fn nulls_exactly(&self) -> bool {
+        self.leak(self.length_m) <= 0.0
     }
 
     /// The nearest allowed position to `p`.
@@ -163,11 +199,44 @@ impl<'a> Setup<'a> {
             let yaw_rad =
                 part[ANGLES + 2] - std::f64::consts::TAU * (part[ANGLES + 2] / std::f64::consts::TAU).round();
             let cap = self.problem.radio.max_power_w[role];
-            VehiclePlan {
-                pose: Pose { position_enu_m, roll_rad, pitch_rad, yaw_rad },
-                tx_power_w: part[POWER].clamp(0.0, cap),
-            }
+            let tx_power_w = match self.problem.power_steps[role] {
+                // A logarithm's rounding may have fallen short of the least power.
+                PowerSteps::AtLeast(least_w) if part[POWER] > 0.0 => part[POWER].clamp(least_w, cap),
+                _ => part[POWER].clamp(0.0, cap),
+            };
+            VehiclePlan { pose: Pose { position_enu_m, roll_rad, pitch_rad, yaw_rad }, tx_power_w }
         })
+    }
+}
+
+/// Variances of the angle between J's axis and the user, per axis across it, by what is wrong with J's attitude (rad^2), and
+/// of its position and the user's (m^2).
+fn errors_squared(problem: &Problem) -> (f64, f64) {
+    let Pointing { heading_std_rad, mounting_std_rad, position_std_m: [horizontal_m, vertical_m] } =
+        problem.pointing;
+    let user_m = match problem.user_uncertainty {
+        Uncertainty::None => 0.0,
+        // The deviation per axis of a point drawn evenly from a disc.
+        Uncertainty::Disc { radius_m } => 0.5 * radius_m,
+        Uncertainty::Gaussian { std_m } => std_m,
+    };
+    let angle2 = mounting_std_rad * mounting_std_rad + 0.5 * heading_std_rad * heading_std_rad;
+    (angle2, user_m * user_m + horizontal_m * horizontal_m + 0.5 * vertical_m * vertical_m)
+}
+
+/// The largest power that a vehicle can give within its ceiling, in W; 0 where that is none.
+fn highest_w(problem: &Problem, role: Role) -> f64 {
+    let cap = problem.radio.max_power_w[role];
+    match &problem.power_steps[role] {
+        PowerSteps::Any => cap,
+        PowerSteps::AtLeast(least_w) => {
+            if *least_w <= cap {
+                cap
+            } else {
+                0.0
+            }
+        }
+        PowerSteps::Levels(levels_w) => levels_w.iter().copied().filter(|w| *w <= cap).fold(0.0, f64::max),
     }
 }
 
@@ -195,6 +264,24 @@ fn check_numbers(problem: &Problem) -> Result<(), PlanError> {
             Uncertainty::Gaussian { std_m } => within("eavesdropper std in m", std_m, 0.0, FARTHEST_M)?,
         }
     }
+    match problem.user_uncertainty {
+        Uncertainty::None => {}
+        Uncertainty::Disc { radius_m } => within("user radius in m", radius_m, 0.0, FARTHEST_M)?,
+        Uncertainty::Gaussian { std_m } => within("user std in m", std_m, 0.0, FARTHEST_M)?,
+    }
+    for antenna in [&problem.antennas.i, &problem.antennas.j] {
+        if let Pattern::Dipole { floor } = antenna {
+            within("gain in an antenna's null", *floor, 0.0, 1.0)?;
+        }
+    }
+    for rician in [problem.fading.user, problem.fading.eavesdropper].into_iter().filter(|k| k.is_present()) {
+        within("Rician factor", rician.factor(), 1e-30, 1e30)?;
+    }
+    within("heading error in rad", problem.pointing.heading_std_rad, 0.0, std::f64::consts::PI)?;
+    within("mounting error in rad", problem.pointing.mounting_std_rad, 0.0, std::f64::consts::PI)?;
+    for std_m in problem.pointing.position_std_m {
+        within("position error in m", std_m, 0.0, FARTHEST_M)?;
+    }
     within("bandwidth in Hz", radio.bandwidth_hz, f64::MIN_POSITIVE, 1e15)?;
     if radio.noise_power_w == 0.0 {
         return Err(PlanError::NoNoise);
@@ -203,6 +290,19 @@ fn check_numbers(problem: &Problem) -> Result<(), PlanError> {
     within("reference gain", radio.reference_gain, 1e-30, 1e12)?;
     within("maximum power in W", radio.max_power_w.i, 0.0, 1e9)?;
     within("maximum power in W", radio.max_power_w.j, 0.0, 1e9)?;
+    for steps in [&problem.power_steps.i, &problem.power_steps.j] {
+        match steps {
+            PowerSteps::Any => {}
+            PowerSteps::AtLeast(least_w) => within("least power in W", *least_w, f64::MIN_POSITIVE, 1e9)?,
+            PowerSteps::Levels(levels_w) => {
+                let mut below = 0.0;
+                for level in levels_w {
+                    within("power level in W", *level, f64::next_up(below), 1e9)?;
+                    below = *level;
+                }
+            }
+        }
+    }
     // Eight factors of the objective must fit into a floating-point number.
     let strongest = radio.max_power_w.i.max(radio.max_power_w.j) * radio.reference_gain / radio.noise_power_w;
     within("reference gain times power over noise", strongest, 0.0, 1e30)?;

@@ -6,7 +6,7 @@
 //!   one, at any altitude.
 //! - J, free to tilt: near an eavesdropper, low; sometimes above the user. Tilt limited: on the cone over the user within
 //!   which it can null it, at any altitude; level: right above the user.
-//! - J's power: where the interference that it leaves at the user, at its null and under jitter, is 3 to 100 times the
+//! - J's power: where the interference that it leaves at the user, at its null (jitter, floor, scattering), is 3 to 100 times the
 //!   noise: from the link budget, never from its cap.
 //!
 //! The first starts take the kinds in turn, so that few of them suffice where the optimum is of the usual kind. From
@@ -36,7 +36,7 @@ pub fn is_elsewhere(index: usize) -> bool {
 /// A start drawn uniformly: positions from the airspace, axes from the sphere, J's power from the whole logarithmic range.
 fn elsewhere(setup: &Setup, rng: &mut ChaCha8Rng) -> Raw {
     let [low, high] = setup.problem.airspace.altitude_m;
-    let caps = setup.problem.radio.max_power_w;
+    let [of_i, of_j] = setup.highest_w;
     let mut raw = [0.0; 14];
     for part in raw.chunks_mut(VEHICLE) {
         let (x, y) = setup.uniform(rng);
@@ -46,8 +46,8 @@ fn elsewhere(setup: &Setup, rng: &mut ChaCha8Rng) -> Raw {
         let r = (1.0 - z * z).sqrt();
         (part[ANGLES], part[ANGLES + 1]) = pattern::canonical_angles(&Vector3::new(r * cos, r * sin, z));
     }
-    raw[POWER] = caps.i;
-    raw[VEHICLE + POWER] = caps.j * libm::pow(10.0, -6.0 * rng.random_range(0.0..1.0));
+    raw[POWER] = of_i;
+    raw[VEHICLE + POWER] = of_j * libm::pow(10.0, -6.0 * rng.random_range(0.0..1.0));
     raw
 }
 
@@ -65,7 +65,7 @@ pub fn start(setup: &Setup, index: usize, seed: u64) -> Raw {
     raw[VEHICLE..VEHICLE + 3].copy_from_slice(j.as_slice());
     (raw[ANGLES], raw[ANGLES + 1]) = pattern::canonical_angles(&axis);
     (raw[VEHICLE + ANGLES], raw[VEHICLE + ANGLES + 1]) = pattern::canonical_angles(&(j - user));
-    raw[POWER] = setup.problem.radio.max_power_w.i;
+    raw[POWER] = setup.highest_w[0];
     raw[VEHICLE + POWER] = jammer_power_w(setup, &j, rng.random_range(0.0..1.0));
     if setup.problem.free_yaw {
         turn(&mut raw, &mut rng);
@@ -162,11 +162,12 @@ fn around(centre: Vector2<f64>, radius: f64, z: f64, rng: &mut ChaCha8Rng) -> Ve
 /// J's power at a start.
 fn jammer_power_w(setup: &Setup, j: &Vector3<f64>, draw: f64) -> f64 {
     let problem = setup.problem;
-    let cap = problem.radio.max_power_w.j;
-    let leak = 2.0 * problem.jitter.std_rad * problem.jitter.std_rad;
+    let cap = setup.highest_w[1];
+    let distance2 = (j - problem.user_enu_m).norm_squared();
+    let leak = setup.leak(distance2.sqrt());
     if leak <= 0.0 {
         return cap;
     }
     let over_noise = 3.0 * libm::pow(33.0, draw);
-    (over_noise * (j - problem.user_enu_m).norm_squared() / (setup.scene.budget_m2_w * leak)).min(cap)
+    (over_noise * distance2 / (setup.scene.budget_m2_w * leak)).min(cap)
 }

@@ -336,7 +336,9 @@ mod tests {
     use crate::planner::problem::Problem;
     use crate::planner::problem::{Eavesdropper, JitterAxes, JitterModel, Uncertainty};
 
-    const SCENE: Scene = Scene { user: [10.0, -5.0, 2.0], budget_m2_w: 1e9 };
+    fn scene() -> Scene {
+        Scene { user: [10.0, -5.0, 2.0], budget_m2_w: 1e9, ..Scene::of(&Problem::paper([], 0.5, 0.0)) }
+    }
 
     fn configuration() -> Raw {
         [25.0, 30.0, 85.0, 0.7, -0.4, 0.3, 0.5, 150.0, -210.0, 120.0, 0.9, 0.5, -0.2, 0.02]
@@ -398,7 +400,7 @@ mod tests {
     fn val_gradient_without_jitter() {
         let nodes = [[120.0, 80.0, 3.0], [-200.0, 90.0, 0.0], [40.0, -300.0, 10.0]];
         let mut exact = Exact::default();
-        check("exact", |raw, gradient| exact.value(&SCENE, nodes.into_iter(), raw, 7.0, Some(gradient)));
+        check("exact", |raw, gradient| exact.value(&scene(), nodes.into_iter(), raw, 7.0, Some(gradient)));
     }
 
     #[test]
@@ -419,7 +421,7 @@ mod tests {
                     let samples = Samples::new(&problem, 32, draws, 9, Sequence::Sobol);
                     let mut workspace = Workspace::default();
                     check("sampled", |raw, gradient| {
-                        workspace.mean(&SCENE, &samples, raw, false, Some(gradient))
+                        workspace.mean(&scene(), &samples, raw, false, Some(gradient))
                     });
                 }
             }

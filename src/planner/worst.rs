@@ -71,7 +71,7 @@ impl Worst<'_> {
         for node in 0..self.nodes.len() {
             self.sinr[node].clear();
             if !alone {
-                self.beams.sinr(&positions[node], &mut self.sinr[node]);
+                self.beams.sinr(node, &positions[node], &mut self.sinr[node]);
             }
         }
         let mut others = Vec::new();
@@ -105,9 +105,9 @@ impl Worst<'_> {
     /// Scans the node's disc and refines the best point; leaves its SINR in place.
     fn move_node(&mut self, node: usize, position: &mut Vector3<f64>, others: &[f64]) -> f64 {
         let (centre, radius) = (self.nodes[node].position_enu_m, radius_m(&self.nodes[node]));
-        let mut best = (*position, self.loss_at(position, others));
+        let mut best = (*position, self.loss_at(node, position, others));
         let consider = |search: &mut Self, at: Vector3<f64>, best: &mut (Vector3<f64>, f64)| {
-            let loss = search.loss_at(&at, others);
+            let loss = search.loss_at(node, &at, others);
             let better = loss > best.1;
             if better {
                 *best = (at, loss);
@@ -140,14 +140,14 @@ impl Worst<'_> {
         *position = best.0;
         self.sinr[node].clear();
         let mut sinr = std::mem::take(&mut self.sinr[node]);
-        self.beams.sinr(position, &mut sinr);
+        self.beams.sinr(node, position, &mut sinr);
         self.sinr[node] = sinr;
         best.1
     }
 
-    fn loss_at(&mut self, position: &Vector3<f64>, others: &[f64]) -> f64 {
+    fn loss_at(&mut self, node: usize, position: &Vector3<f64>, others: &[f64]) -> f64 {
         self.trial.clear();
-        self.beams.sinr(position, &mut self.trial);
+        self.beams.sinr(node, position, &mut self.trial);
         // Eight factors at a time, as in the kernel.
         let products = self.trial.chunks(8).zip(others.chunks(8));
         let mut total = LogSum::default();

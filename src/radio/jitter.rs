@@ -64,6 +64,18 @@ pub fn body_axis(w_rad: [f64; 3]) -> Vector3<f64> {
     Vector3::new(y * sin + x * turn, -x * sin + y * turn, cos + z * turn)
 }
 
+/// The small rotation `exp([w])` as a unit quaternion, scalar first.
+#[must_use]
+pub fn body_rotation(w_rad: [f64; 3]) -> [f64; 4] {
+    let angle = Vector3::from(w_rad).norm();
+    if angle == 0.0 {
+        return [1.0, 0.0, 0.0, 0.0];
+    }
+    let (sin, cos) = libm::sincos(0.5 * angle);
+    let [x, y, z] = w_rad.map(|c| c / angle * sin);
+    [cos, x, y, z]
+}
+
 /// Number of noise components per vehicle: 2, or 3 with yaw.
 #[must_use]
 pub fn components(axes: JitterAxes) -> usize {
@@ -98,6 +110,18 @@ mod tests {
     fn val_rotation_about_the_antenna_is_no_noise() {
         assert!((body_axis([0.0, 0.0, 0.7]) - Vector3::z()).norm() < 1e-15);
         assert!((body_axis([0.1, 0.0, 0.0]) - Vector3::new(0.0, -0.1f64.sin(), 0.1f64.cos())).norm() < 1e-15);
+    }
+
+    #[test]
+    fn val_the_rotation_carries_z_to_the_axis() {
+        for w in [[0.0; 3], [0.1, -0.2, 0.3], [0.0, 1e-9, 0.0], [2.0, 1.0, -0.5]] {
+            let [scalar, x, y, z] = body_rotation(w);
+            let rotation =
+                nalgebra::UnitQuaternion::new_unchecked(nalgebra::Quaternion::new(scalar, x, y, z));
+            assert!((rotation * Vector3::z() - body_axis(w)).norm() < 1e-15, "{w:?}");
+            let outside = Rotation3::new(Vector3::from(w));
+            assert!((rotation.to_rotation_matrix().matrix() - outside.matrix()).norm() < 1e-14, "{w:?}");
+        }
     }
 
     proptest! {

@@ -49,7 +49,13 @@ impl Directory {
             _ => false,
         };
         if !same(mission, &kept) {
-            std::fs::copy(mission, &kept).map_err(|error| unwritable(&kept, &error))?;
+            // A pattern's file stays behind: its rows go along.
+            match Mission::load(mission).ok().and_then(|mission| mission.with_rows()) {
+                Some(text) => write_whole(&kept, &text)?,
+                None => {
+                    std::fs::copy(mission, &kept).map_err(|error| unwritable(&kept, &error))?;
+                }
+            }
         }
         report::store(&self.path, timeline).map_err(|error| error.to_string())?;
         // From what has just been written, so that `veilwing report` gives the same.

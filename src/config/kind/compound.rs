@@ -5,6 +5,7 @@ use toml::de::DeValue;
 
 use super::scalar::Number;
 use super::value::{Fault, Item, Kind, miscount, wrong_type};
+use crate::config::draft::PerReceiver;
 use crate::role::{PerVehicle, Role};
 
 /// A fixed number of numbers, each with its name and range.
@@ -96,6 +97,51 @@ impl<K: Kind> Kind for List<K> {
     }
 }
 
+/// One value for each of a few named things, as one value for all, or as a table with one for each.
+fn read_named<K: Kind<Out: Copy>, const N: usize>(
+    kind: &K,
+    names: [(&str, &str); N],
+    item: &Item<'_>,
+    faults: &mut Vec<Fault>,
+) -> Option<[K::Out; N]> {
+    let DeValue::Table(table) = item.get_ref() else {
+        return kind.read(item, faults).map(|all| [all; N]);
+    };
+    let first = faults.len();
+    let is_known = |key: &str| names.iter().any(|(name, _)| *name == key);
+    for (key, _) in table.iter().filter(|(key, _)| !is_known(key.get_ref())) {
+        faults.push(Fault { at: key.span(), clause: format!("has the unknown key `{}`", key.get_ref()) });
+    }
+    let values = names.map(|(key, title)| {
+        let Some(item) = table.get(key) else {
+            faults.push(Fault { at: item.span(), clause: format!("has no `{key}`") });
+            return None;
+        };
+        let before = faults.len();
+        let value = kind.read(item, faults);
+        for fault in &mut faults[before..] {
+            fault.clause = format!("of {title} {}", fault.clause);
+        }
+        value
+    });
+    if faults.len() > first || values.iter().any(Option::is_none) {
+        return None;
+    }
+    let mut values = values.into_iter().flatten();
+    let first = values.next()?;
+    Some(std::array::from_fn(|index| if index == 0 { first } else { values.next().unwrap_or(first) }))
+}
+
+fn named_schema<const N: usize>(kind: &impl Kind, names: [&str; N]) -> Json {
+    let one = kind.schema();
+    let properties: serde_json::Map<String, Json> =
+        names.iter().map(|name| ((*name).to_owned(), one.clone())).collect();
+    json!({ "oneOf": [one, {
+        "type": "object", "additionalProperties": false, "required": names.as_slice(),
+        "properties": properties,
+    }] })
+}
+
 /// One value for both vehicles, or a table with one for each: `0.5` or `{ i = 0.5, j = 0.2 }`.
 pub(crate) struct Each<K>(pub(crate) K);
 
@@ -103,30 +149,7 @@ impl<K: Kind<Out: Copy>> Kind for Each<K> {
     type Out = PerVehicle<K::Out>;
 
     fn read(&self, item: &Item<'_>, faults: &mut Vec<Fault>) -> Option<Self::Out> {
-        let DeValue::Table(table) = item.get_ref() else {
-            return self.0.read(item, faults).map(|both| PerVehicle { i: both, j: both });
-        };
-        for (key, _) in table.iter().filter(|(key, _)| !matches!(key.get_ref().as_ref(), "i" | "j")) {
-            faults.push(Fault { at: key.span(), clause: format!("has the unknown key `{}`", key.get_ref()) });
-        }
-        let first = faults.len();
-        let values = PerVehicle::from_fn(|role| {
-            let key = if role == Role::I { "i" } else { "j" };
-            let Some(item) = table.get(key) else {
-                faults.push(Fault { at: item.span(), clause: format!("has no `{key}`") });
-                return None;
-            };
-            let before = faults.len();
-            let value = self.0.read(item, faults);
-            for fault in &mut faults[before..] {
-                fault.clause = format!("of {role} {}", fault.clause);
-            }
-            value
-        });
-        if faults.len() > first {
-            return None;
-        }
-        Some(PerVehicle { i: values.i?, j: values.j? })
+        read_named(&self.0, [("i", "I"), ("j", "J")], item, faults).map(|[i, j]| PerVehicle { i, j })
     }
 
     fn fault(&self, value: &Self::Out) -> Option<String> {
@@ -138,14 +161,43 @@ impl<K: Kind<Out: Copy>> Kind for Each<K> {
     }
 
     fn schema(&self) -> Json {
-        let one = self.0.schema();
-        json!({ "oneOf": [one, {
-            "type": "object", "additionalProperties": false, "required": ["i", "j"],
-            "properties": { "i": one, "j": one },
-        }] })
+        named_schema(&self.0, ["i", "j"])
     }
 
     fn canonical(&self, value: &Self::Out) -> Json {
         json!({ "i": self.0.canonical(&value.i), "j": self.0.canonical(&value.j) })
+    }
+}
+
+/// One number for every receiver, or a table with one for each kind: `15.0` or `{ user = 15.0, eavesdropper = 12.0 }`.
+pub(crate) struct Receivers(pub(crate) Number);
+
+impl Kind for Receivers {
+    type Out = PerReceiver;
+
+    fn read(&self, item: &Item<'_>, faults: &mut Vec<Fault>) -> Option<PerReceiver> {
+        let names = [("user", "the user"), ("eavesdropper", "an eavesdropper")];
+        read_named(&self.0, names, item, faults)
+            .map(|[user, eavesdropper]| PerReceiver { user, eavesdropper })
+    }
+
+    fn fault(&self, value: &PerReceiver) -> Option<String> {
+        let each = [("the user", value.user), ("an eavesdropper", value.eavesdropper)];
+        each.iter().find_map(|(title, number)| Some(format!("of {title} {}", self.0.fault(number)?)))
+    }
+
+    fn expected(&self) -> String {
+        format!(
+            "{}, or one for each kind of receiver, {{ user = ..., eavesdropper = ... }}",
+            self.0.expected()
+        )
+    }
+
+    fn schema(&self) -> Json {
+        named_schema(&self.0, ["user", "eavesdropper"])
+    }
+
+    fn canonical(&self, value: &PerReceiver) -> Json {
+        json!({ "user": self.0.canonical(&value.user), "eavesdropper": self.0.canonical(&value.eavesdropper) })
     }
 }

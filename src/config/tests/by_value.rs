@@ -8,7 +8,7 @@ type Wrong<T> = (fn(&mut T), &'static str);
 fn least() -> MissionDraft {
     MissionDraft {
         users: vec![NodeDraft::new("user-1", Enu::zeros())],
-        eavesdroppers: vec![EavesdropperDraft::new("eavesdropper-1", Enu::new(120.0, -40.0, 0.0))],
+        eavesdroppers: vec![NodeDraft::new("eavesdropper-1", Enu::new(120.0, -40.0, 0.0))],
         ..MissionDraft::default()
     }
 }

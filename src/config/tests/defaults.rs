@@ -44,13 +44,20 @@ fn spec_defaults_are_those_of_the_interface() {
             start_utc: None
         }
     );
-    let planner = PlannerSettings { method: Method::Veilwing, objective: Objective::Mean, free_yaw: false };
+    let planner = PlannerSettings {
+        method: Method::Veilwing,
+        objective: Objective::Mean,
+        free_yaw: false,
+        target_rate_bps: None,
+    };
     assert_eq!(least.planner, planner);
     assert_eq!(
         (least.users[0].name.as_str(), least.eavesdroppers[0].name.as_str()),
         ("user-1", "eavesdropper-1")
     );
     assert_eq!(least.eavesdroppers[0].node.uncertainty, Uncertainty::None);
+    assert!(least.problem(0).unwrap().has_ideal_link());
+    assert_eq!(least.power_steps, PerVehicle::default());
     assert!(least.warnings.is_empty());
 }
 

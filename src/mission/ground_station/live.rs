@@ -22,7 +22,8 @@ use crate::mission::executive::Executive;
 use crate::mission::ground_station::information::boot_ms;
 use crate::pair::wire::VeilwingFlags;
 use crate::planner::problem::Radio;
-use crate::radio::link::{NEAREST_M, Transmitter, received_power_w};
+use crate::radio::fading::Rician;
+use crate::radio::link::{Transmitter, power_at_gain_w, received_power_w};
 use crate::radio::pattern;
 use crate::radio::secrecy;
 use crate::role::Role;
@@ -99,12 +100,14 @@ impl Executive {
         if !self.autopilot.fresh(now) || !peer.heard_within(self.settings.pair.peer_timeout, now) {
             return None;
         }
+        let scene = &self.settings.scene;
         let interlock = self.service.interlock();
         let radiates = interlock.transmitter().on_until_at_least(now).filter(|_| interlock.is_on());
         let own = Transmitter {
             position_enu_m: self.position()?,
             axis: self.autopilot.state().attitude?.value.antenna_axis(),
             tx_power_w: radiates.map_or(0.0, |radiates| radiates.power_w),
+            antenna: &scene.antennas[role],
         };
         let other_plan = planned[role.peer()];
         let radiates = peer.says(VeilwingFlags::VEILWING_FLAGS_RADIATING);
@@ -112,20 +115,22 @@ impl Executive {
             position_enu_m: peer.position_enu_m?,
             axis: other_plan.pose.antenna_axis(),
             tx_power_w: if radiates { other_plan.tx_power_w } else { 0.0 },
+            antenna: &scene.antennas[role.peer()],
         };
-        let scene = &self.settings.scene;
         let Radio { reference_gain, noise_power_w, .. } = scene.radio;
-        let at = |node: &Enu| {
-            let from_own = received_power_w(&own, node, reference_gain);
-            let from_other = mean_received_power_w(&other, node, reference_gain, self.settings.jitter_rad);
+        let at = |node: &Enu, rician: Rician| {
+            let from_own = received_power_w(&own, node, rician, reference_gain);
+            let jitter_rad = self.settings.jitter_rad;
+            let from_other = mean_received_power_w(&other, node, rician, reference_gain, jitter_rad);
             let (i, j) = match role {
                 Role::I => (from_own, from_other),
                 Role::J => (from_other, from_own),
             };
             i / (j + noise_power_w)
         };
-        let user_sinr = at(scene.users_enu_m.get(entry.user_index)?);
-        let eavesdropper_sinr: Vec<f64> = scene.eavesdroppers_enu_m.iter().map(at).collect();
+        let user_sinr = at(scene.users_enu_m.get(entry.user_index)?, scene.fading.user);
+        let eavesdropper_sinr: Vec<f64> =
+            scene.eavesdroppers_enu_m.iter().map(|node| at(node, scene.fading.eavesdropper)).collect();
         let heard = eavesdropper_sinr.iter().copied();
         let rate_bps = secrecy::rate_bps(scene.radio.bandwidth_hz, user_sinr, heard);
         Some(Figures { rate_bps, user_sinr, eavesdropper_sinr, own_power_w: own.tx_power_w })
@@ -133,19 +138,28 @@ impl Executive {
 }
 
 /// Mean power received from a transmitter whose axis jitters by `jitter_rad` about each of its two transverse axes, to
-/// second order: with `t` the cosine between axis and direction, `E t^2 = t^2 + s^2 (1 - 3 t^2)`, so that
-/// `E G = G + s^2 (2 - 3 G)`.
-fn mean_received_power_w(from: &Transmitter, node: &Enu, reference_gain: f64, jitter_rad: f64) -> f64 {
+/// second order: with `t` the cosine between axis and direction, `E t^2 = t^2 + s^2 (1 - 3 t^2)`, so that for a dipole
+/// `E G = G + s^2 (2 - 3 G)`, and its depth times as much of one with a floor. A measured pattern is taken to bend as an
+/// ideal dipole's null does.
+fn mean_received_power_w(
+    from: &Transmitter<'_>,
+    node: &Enu,
+    rician: Rician,
+    reference_gain: f64,
+    jitter_rad: f64,
+) -> f64 {
     let path = node - from.position_enu_m;
-    let still = pattern::gain(&path, &from.axis);
-    let mean = (still + jitter_rad * jitter_rad * (2.0 - 3.0 * still)).clamp(0.0, 1.0);
-    let square = path.norm_squared().max(NEAREST_M * NEAREST_M);
-    reference_gain * mean * from.tx_power_w.max(0.0) / square
+    let still = from.antenna.gain(&path, &from.axis);
+    let dipole = pattern::gain(&path, &from.axis);
+    let bend = (1.0 - from.antenna.least()) * jitter_rad * jitter_rad * (2.0 - 3.0 * dipole);
+    let mean = rician.mean_gain((still + bend).clamp(0.0, 1.0), from.antenna.mean());
+    power_at_gain_w(from, node, mean, reference_gain)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::radio::antenna::Pattern;
 
     #[test]
     fn val_the_mean_gain_is_that_of_many_jittered_axes() {
@@ -155,15 +169,19 @@ mod tests {
         let jitter_rad = 2f64.to_radians();
         let mut gauss = || jitter_rad * ((0..12).map(|_| rng.random::<f64>()).sum::<f64>() - 6.0);
         for node in [Enu::zeros(), Enu::new(30.0, 0.0, 0.0), Enu::new(100.0, 20.0, 50.0)] {
-            let level =
-                Transmitter { position_enu_m: Enu::new(0.0, 0.0, 50.0), axis: Enu::z(), tx_power_w: 0.5 };
+            let level = Transmitter {
+                position_enu_m: Enu::new(0.0, 0.0, 50.0),
+                axis: Enu::z(),
+                tx_power_w: 0.5,
+                antenna: &Pattern::IDEAL,
+            };
             let n = 20_000;
             let powers = (0..n).map(|_| {
                 let axis = Attitude::from_euler(gauss(), gauss(), 0.0).antenna_axis();
-                received_power_w(&Transmitter { axis, ..level }, &node, 1.0)
+                received_power_w(&Transmitter { axis, ..level }, &node, Rician::NONE, 1.0)
             });
             let mean = powers.sum::<f64>() / f64::from(n);
-            let formula = mean_received_power_w(&level, &node, 1.0, jitter_rad);
+            let formula = mean_received_power_w(&level, &node, Rician::NONE, 1.0, jitter_rad);
             // At the null the power's standard deviation is its mean: 0.7% of it for the mean of 20,000.
             assert!((formula / mean - 1.0).abs() < 0.03, "{node}: {formula} {mean}");
         }

@@ -58,7 +58,7 @@ pub(super) fn plan(setup: &Setup, method: Method, options: &Options) -> Found {
 
 fn climb(setup: &Setup, chart: &Chart, samples: &Samples, start: &Raw, memory: &mut Memory) -> Option<Local> {
     let solver = Solver::InteriorPoint(interior_point::Settings::default());
-    if setup.jitters() || setup.heeds_uncertainty() {
+    if setup.varies() || setup.heeds_uncertainty() {
         return memory.maximise(setup, chart, Target::Mean { samples, clip: false }, start, &solver);
     }
     memory.maximise(setup, chart, Target::Exact(SHARPNESS), start, &solver)
@@ -68,7 +68,7 @@ fn chart(setup: &Setup, method: Method) -> Chart {
     let problem = setup.problem;
     let about = problem.user_enu_m;
     let follow = |map, v: usize| AxisChart::Follows { map, about, limit_rad: setup.tilt_rad[v] };
-    let free = |v: usize| AxisChart::free(setup.tilt_rad[v], false);
+    let free = |v: usize| setup.free_axis(v, false);
     let phase1 = || follow(phase1::axis_map(phase1::line_angle(&from_user(problem))), 0);
     let phase2 = || follow(phase2::axis_map(), 1);
     let level = AxisChart::Fixed([0.0; 3]);

@@ -9,7 +9,7 @@ use super::law::Law;
 use super::link::Links;
 use super::steady::{self, Outcome};
 use crate::planner::plan::BoundKind;
-use crate::planner::problem::{JitterAxes, JitterModel, Problem, Uncertainty};
+use crate::planner::problem::{JitterAxes, JitterModel, Problem};
 use crate::radio::jitter::is_present;
 use crate::radio::link::NEAREST_M;
 
@@ -36,7 +36,8 @@ impl Prepared {
     /// `None` where neither branch and bound holds: over uncertain positions the mean may exceed every rate at the
     /// estimates.
     pub fn new(problem: &Problem) -> Option<Self> {
-        if problem.eavesdroppers.iter().any(|e| e.uncertainty != Uncertainty::None) {
+        // Floors, patterns, scattering and errors of poses are in none of the derivations.
+        if !problem.has_ideal_link() || problem.eavesdroppers.iter().any(|e| e.uncertainty.is_present()) {
             return None;
         }
         let jitter = &problem.jitter;

@@ -3,6 +3,8 @@
 use nalgebra::Vector3;
 
 use super::attitude::Desired;
+use super::errors::Errors;
+use super::full::{link, received};
 use super::kernel::{ANGLES, Link, POWER, Raw, Scene, VEHICLE, power};
 use super::logarithm::LogSum;
 use super::samples::{LANES, Lane, Samples};
@@ -10,9 +12,19 @@ use super::samples::{LANES, Lane, Samples};
 /// Both antennas of a configuration at every sample of a shared set: what a search over a node's position needs.
 #[derive(Debug, Clone)]
 pub struct Beams {
-    axes: Vec<[[Lane; 3]; 2]>,
+    blocks: Vec<Block>,
     raw: Raw,
     scene: Scene,
+    /// The depths of both dipoles, where nothing but these and attitude noise is in the samples.
+    depths: Option<[f64; 2]>,
+}
+
+/// One block's antennas, and what is wrong and scattered in it.
+#[derive(Debug, Clone)]
+struct Block {
+    axes: [[Lane; 3]; 2],
+    errors: Option<Errors>,
+    waves: Vec<[Lane; 2]>,
 }
 
 impl Beams {
@@ -20,48 +32,72 @@ impl Beams {
     #[must_use]
     pub fn new(scene: &Scene, samples: &Samples, raw: &Raw) -> Self {
         let desired = [Desired::new(&raw[ANGLES..]), Desired::new(&raw[VEHICLE + ANGLES..])];
-        let blocks = samples.draws().next().map(|(_, blocks)| blocks).unwrap_or_default();
-        let axes = blocks.iter().map(|noise| [0, 1].map(|v: usize| desired[v].axes(&noise[v]).y)).collect();
-        Self { axes, raw: *raw, scene: scene.clone() }
+        let first = samples.draws().next();
+        let blocks = first.iter().flat_map(|blocks| {
+            blocks.noise.iter().enumerate().map(|(index, noise)| {
+                let errors = blocks.errors(index);
+                let axes = [0, 1].map(|v: usize| match errors {
+                    Some(errors) => desired[v].axes_with(&noise[v], &errors.vehicles[v]).y,
+                    None => desired[v].axes(&noise[v]).y,
+                });
+                Block { axes, errors: errors.cloned(), waves: blocks.waves(index).to_vec() }
+            })
+        });
+        let depths = scene.depths().filter(|_| samples.is_plain());
+        Self { blocks: blocks.collect(), raw: *raw, scene: scene.clone(), depths }
     }
 
     /// Number of samples.
     #[must_use]
     pub fn len(&self) -> usize {
-        self.axes.len() * LANES
+        self.blocks.len() * LANES
     }
 
     /// Whether there are none.
     #[must_use]
     pub fn is_empty(&self) -> bool {
-        self.axes.is_empty()
+        self.blocks.is_empty()
     }
 
-    /// Appends the SINR at `node` for every sample.
-    pub fn sinr(&self, node: &Vector3<f64>, out: &mut Vec<f64>) {
-        let node = [node.x, node.y, node.z];
-        let link = [POWER, VEHICLE + POWER].map(|at| {
-            let vehicle = &self.raw[at - POWER..];
-            Link::new(vehicle, &node, self.scene.budget_m2_w * self.raw[at].max(0.0))
-        });
-        for y in &self.axes {
-            let (a, b) = (power(&link[0], &y[0]), power(&link[1], &y[1]));
-            let mut sinr = [0.0; LANES];
-            for l in 0..LANES {
-                sinr[l] = a[l] / (1.0 + b[l]);
+    /// Appends the SINR of eavesdropper `index`, were it at `position`, for every sample.
+    pub fn sinr(&self, index: usize, position: &Vector3<f64>, out: &mut Vec<f64>) {
+        self.sinr_at(index + 1, [position.x, position.y, position.z], out);
+    }
+
+    /// Appends the SINR of a node (0 the user) for every sample.
+    fn sinr_at(&self, node: usize, position: [f64; 3], out: &mut Vec<f64>) {
+        let parts = [&self.raw[..VEHICLE], &self.raw[VEHICLE..]];
+        let budgets_m2 = parts.map(|part| self.scene.budget_m2_w * part[POWER].max(0.0));
+        if let Some(depths) = self.depths {
+            let links = [0, 1].map(|v: usize| Link::new(parts[v], &position, budgets_m2[v]));
+            for Block { axes, .. } in &self.blocks {
+                push_sinr([0, 1].map(|v: usize| power(&links[v], depths[v], &axes[v])), out);
             }
-            out.extend_from_slice(&sinr);
+            return;
+        }
+        for block in &self.blocks {
+            let errors = block.errors.as_ref();
+            let shift = errors.and_then(|errors| errors.nodes_m.get(node));
+            let powers = [0, 1].map(|v: usize| {
+                let offset = errors.map(|errors| &errors.vehicles[v].offset_m);
+                let link = link(parts[v], budgets_m2[v], offset, &position, shift);
+                received(&self.scene, v, node, &link, &block.axes[v], block.waves.get(2 * node + v))
+            });
+            push_sinr(powers, out);
         }
     }
 
     /// E ln(1 + Gamma_0) in nats per hertz.
     #[must_use]
     pub fn user_mean(&self) -> f64 {
-        let [x, y, z] = self.scene.user;
         let mut sinr = Vec::with_capacity(self.len());
-        self.sinr(&Vector3::new(x, y, z), &mut sinr);
+        self.sinr_at(0, self.scene.user, &mut sinr);
         let mut sum = LogSum::default();
         sinr.iter().for_each(|s| sum.push(1.0 + s));
         sum.value() / self.len().max(1) as f64
     }
+}
+
+fn push_sinr([a, b]: [Lane; 2], out: &mut Vec<f64>) {
+    out.extend((0..LANES).map(|l| a[l] / (1.0 + b[l])));
 }

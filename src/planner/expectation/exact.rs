@@ -18,20 +18,25 @@ pub struct Exact {
 #[derive(Debug, Clone, Copy)]
 struct Term {
     link: [Link; 2],
+    /// `<u, Y>`, and the gain's derivative by it.
     t: [f64; 2],
+    slope: [f64; 2],
     a: f64,
     b: f64,
     log: f64,
 }
 
 impl Term {
-    fn new(node: &[f64; 3], axes: &[[f64; 3]; 2], raw: &Raw, budget_m2: [f64; 2]) -> Self {
+    fn new(scene: &Scene, node: &[f64; 3], axes: &[[f64; 3]; 2], raw: &Raw, budget_m2: [f64; 2]) -> Self {
         let link = [Link::new(raw, node, budget_m2[0]), Link::new(&raw[VEHICLE..], node, budget_m2[1])];
         let t = [0, 1].map(|v: usize| dot(&link[v].u, &axes[v]));
-        // |u x Y|^2 keeps its accuracy near a null, where 1 - t^2 cancels.
-        let gain = [0, 1].map(|v: usize| square(&cross(&link[v].u, &axes[v])));
-        let (a, b) = (link[0].k * gain[0], 1.0 + link[1].k * gain[1]);
-        Self { link, t, a, b, log: libm::log1p(a / b) }
+        let gain = [0, 1].map(|v: usize| {
+            // |u x Y|^2 keeps its accuracy near a null, where 1 - t^2 cancels. u comes from the node.
+            let sine_squared = square(&cross(&link[v].u, &axes[v]));
+            scene.antennas[v].pattern.gain_and_slope(-t[v], sine_squared)
+        });
+        let (a, b) = (link[0].k * gain[0].0, 1.0 + link[1].k * gain[1].0);
+        Self { link, t, slope: gain.map(|(_, slope)| -slope), a, b, log: libm::log1p(a / b) }
     }
 
     /// Adds `c` times the gradient of `ln(1 + a / b)`.
@@ -40,7 +45,7 @@ impl Term {
         let received = [self.a, self.b - 1.0];
         for v in 0..2 {
             let (link, y) = (&self.link[v], &axes[v]);
-            let w = -2.0 * weight[v] * link.k * self.t[v];
+            let w = weight[v] * link.k * self.slope[v];
             let along = w * self.t[v] + 2.0 * weight[v] * received[v];
             let part = &mut out[v * VEHICLE..(v + 1) * VEHICLE];
             for axis in 0..3 {
@@ -69,9 +74,9 @@ impl Exact {
         });
         let budget =
             [scene.budget_m2_w * raw[POWER].max(0.0), scene.budget_m2_w * raw[VEHICLE + POWER].max(0.0)];
-        let user = Term::new(&scene.user, &axes, raw, budget);
+        let user = Term::new(scene, &scene.user, &axes, raw, budget);
         self.terms.clear();
-        self.terms.extend(eavesdroppers.map(|node| Term::new(&node, &axes, raw, budget)));
+        self.terms.extend(eavesdroppers.map(|node| Term::new(scene, &node, &axes, raw, budget)));
         let top = self.terms.iter().map(|t| t.log).fold(0.0, f64::max);
         let weight = |log: f64| {
             if q.is_finite() { libm::exp(q * (log - top)) } else { f64::from(u8::from(log >= top)) }

@@ -1,13 +1,18 @@
 //! The expected rate: scrambled Sobol samples of attitude noise and positions, the objective on them, and the evaluator of a plan.
 
+pub mod antenna;
 pub mod attitude;
 pub mod beams;
+pub mod errors;
 pub mod exact;
+mod full;
 pub mod kernel;
 mod lanes;
 pub mod logarithm;
 pub mod noise;
 pub mod normal;
+mod parts;
+mod plain;
 pub mod samples;
 pub mod sobol;
 mod trigonometry;
@@ -15,11 +20,11 @@ mod trigonometry;
 use super::draws::QUANTILE;
 use super::error::PlanError;
 use super::plan::VehiclePlan;
-use super::problem::{Objective, Problem};
+use super::problem::{Fading, Objective, Problem, Radio};
 use super::setup::Setup;
 use super::worst::worst_positions;
 use crate::radio::link::{self, Transmitter};
-use crate::role::PerVehicle;
+use crate::role::{PerVehicle, Role};
 use kernel::Raw;
 use samples::{LANES, Samples, Sequence};
 
@@ -43,18 +48,20 @@ impl Default for EvaluateOptions {
 /// What poses and powers are worth.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Evaluation {
-    /// `E[R]` with `[.]^+` inside, bit/s, under the problem's jitter and position uncertainty.
+    /// `E[R]` with `[.]^+` inside, bit/s, over everything that is random in the problem.
     pub secrecy_rate_bps: f64,
     /// Standard error of `secrecy_rate_bps`, from independent scrambles; 0 without anything random.
     pub standard_error_bps: f64,
-    /// The mission's objective, bit/s: `secrecy_rate_bps` itself, or over uncertain positions the rate at the estimates
-    /// (nominal), the 5% quantile, or the worst case over the discs (a local search: an upper estimate of it).
+    /// The mission's objective, bit/s: `secrecy_rate_bps` itself, or over what stays wrong during a slot the rate with nothing
+    /// wrong (nominal), the 5% quantile, or the worst case over the eavesdroppers' discs, in the mean over the rest (a local
+    /// search: an upper estimate of it).
     pub objective_rate_bps: f64,
     /// E of the signed rate, [.]^+ dropped (paper 3b), bit/s.
     pub signed_rate_bps: f64,
-    /// SINR of the user at the desired attitude, linear.
+    /// SINR of the user at the desired attitude and estimated position, linear: mean power over mean power where waves are
+    /// scattered.
     pub user_sinr: f64,
-    /// SINR of each eavesdropper at the desired attitude and estimated position, linear.
+    /// SINR of each eavesdropper at the same, linear.
     pub eavesdropper_sinr: Vec<f64>,
 }
 
@@ -64,11 +71,13 @@ const SCRAMBLES: usize = 16;
 const PER_DRAW: usize = 2 * LANES;
 /// Most draws of the positions for a quantile.
 const QUANTILE_DRAWS: usize = 512;
+/// The same where more than the eavesdroppers' positions stays wrong.
+const SLOT_DRAWS: usize = 1024;
 /// Most samples for a worst case.
 const WORST_SAMPLES: usize = 4096;
 
-/// Scores poses and powers under the problem's model (2.2b): the mean over samples of both attitudes' noise and, where
-/// positions are uncertain, of the positions.
+/// Scores poses and powers under the problem's model (2.2b): the mean over samples of both attitudes' noise, of scattered
+/// waves, and of what stays wrong during a slot.
 ///
 /// The samples are split over sixteen independent scrambles, and the standard error is that of their means: an honest
 /// figure for randomised quasi-Monte Carlo, whose error within a scramble is far below that of independent samples.
@@ -95,8 +104,10 @@ pub fn evaluate(
         let to_bps = problem.radio.bandwidth_hz / std::f64::consts::LN_2;
         evaluation.objective_rate_bps = match problem.objective {
             Objective::Mean => evaluation.secrecy_rate_bps,
-            Objective::Nominal => to_bps * mean_and_error(&scrambles(&setup, &raw, options, 1).0).0,
-            Objective::Quantile => to_bps * quantile(&setup, &raw, options),
+            Objective::Nominal => to_bps * nominal(&setup, &raw, options),
+            Objective::Quantile => {
+                slots(&setup, vehicles, evaluation.secrecy_rate_bps, options).quantile_bps()
+            }
             Objective::WorstCase => to_bps * worst_case(&setup, &raw, options),
         };
     }
@@ -111,7 +122,7 @@ pub(super) fn score(
 ) -> Evaluation {
     let problem = setup.problem;
     let raw = Setup::raw(vehicles);
-    let (clipped, signed) = if setup.jitters() || setup.is_uncertain() {
+    let (clipped, signed) = if setup.varies() || setup.is_uncertain() {
         let draws = if setup.is_uncertain() { per_scramble(options).div_ceil(PER_DRAW).max(2) } else { 1 };
         scrambles(setup, &raw, options, draws)
     } else {
@@ -120,19 +131,26 @@ pub(super) fn score(
     };
     let to_bps = problem.radio.bandwidth_hz / std::f64::consts::LN_2;
     let (rate, error) = mean_and_error(&clipped);
-    let [i, j] = [&vehicles.i, &vehicles.j].map(|v| Transmitter {
-        position_enu_m: v.pose.position_enu_m,
-        axis: v.pose.antenna_axis(),
-        tx_power_w: v.tx_power_w,
+    let [i, j] = [Role::I, Role::J].map(|role| Transmitter {
+        position_enu_m: vehicles[role].pose.position_enu_m,
+        axis: vehicles[role].pose.antenna_axis(),
+        tx_power_w: vehicles[role].tx_power_w,
+        antenna: &problem.antennas[role],
     });
-    let sinr = |node| link::sinr(&i, &j, node, problem.radio.reference_gain, problem.radio.noise_power_w);
+    let Radio { reference_gain, noise_power_w, .. } = problem.radio;
+    let sinr = |node, rician| link::sinr(&i, &j, node, rician, reference_gain, noise_power_w);
+    let Fading { user, eavesdropper } = problem.fading;
     Evaluation {
         secrecy_rate_bps: rate * to_bps,
         standard_error_bps: error * to_bps,
         objective_rate_bps: rate * to_bps,
         signed_rate_bps: mean_and_error(&signed).0 * to_bps,
-        user_sinr: sinr(&problem.user_enu_m),
-        eavesdropper_sinr: problem.eavesdroppers.iter().map(|e| sinr(&e.position_enu_m)).collect(),
+        user_sinr: sinr(&problem.user_enu_m, user),
+        eavesdropper_sinr: problem
+            .eavesdroppers
+            .iter()
+            .map(|e| sinr(&e.position_enu_m, eavesdropper))
+            .collect(),
     }
 }
 
@@ -157,18 +175,64 @@ fn scrambles(setup: &Setup, raw: &Raw, options: &EvaluateOptions, draws: usize) 
         .unzip()
 }
 
-/// The 5% quantile over draws of the positions of the mean over attitudes, nats per hertz.
-fn quantile(setup: &Setup, raw: &Raw, options: &EvaluateOptions) -> f64 {
-    let draws = (options.samples / 32).clamp(20, QUANTILE_DRAWS);
-    let positions = Samples::positions(setup.problem, draws, sobol::mix(options.seed, 2));
-    let samples = Samples::shared(setup.problem, options.samples.div_ceil(draws), positions, options.seed);
-    let mut rates = clipped_by_draw(setup, raw, &samples, draws);
+/// The rates of slots, one for each draw of what stays wrong during a slot, each the mean over what does not; rising, bit/s.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct SlotRates(Vec<f64>);
+
+impl SlotRates {
+    /// The rate that 5% of the slots do not reach.
+    pub fn quantile_bps(&self) -> f64 {
+        // Between the two ranks whose middles enclose the quantile.
+        let count = self.0.len();
+        let rank = (QUANTILE * count as f64 - 0.5).max(0.0);
+        let low = (rank.floor() as usize).min(count - 1);
+        let high = (low + 1).min(count - 1);
+        self.0[low] + (rank - rank.floor()) * (self.0[high] - self.0[low])
+    }
+
+    /// The share of slots whose rate is below `target_bps`.
+    pub fn below(&self, target_bps: f64) -> f64 {
+        self.0.partition_point(|rate| *rate < target_bps) as f64 / self.0.len() as f64
+    }
+}
+
+/// The rates of slots. `mean_bps` is the mean rate, from more samples than a slot has here.
+pub(super) fn slots(
+    setup: &Setup,
+    vehicles: &PerVehicle<VehiclePlan>,
+    mean_bps: f64,
+    options: &EvaluateOptions,
+) -> SlotRates {
+    if !setup.is_uncertain() {
+        return SlotRates(vec![mean_bps]);
+    }
+    let problem = setup.problem;
+    let alone = problem.has_ideal_link();
+    let (share, most) = match (alone, setup.varies()) {
+        (true, _) => (32, QUANTILE_DRAWS),
+        (false, true) => (64, SLOT_DRAWS),
+        // Each slot is a single sample then, and costs a block.
+        (false, false) => (LANES, LANES * SLOT_DRAWS),
+    };
+    let draws = (options.samples / share).clamp(20, most);
+    let all = Samples::draws_of(problem, draws, sobol::mix(options.seed, 2));
+    let samples = Samples::shared(problem, options.samples.div_ceil(draws), all, options.seed);
+    let to_bps = problem.radio.bandwidth_hz / std::f64::consts::LN_2;
+    let mut rates: Vec<f64> =
+        clipped_by_draw(setup, &Setup::raw(vehicles), &samples, draws).iter().map(|f| f * to_bps).collect();
+    if !alone && setup.varies() {
+        // All draws meet the same few samples of jitter and scattering, whose error is much the same in each: it is
+        // taken off by the mean, which is known better.
+        let offset = mean_bps - rates.iter().sum::<f64>() / draws as f64;
+        rates.iter_mut().for_each(|rate| *rate = (*rate + offset).max(0.0));
+    }
     rates.sort_by(f64::total_cmp);
-    // Between the two ranks whose middles enclose the quantile.
-    let rank = (QUANTILE * draws as f64 - 0.5).max(0.0);
-    let low = (rank.floor() as usize).min(draws - 1);
-    let high = (low + 1).min(draws - 1);
-    rates[low] + (rank - rank.floor()) * (rates[high] - rates[low])
+    SlotRates(rates)
+}
+
+/// The mean over attitudes and scattered waves with nothing wrong, nats per hertz.
+fn nominal(setup: &Setup, raw: &Raw, options: &EvaluateOptions) -> f64 {
+    mean_and_error(&scrambles(setup, raw, options, 1).0).0
 }
 
 /// The mean over attitudes at the worst positions found, nats per hertz.
@@ -270,7 +334,7 @@ mod tests {
     #[test]
     fn regress_256_points_are_within_a_tenth_of_a_percent() {
         let truth = evaluate(&scenario(), &vehicles(), &options(1 << 17, 1)).unwrap().signed_rate_bps;
-        let scene = kernel::Scene { user: [0.0; 3], budget_m2_w: 1e12 };
+        let scene = kernel::Scene::of(&scenario());
         let squares = (0..32).map(|seed| {
             let samples = Samples::new(&scenario(), 256, 1, seed, Sequence::Sobol);
             let mean =

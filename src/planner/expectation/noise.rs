@@ -1,14 +1,13 @@
-//! From uniform points to attitude noise and positions.
-
-use nalgebra::Vector3;
+//! From uniform points to attitude noise and scattered waves.
 
 use super::lanes::{LANES, Lane};
 use super::{normal, sobol, trigonometry};
-use crate::planner::problem::{Eavesdropper, Jitter, JitterModel, Uncertainty};
+use crate::planner::problem::{Jitter, JitterModel, Problem};
 use crate::radio::jitter;
 
-/// First dimension of the sequence that moves positions; attitude noise comes before.
-const POSITION_DIMENSION: usize = 8;
+/// First dimension of the sequence that scatters: two for each pair of node and vehicle. Attitude noise has the first
+/// dimensions, and what stays wrong those between.
+const SCATTER_DIMENSION: usize = 1 << 14;
 
 /// One vehicle's noise in a block, in the form in which the kernel uses it.
 #[derive(Debug, Clone, Copy)]
@@ -17,6 +16,9 @@ pub enum Noise {
     Euler([[Lane; 2]; 3]),
     /// The antenna axis in the desired body frame.
     Body([Lane; 3]),
+    /// The rotation of the body from the desired one, a unit quaternion, scalar first: for an antenna that is not mounted along
+    /// body z.
+    Turn([Lane; 4]),
 }
 
 /// Where the random numbers come from.
@@ -44,7 +46,7 @@ impl Uniform {
     }
 
     /// A coordinate of a point.
-    fn at(&self, index: usize, dimension: usize) -> f64 {
+    pub fn at(&self, index: usize, dimension: usize) -> f64 {
         match self.sequence {
             Sequence::Sobol => self.set.coordinate(index as u32, dimension),
             Sequence::MonteCarlo => {
@@ -71,6 +73,7 @@ impl Uniform {
 /// Blocks of attitude noise in the vectors of the caller.
 struct Blocks<'a> {
     jitter: &'a Jitter,
+    is_mounted_askew: bool,
     count: usize,
     uniform: Uniform,
 }
@@ -80,19 +83,52 @@ impl pulp::NullaryFnOnce for Blocks<'_> {
 
     #[inline(always)]
     fn call(self) -> Self::Output {
-        (0..self.count).map(|block| block_noise(self.jitter, block, &self.uniform)).collect()
+        (0..self.count)
+            .map(|block| block_noise(self.jitter, self.is_mounted_askew, block, &self.uniform))
+            .collect()
     }
 }
 
 /// The first `count` blocks of both vehicles' noise.
 #[must_use]
-pub fn blocks(jitter: &Jitter, count: usize, uniform: Uniform) -> Vec<[Noise; 2]> {
+pub fn blocks(problem: &Problem, count: usize, uniform: Uniform) -> Vec<[Noise; 2]> {
+    let is_mounted_askew = problem.pointing.mounting_std_rad > 0.0;
     // The same operations in the same order on any machine's vectors.
-    pulp::Arch::new().dispatch(Blocks { jitter, count, uniform })
+    pulp::Arch::new().dispatch(Blocks { jitter: &problem.jitter, is_mounted_askew, count, uniform })
+}
+
+/// Scattered waves, complex normal with a mean square of two: of each block, for the user and every eavesdropper, from I
+/// and from J.
+struct Waves {
+    links: usize,
+    count: usize,
+    uniform: Uniform,
+}
+
+impl pulp::NullaryFnOnce for Waves {
+    type Output = Vec<[Lane; 2]>;
+
+    #[inline(always)]
+    fn call(self) -> Self::Output {
+        let mut out = Vec::with_capacity(self.count * self.links);
+        for block in 0..self.count {
+            for link in 0..self.links {
+                let part = |c| normal::quantiles(&self.uniform.lane(block, SCATTER_DIMENSION + 2 * link + c));
+                out.push([part(0), part(1)]);
+            }
+        }
+        out
+    }
+}
+
+/// The scattered waves of the first `count` blocks, over `links` pairs of node and vehicle each.
+#[must_use]
+pub fn waves(links: usize, count: usize, uniform: Uniform) -> Vec<[Lane; 2]> {
+    pulp::Arch::new().dispatch(Waves { links, count, uniform })
 }
 
 #[inline(always)]
-fn block_noise(jitter: &Jitter, block: usize, uniform: &Uniform) -> [Noise; 2] {
+fn block_noise(jitter: &Jitter, is_mounted_askew: bool, block: usize, uniform: &Uniform) -> [Noise; 2] {
     let components = jitter::components(jitter.axes);
     let mut w = [[[0.0; LANES]; 3]; 2];
     if jitter::is_present(jitter) {
@@ -106,6 +142,7 @@ fn block_noise(jitter: &Jitter, block: usize, uniform: &Uniform) -> [Noise; 2] {
     match jitter.model {
         JitterModel::Euler => [0, 1]
             .map(|v: usize| Noise::Euler([0, 1, 2].map(|axis: usize| trigonometry::cos_sin(&w[v][axis])))),
+        JitterModel::Body if is_mounted_askew => [0, 1].map(|v: usize| Noise::Turn(turns(&w[v]))),
         JitterModel::Body => [0, 1].map(|v: usize| {
             let mut axis = [[0.0; LANES]; 3];
             for l in 0..LANES {
@@ -119,23 +156,14 @@ fn block_noise(jitter: &Jitter, block: usize, uniform: &Uniform) -> [Noise; 2] {
     }
 }
 
-/// All eavesdroppers' positions in one draw.
-#[must_use]
-pub fn positions(nodes: &[Eavesdropper], draw: usize, uniform: &Uniform) -> Vec<Vector3<f64>> {
-    nodes
-        .iter()
-        .enumerate()
-        .map(|(node, eavesdropper)| {
-            let u = uniform.at(draw, POSITION_DIMENSION + 2 * node);
-            let angle = std::f64::consts::TAU * uniform.at(draw, POSITION_DIMENSION + 2 * node + 1);
-            let radius = match eavesdropper.uncertainty {
-                Uncertainty::None => 0.0,
-                Uncertainty::Disc { radius_m } => radius_m * u.sqrt(),
-                // The radius of a two-dimensional Gaussian follows Rayleigh's law.
-                Uncertainty::Gaussian { std_m } => std_m * (-2.0 * libm::log(u)).sqrt(),
-            };
-            let (sin, cos) = libm::sincos(angle);
-            eavesdropper.position_enu_m + radius * Vector3::new(cos, sin, 0.0)
-        })
-        .collect()
+/// `exp([w])` per sample.
+fn turns(w: &[Lane; 3]) -> [Lane; 4] {
+    let mut parts = [[0.0; LANES]; 4];
+    for l in 0..LANES {
+        let rotation = jitter::body_rotation([w[0][l], w[1][l], w[2][l]]);
+        for (lane, part) in parts.iter_mut().zip(rotation) {
+            lane[l] = part;
+        }
+    }
+    parts
 }

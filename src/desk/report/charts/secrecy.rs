@@ -12,6 +12,8 @@ use crate::desk::drawing::svg::{Stroke, Svg, number};
 use crate::desk::report::facts::{Facts, SlotRun};
 use crate::desk::report::timeline::{RadioScene, Sample};
 use crate::geo::Pose;
+use crate::radio::antenna::Pattern;
+use crate::radio::fading::Rician;
 use crate::radio::link::{Transmitter, sinr};
 use crate::radio::pattern;
 use crate::role::Role;
@@ -48,10 +50,10 @@ impl SecrecyMap {
         let radio = facts.timeline.scene.radio?;
         let user = facts.timeline.scene.users.iter().find(|user| user.name == run.user)?;
         let user = Vector3::from(user.position_enu_m);
-        let flown: Vec<[Transmitter; 2]> =
+        let flown: Vec<[Transmitter<'_>; 2]> =
             facts.timeline.samples.iter().filter_map(|sample| transmitters(sample, run.number)).collect();
         let every = flown.len().div_ceil(INSTANTS).max(1);
-        let instants: Vec<&[Transmitter; 2]> = flown.iter().step_by(every).collect();
+        let instants: Vec<&[Transmitter<'_>; 2]> = flown.iter().step_by(every).collect();
         if instants.is_empty() {
             return None;
         }
@@ -148,18 +150,20 @@ fn cell_middle(square: &Square, row: usize, column: usize) -> [f64; 2] {
 }
 
 /// Both transmitters at an instant at which I serves the slot.
-fn transmitters(sample: &Sample, slot: u16) -> Option<[Transmitter; 2]> {
+fn transmitters(sample: &Sample, slot: u16) -> Option<[Transmitter<'static>; 2]> {
     let i = sample.vehicles.i.as_ref().filter(|i| i.slot == Some(slot) && i.tx_power_w.is_some())?;
     let j = sample.vehicles.j.as_ref()?;
     Some([i, j].map(|state| Transmitter {
         position_enu_m: Vector3::from(state.position_enu_m),
         axis: state.attitude.antenna_axis(),
         tx_power_w: state.tx_power_w.unwrap_or(0.0),
+        // The record of a flight says nothing of patterns: the map is the ideal dipoles'.
+        antenna: &Pattern::IDEAL,
     }))
 }
 
-fn bits([i, j]: &[Transmitter; 2], node: &Vector3<f64>, radio: &RadioScene) -> f64 {
-    (1.0 + sinr(i, j, node, radio.reference_gain, radio.noise_power_w)).log2()
+fn bits([i, j]: &[Transmitter<'_>; 2], node: &Vector3<f64>, radio: &RadioScene) -> f64 {
+    (1.0 + sinr(i, j, node, Rician::NONE, radio.reference_gain, radio.noise_power_w)).log2()
 }
 
 /// A side of a cell: its lower or left end, and whether it runs north.

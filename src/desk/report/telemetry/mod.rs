@@ -17,6 +17,8 @@ use crate::config::Mission;
 use crate::link::tlog::{TlogError, TlogReader};
 use crate::link::{Aboard, Envelope, RawFrame};
 use crate::pair::wire;
+use crate::radio::antenna::Pattern;
+use crate::radio::fading::Rician;
 use crate::radio::link::{Transmitter, sinr};
 use crate::radio::secrecy;
 use crate::role::{PerVehicle, Role};
@@ -226,8 +228,12 @@ fn heard(scene: &Scene, vehicles: &PerVehicle<Option<VehicleState>>) -> Option<H
         position_enu_m: Vector3::from(state.position_enu_m),
         axis: state.attitude.antenna_axis(),
         tx_power_w: state.tx_power_w.unwrap_or(0.0),
+        // A timeline says nothing of patterns: what is estimated is the ideal dipoles'.
+        antenna: &Pattern::IDEAL,
     });
-    let at = |node: [f64; 3]| sinr(&i, &j, &Vector3::from(node), radio.reference_gain, radio.noise_power_w);
+    let at = |node: [f64; 3]| {
+        sinr(&i, &j, &Vector3::from(node), Rician::NONE, radio.reference_gain, radio.noise_power_w)
+    };
     let user_sinr = at(user.position_enu_m);
     let eavesdropper_sinr: Vec<f64> = scene.eavesdroppers.iter().map(|e| at(e.position_enu_m)).collect();
     let secrecy_rate_bps =
