@@ -75,7 +75,7 @@ class ArduCopter:
     """ArduCopter's own simulated quad."""
 
     firmware, actuation = "ardupilot", "position"
-    vehicle = "conventional", dict(max_tilt_deg=90.0, speed_m_s=8.0, climb_m_s=4.0, acceleration_m_s2=2.5, tilt_rate_deg_s=45.0)
+    vehicle = "conventional", dict(max_tilt_deg=90.0, speed_m_s=8.0, climb_m_s=4.0, acceleration_m_s2=1.5, tilt_rate_deg_s=45.0)
     # Message and Hz: the true state, and what is wanted for the record.
     streams = ((108, 50), (32, 10), (245, 2), (36, 50))
     modes = dict(position=(5,), hold=(5,), land=(9,), home=(6,))

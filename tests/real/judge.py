@@ -6,8 +6,9 @@ Both: never unprotected, and PX4 has its land detector back in every vehicle who
 import json
 import sys
 
-# By frame: position and attitude in a slot, rms; the level quad's attitude is the wind's.
-BARS = dict(px4=(0.08, 0.3), six=(0.10, 0.5), quad=(0.30, None))
+# By frame: position in a slot, m rms; what is judged of the attitude, and its bar, deg rms. The six's heading is its compass's, of
+# which the antenna's axis knows nothing; the level quad's attitude is the wind's.
+BARS = dict(px4=(0.08, "att", 0.3), six=(0.10, "axis", 0.5), quad=(0.30, None, None))
 
 folder, kind = sys.argv[1:3]
 score = json.load(sys.stdin)
@@ -35,11 +36,12 @@ if kind == "completed":
     for slot in score["slots"]:
         for role in "ij":
             name = f"slot {slot['slot']}, vehicle {role}"
-            position, attitude = slot["pos_" + role][0], slot["att_" + role][0]
-            most_m, most_deg = BARS[options[role]]
+            most_m, what, most_deg = BARS[options[role]]
+            position = slot["pos_" + role][0]
             bar(f"{name}: position rms, m", position, position <= most_m)
-            if most_deg:
-                bar(f"{name}: attitude rms, deg", attitude, attitude <= most_deg)
+            if what:
+                off = slot[f"{what}_{role}"][0]
+                bar(f"{name}: {what} rms, deg", off, off <= most_deg)
             if slot["past_" + role] is not None:
                 bar(f"{name}: past its pose, m", slot["past_" + role], slot["past_" + role] <= 0.5)
             seconds = slot["on_" + role] / end["missions"]

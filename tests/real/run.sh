@@ -51,7 +51,7 @@ radio="VW_TX_FN=94 VW_DBM_LO=0 VW_DBM_HI=27"
 # shellcheck disable=SC2086  # three words
 six() {
     kind=$1 name=$2; shift 2
-    fly "$kind" "$name" --i six --j six --altitude 12 22 --bridge-radio --set GUID_TIMEOUT=1 $radio --timeout 240 "$@"
+    fly "$kind" "$name" --i six --j six --altitude 12 22 --settle 5 --bridge-radio --set GUID_TIMEOUT=1 $radio --timeout 240 "$@"
 }
 
 on='slot 0: on+3'
@@ -107,7 +107,7 @@ for part in "$@"; do
             six safe six-mode --keep --do "i@$on=>pilot i hold" --do 't+60=>pilot i land'
             ;;
         # shellcheck disable=SC2086  # three words
-        mixed) fly completed mixed --i px4 --j six --altitude 12 22 --bridge-radio --set COM_OBL_RC_ACT=5 j:GUID_TIMEOUT=1 j:VW_TX_FN=94 \
+        mixed) fly completed mixed --i px4 --j six --altitude 12 22 --settle 5 --bridge-radio --set COM_OBL_RC_ACT=5 j:GUID_TIMEOUT=1 j:VW_TX_FN=94 \
             j:VW_DBM_LO=0 j:VW_DBM_HI=27 --timeout 200 ;;
         *) echo "there is no part \"$part\"" >&2; exit 2 ;;
     esac
