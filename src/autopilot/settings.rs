@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use super::position_control;
 use crate::geo::Geodetic;
+use crate::schedule::trajectory::Limits;
 
 /// Which firmware to expect.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -60,6 +61,8 @@ pub struct Settings {
     pub mission_origin: Geodetic,
     /// Largest tilt of the plan in radians: limits that the autopilot must not trip over are checked against it.
     pub planned_tilt_rad: f64,
+    /// What transits ask of the vehicle at most: the autopilot's own limits are checked against it.
+    pub transit: Limits,
     /// Largest rate at which a commanded attitude turns, in rad/s.
     pub tilt_rate_rad_s: f64,
     /// How long after a setpoint the next one still belongs to the same stream; later ones begin it anew.
@@ -94,6 +97,7 @@ impl Settings {
             rate_hz: 50.0,
             mission_origin,
             planned_tilt_rad: std::f64::consts::FRAC_PI_2,
+            transit: Limits::new(8.0, 3.0, 30f64.to_radians()),
             tilt_rate_rad_s: 30f64.to_radians(),
             setpoint_lifetime: Duration::from_millis(200),
             freshness: Duration::from_millis(250),

@@ -35,6 +35,7 @@ pub fn settings(mission: &Mission, vehicle: &Vehicle, boot_id: u32, start_unaske
     autopilot.autopilot_system = vehicle.autopilot.system_id;
     autopilot.rate_hz = vehicle.autopilot.rate_hz;
     autopilot.planned_tilt_rad = mission.vehicles[role].max_tilt_rad.min(mission.airspace_max_tilt_rad);
+    autopilot.transit = limits[role];
     autopilot.tilt_rate_rad_s = limits[role].tilt_rate_rad_s;
     autopilot.firmware = vehicle.autopilot.firmware;
     autopilot.actuation = vehicle.autopilot.actuation;

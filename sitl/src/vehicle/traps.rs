@@ -20,6 +20,13 @@ pub struct Traps {
     /// ArduCopter: a position target is kept for ever after the stream's end, without a word. Off: the vehicle stops
     /// where it is after GUID_TIMEOUT.
     pub position_kept: bool,
+    /// ArduCopter: it moves a target of its own after the companion's, whose corrections are bounded by WPNAV_ACCEL and
+    /// WPNAV_SPEED and whose acceleration changes by PSC_JERK_XY and PSC_JERK_Z: what does not say when it slows down is
+    /// flown past. Off: the companion's target is followed as it is.
+    pub targets_shaped: bool,
+    /// ArduCopter: a target goes on with its last velocity and acceleration until GUID_TIMEOUT. Off: for a tenth of a
+    /// second.
+    pub velocity_kept: bool,
     /// ArduCopter: a position target in a frame that it does not know stops the vehicle. Off: it is ignored.
     pub odd_frame_stops: bool,
     /// ArduCopter: SET_MESSAGE_INTERVAL above the loop rate is refused. Off: it is cut down to it.
@@ -59,6 +66,8 @@ impl Default for Traps {
             guided_first: true,
             whole_groups: true,
             position_kept: true,
+            targets_shaped: true,
+            velocity_kept: true,
             odd_frame_stops: true,
             fast_interval_refused: true,
             six_dof_panics: true,

@@ -2,6 +2,7 @@
 
 pub(super) mod bridge;
 pub(super) mod preflight;
+pub(super) mod shaping;
 
 use super::mode::{Mode, ModeNumber};
 

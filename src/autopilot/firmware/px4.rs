@@ -23,6 +23,9 @@ pub(super) const PARAMETERS: &[&str] = &[
     "NAV_DLL_ACT",
     "MAV_TYPE",
     "THR_MDL_FAC",
+    "MPC_XY_VEL_MAX",
+    "MPC_Z_VEL_MAX_UP",
+    "MPC_Z_VEL_MAX_DN",
     LAND_DETECTOR_SPEED,
 ];
 

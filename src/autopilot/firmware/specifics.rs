@@ -68,7 +68,7 @@ impl Specifics {
 
     /// Does what flying by setpoints (`in_flight`) asks of the autopilot's parameters, and puts them back once that is
     /// over and the vehicle stands, or flies level in a mode that nobody's setpoints tilt; `fresh` being whether its attitude
-    /// is known. Asks on the ground whether the bridge is there.
+    /// is known. Asks on the ground whether the bridge is there, and for parameters by the names that they have.
     pub(in crate::autopilot) fn advance(&mut self, in_flight: bool, fresh: bool, context: &mut Context) {
         let state = context.state;
         match self {
@@ -81,10 +81,14 @@ impl Specifics {
                     context.out.tell(event);
                 }
             }
-            Self::ArduPilot { bridge: Some(bridge) } => {
-                bridge.probe(state.is_armed(), context.commands, context.now);
+            Self::ArduPilot { bridge } => {
+                if state.is_disarmed() {
+                    ardupilot::shaping::read(context.parameters);
+                }
+                if let Some(bridge) = bridge {
+                    bridge.probe(state.is_armed(), context.commands, context.now);
+                }
             }
-            Self::ArduPilot { bridge: None } => {}
         }
     }
 
@@ -156,7 +160,7 @@ impl Specifics {
                 let rotors_n = rotors.as_ref().and_then(RotorScales::thrust_n);
                 px4::preflight::checks(parameters, settings, guard.is_ours(), rotors_n)
             }
-            Self::ArduPilot { bridge } => ardupilot::preflight::checks(parameters, bridge.as_ref()),
+            Self::ArduPilot { bridge } => ardupilot::preflight::checks(parameters, settings, bridge.as_ref()),
         }
     }
 

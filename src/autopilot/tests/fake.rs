@@ -124,6 +124,9 @@ impl Fake {
                 ("MAV_TYPE", int(14, firmware)),
                 ("THR_MDL_FAC", real(0.0)),
                 ("LNDMC_Z_VEL_MAX", real(0.3)),
+                ("MPC_XY_VEL_MAX", real(12.0)),
+                ("MPC_Z_VEL_MAX_DN", real(3.0)),
+                ("MPC_Z_VEL_MAX_UP", real(3.0)),
             ],
             Firmware::ArduPilot => vec![
                 ("FRAME_CLASS", int(16, firmware)),
@@ -132,6 +135,10 @@ impl Fake {
                 ("FS_GCS_ENABLE", int(0, firmware)),
                 ("SCR_ENABLE", int(1, firmware)),
                 ("SCR_VM_I_COUNT", int(10_000, firmware)),
+                ("PSC_JERK_XY", real(5.0)),
+                ("PSC_JERK_Z", real(5.0)),
+                ("WPNAV_ACCEL", real(250.0)),
+                ("WPNAV_SPEED", real(1000.0)),
             ],
         };
         let mut parameters: BTreeMap<String, _> =

@@ -44,6 +44,51 @@ fn spec_preflight_names_parameter_value_and_remedy_and_silence_is_not_known() {
 }
 
 #[test]
+fn spec_limits_tighter_than_the_transits_are_named_with_both_numbers_by_whatever_name() {
+    let find = |world: &World, name: &str| {
+        world.autopilot.preflight(world.now).into_iter().find(|check| check.name == name)
+    };
+    let transits = |settings: &mut Settings| settings.transit.jerk_m_s3 = Some(4.0);
+    let mut world = World::new(Fake::new(Firmware::ArduPilot), transits);
+    world.connect();
+    for name in ["PSC_JERK_XY", "PSC_JERK_Z", "WPNAV_ACCEL", "WPNAV_SPEED"] {
+        assert_eq!(find(&world, name).unwrap().result, Verdict::Pass, "{name}");
+    }
+    // 4.7 calls them otherwise, and counts in metres.
+    let mut fake = Fake::new(Firmware::ArduPilot);
+    for (old, new, value) in [
+        ("PSC_JERK_XY", "PSC_NE_JERK", 3.0),
+        ("PSC_JERK_Z", "PSC_D_JERK", 5.0),
+        ("WPNAV_ACCEL", "WP_ACC", 2.0),
+        ("WPNAV_SPEED", "WP_SPD", 10.0),
+    ] {
+        fake.parameters.remove(old);
+        fake.parameters.insert(new.into(), real(value));
+    }
+    let mut world = World::new(fake, transits);
+    world.connect();
+    world.run(6.0);
+    let jerk = find(&world, "PSC_NE_JERK").unwrap();
+    assert!(jerk.result == Verdict::Fail && jerk.detail.starts_with("3 m/s^3"), "{jerk:?}");
+    assert!(jerk.detail.contains("the mission's 4"), "{jerk:?}");
+    let acceleration = find(&world, "WP_ACC").unwrap();
+    assert!(acceleration.result == Verdict::Warn && acceleration.detail.contains("2.5"), "{acceleration:?}");
+    assert_eq!(find(&world, "PSC_D_JERK").unwrap().result, Verdict::Pass);
+    assert_eq!(find(&world, "WP_SPD").unwrap().result, Verdict::Pass);
+    assert_eq!(find(&world, "PSC_JERK_XY"), None);
+
+    // PX4 cuts the speed of a position target; where the companion closes the loop it has none.
+    for (actuation, result) in [(Actuation::Position, Some(Verdict::Fail)), (Actuation::ThrustVector, None)] {
+        let mut world = World::new(Fake::new(Firmware::Px4), |settings| {
+            settings.actuation = actuation;
+            settings.transit.climb_m_s = 4.0;
+        });
+        world.connect();
+        assert_eq!(find(&world, "MPC_Z_VEL_MAX_UP").map(|check| check.result), result);
+    }
+}
+
+#[test]
 fn spec_thrust_vector_is_refused_on_arducopter_with_the_reason() {
     let mut world =
         World::new(Fake::new(Firmware::ArduPilot), |settings| settings.actuation = Actuation::ThrustVector);

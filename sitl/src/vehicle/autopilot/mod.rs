@@ -6,8 +6,8 @@
 //! Traps of the real firmwares that it has, each shown by a test: OFFBOARD is acknowledged while disarmed, arming in it
 //! needs a proven stream; a lost stream falls back by COM_OBL_RC_ACT, and resuming it takes the vehicle back unasked;
 //! FD_FAIL_R/P end a tilted flight; integers ride bytewise (PX4). Setpoints before GUIDED and before the take-off are
-//! ignored; one ignored axis drops its group; a position target is kept for ever in silence, the attitude levels
-//! (ArduCopter). Unknown parameters get silence from both.
+//! ignored; one ignored axis drops its group; targets are shaped by acceleration and jerk, go on with their velocity until
+//! GUID_TIMEOUT, and the position is then kept for ever in silence, while the attitude levels (ArduCopter). Unknown parameters get silence from both.
 //!
 //! Its SET_ATTITUDE_TARGET turns the body apart from its position, and its thrust fields are ignored: the `pose` kind
 //! of actuation.
@@ -27,6 +27,7 @@ mod offboard;
 mod parameter_protocol;
 mod reposition;
 mod script;
+mod shaper;
 pub mod slip;
 mod streams;
 mod telemetry;
@@ -97,6 +98,8 @@ pub(crate) struct Autopilot {
     tuning: tuning::Tuning,
     offboard: offboard::Offboard,
     script: script::Script,
+    /// ArduCopter: the target of its own that follows the companion's.
+    shaper: Option<shaper::Shaper>,
 
     pub mode: Mode,
     pub armed: bool,
@@ -156,6 +159,7 @@ impl Autopilot {
             parameters,
             offboard: offboard::Offboard::default(),
             script: script::Script::default(),
+            shaper: None,
             mode: match config.firmware {
                 Firmware::Px4 => Mode::Hold,
                 Firmware::ArduCopter => Mode::Stabilize,
@@ -392,6 +396,7 @@ impl Autopilot {
         if mode != Mode::Companion {
             self.script.guided_ends();
         }
+        self.shaper = None;
         self.traces.changes(self.mode, mode, sensed.now);
         self.mode = mode;
         self.resumes = false;
