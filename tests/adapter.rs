@@ -341,6 +341,25 @@ fn spec_the_simulated_omnicopter_holds_every_attitude_in_calm_and_wind() {
 }
 
 #[test]
+fn spec_auto_flies_an_omnicopter_by_thrust_and_a_multirotor_by_position() {
+    for (firmware, tilt_rad, says) in
+        [(Firmware::Px4, 1.0, "thrust_vector"), (Firmware::ArduCopter, 0.0, "position")]
+    {
+        let mut settings = settings(Actuation::Auto);
+        settings.planned_tilt_rad = tilt_rad;
+        let mut world = World::with(vehicle(firmware), JitterConfig::default(), settings);
+        world.launch();
+        let check = world.autopilot.preflight(world.now()).into_iter().find(|c| c.name == "actuation");
+        assert!(check.as_ref().is_some_and(|check| check.detail.starts_with(says)), "{check:?}");
+        world.place(Enu::new(-10.0, 30.0, 30.0), Attitude::from_euler(tilt_rad, 0.0, 0.7));
+        world.run(30.0);
+        let (there, turned) = world.truth();
+        assert!((there - Enu::new(-10.0, 30.0, 30.0)).norm() < 0.2, "{firmware:?}: {there}");
+        assert!((turned.tilt_rad() - tilt_rad).abs() < 0.02, "{firmware:?}: {}", turned.tilt_rad());
+    }
+}
+
+#[test]
 fn spec_without_the_guard_the_land_detector_ends_the_same_flight() {
     // Planned level, flown tilted: what a companion without the guard would do.
     let mut world = omnicopter(false, 0.0);

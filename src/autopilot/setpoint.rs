@@ -145,6 +145,12 @@ impl Stream {
         Some(self.send(setpoint, around, now, out))
     }
 
+    /// Setpoints take this form from now on.
+    pub(super) fn choose(&mut self, actuation: Actuation) {
+        self.stop();
+        self.actuation = actuation;
+    }
+
     /// Takes the scales of the thrust axes from the rotors.
     pub(super) fn learn_scales(&mut self, thrust_n: [f64; 3]) {
         self.control.learn_scales(thrust_n);
@@ -178,6 +184,8 @@ impl Stream {
                 }));
             }
             Actuation::Pose => out.send(position(setpoint, Some(attitude), around, now)),
+            // Not chosen yet: nothing is sent in a form that may be another's.
+            Actuation::Auto => {}
         }
         attitude
     }

@@ -30,6 +30,8 @@ pub enum Actuation {
     Pose,
     /// Position targets and yaw alone; the vehicle tilts as it must.
     Position,
+    /// One of the others, by what the autopilot's parameters say of the airframe, once they are read.
+    Auto,
 }
 
 impl fmt::Display for Actuation {
@@ -38,6 +40,7 @@ impl fmt::Display for Actuation {
             Self::ThrustVector => "thrust_vector",
             Self::Pose => "pose",
             Self::Position => "position",
+            Self::Auto => "auto",
         })
     }
 }
@@ -59,7 +62,7 @@ pub struct Settings {
     pub rate_hz: f64,
     /// Origin of the mission frame.
     pub mission_origin: Geodetic,
-    /// Largest tilt of the plan in radians: limits that the autopilot must not trip over are checked against it.
+    /// Largest tilt of the plan in radians, 0 for one that stays level: limits that the autopilot must not trip over are checked against it.
     pub planned_tilt_rad: f64,
     /// What transits ask of the vehicle at most: the autopilot's own limits are checked against it.
     pub transit: Limits,

@@ -7,6 +7,7 @@ use crate::config::{ExposedLink, Mission, Transmitter, Vehicle};
 use crate::link::Form;
 use crate::mission::{Operators, Scene, Settings};
 use crate::pair::{self, Record};
+use crate::planner::problem::Airframe;
 use crate::preflight::{Check, Verdict, check};
 use crate::role::{PerVehicle, Role};
 use crate::service::Ceilings;
@@ -34,7 +35,10 @@ pub fn settings(mission: &Mission, vehicle: &Vehicle, boot_id: u32, start_unaske
     let mut autopilot = autopilot::Settings::new(own, mission.origin);
     autopilot.autopilot_system = vehicle.autopilot.system_id;
     autopilot.rate_hz = vehicle.autopilot.rate_hz;
-    autopilot.planned_tilt_rad = mission.vehicles[role].max_tilt_rad.min(mission.airspace_max_tilt_rad);
+    autopilot.planned_tilt_rad = match mission.vehicles[role].airframe {
+        Airframe::Omnidirectional => mission.vehicles[role].max_tilt_rad.min(mission.airspace_max_tilt_rad),
+        Airframe::Conventional => 0.0,
+    };
     autopilot.transit = limits[role];
     autopilot.tilt_rate_rad_s = limits[role].tilt_rate_rad_s;
     autopilot.firmware = vehicle.autopilot.firmware;

@@ -154,6 +154,7 @@ const PX4: &[(&str, Value)] = &[
     ("BAT_CRIT_THR", Value::Real(0.07)),
     ("BAT_EMERGEN_THR", Value::Real(0.05)),
     ("BAT_LOW_THR", Value::Real(0.15)),
+    ("CA_AIRFRAME", Value::Int(0)),
     ("CA_FAILURE_MODE", Value::Int(1)),
     ("COM_ARM_WO_GPS", Value::Int(1)),
     ("COM_DISARM_LAND", Value::Real(2.0)),

@@ -1,5 +1,6 @@
 //! ArduPilot's copter: `custom_mode` is the mode's number.
 
+pub(super) mod airframe;
 pub(super) mod bridge;
 pub(super) mod preflight;
 pub(super) mod shaping;

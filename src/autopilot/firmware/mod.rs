@@ -2,6 +2,7 @@
 //! needs besides (PX4's land detector and rotors, ArduPilot's bridge script, the checks of each one's parameters) is
 //! kept by `specifics`. Nowhere else is one told from the other.
 
+pub(super) mod airframe;
 mod ardupilot;
 mod mode;
 mod px4;
@@ -158,6 +159,7 @@ impl Firmware {
                 "stock PX4 obeys the last of position and attitude target, and never lifts: use actuation \"thrust_vector\" \
                  (fully actuated) or \"position\"; firmware that tracks both is declared by tracks_pose = true",
             ),
+            (_, Actuation::Auto) => Some("what its airframe can do is not known yet"),
             _ => None,
         }
     }

@@ -1,5 +1,6 @@
 //! PX4: `custom_mode` carries the main mode in bits 16-23 and, for AUTO, the sub-mode in bits 24-31.
 
+pub(super) mod airframe;
 pub(super) mod land_detector;
 pub(super) mod preflight;
 pub(super) mod rotors;
@@ -23,6 +24,7 @@ pub(super) const PARAMETERS: &[&str] = &[
     "NAV_DLL_ACT",
     "MAV_TYPE",
     "THR_MDL_FAC",
+    airframe::NAME,
     "MPC_XY_VEL_MAX",
     "MPC_Z_VEL_MAX_UP",
     "MPC_Z_VEL_MAX_DN",

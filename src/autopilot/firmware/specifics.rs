@@ -30,7 +30,8 @@ impl Specifics {
         match firmware {
             Firmware::Px4 => Self::Px4 {
                 guard: LandDetectorGuard::new(settings),
-                rotors: (actuation == Actuation::ThrustVector).then(RotorScales::default),
+                rotors: matches!(actuation, Actuation::ThrustVector | Actuation::Auto)
+                    .then(RotorScales::default),
             },
             Firmware::ArduPilot => {
                 Self::ArduPilot { bridge: (actuation == Actuation::Pose).then(Bridge::default) }
@@ -43,15 +44,40 @@ impl Specifics {
     pub(in crate::autopilot) fn begin(&mut self, context: &mut Context) {
         match self {
             Self::Px4 { rotors, .. } => {
+                if context.settings.actuation == Actuation::Auto {
+                    *rotors = Some(RotorScales::default());
+                }
                 if let Some(rotors) = rotors {
                     *rotors = RotorScales::default();
                     rotors.learn(context.parameters);
                 }
             }
             Self::ArduPilot { bridge } => {
+                if context.settings.actuation == Actuation::Auto {
+                    *bridge = None;
+                }
                 if let Some(bridge) = bridge {
                     *bridge = Bridge::default();
                     bridge.probe(context.state.is_armed(), context.commands, context.now);
+                }
+            }
+        }
+    }
+
+    /// The actuation is known: what it needs stays, or begins.
+    pub(in crate::autopilot) fn choose(&mut self, context: &mut Context) {
+        match self {
+            Self::Px4 { guard, rotors } => {
+                guard.choose(context.settings);
+                if context.settings.actuation != Actuation::ThrustVector {
+                    *rotors = None;
+                }
+            }
+            Self::ArduPilot { bridge } => {
+                if context.settings.actuation == Actuation::Pose {
+                    let mut new = Bridge::default();
+                    new.probe(context.state.is_armed(), context.commands, context.now);
+                    *bridge = Some(new);
                 }
             }
         }

@@ -123,6 +123,7 @@ impl Fake {
                 ("NAV_DLL_ACT", int(0, firmware)),
                 ("MAV_TYPE", int(14, firmware)),
                 ("THR_MDL_FAC", real(0.0)),
+                ("CA_AIRFRAME", int(0, firmware)),
                 ("LNDMC_Z_VEL_MAX", real(0.3)),
                 ("MPC_XY_VEL_MAX", real(12.0)),
                 ("MPC_Z_VEL_MAX_DN", real(3.0)),

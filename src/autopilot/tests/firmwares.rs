@@ -89,6 +89,68 @@ fn spec_limits_tighter_than_the_transits_are_named_with_both_numbers_by_whatever
 }
 
 #[test]
+fn spec_auto_is_what_the_airframe_s_parameters_say_and_refuses_what_they_leave_open() {
+    let judged = |fake: Fake, tilt_rad: f64| {
+        let mut world = World::new(fake, |settings| {
+            settings.actuation = Actuation::Auto;
+            settings.planned_tilt_rad = tilt_rad;
+        });
+        world.connect();
+        world.run(6.0);
+        let checks = world.autopilot.preflight(world.now);
+        let mut named = checks.into_iter().filter(|check| check.name == "actuation");
+        let check = named.next().unwrap();
+        assert_eq!(named.next(), None);
+        (world, check)
+    };
+    let (_, check) = judged(Fake::new(Firmware::Px4), 1.5);
+    assert!(check.result == Verdict::Pass && check.detail.starts_with("thrust_vector"), "{check:?}");
+    assert!(check.detail.contains("CA_AIRFRAME 0"), "{check:?}");
+
+    let flat = || {
+        let mut fake = Fake::new(Firmware::Px4);
+        for rotor in 0..8 {
+            for (field, value) in [("AX", 0.0), ("AY", 0.0), ("AZ", -1.0)] {
+                fake.parameters.insert(format!("CA_ROTOR{rotor}_{field}"), real(value));
+            }
+        }
+        fake
+    };
+    let (_, check) = judged(flat(), 0.0);
+    assert!(check.result == Verdict::Pass && check.detail.starts_with("position"), "{check:?}");
+    // The plan is for another vehicle.
+    let (_, check) = judged(flat(), 1.5);
+    assert!(check.result == Verdict::Fail && check.detail.contains("conventional"), "{check:?}");
+
+    for (name, value, why) in
+        [("CA_AIRFRAME", Some(8), "CA_AIRFRAME is 8"), ("CA_AIRFRAME", None, "not known")]
+    {
+        let mut fake = Fake::new(Firmware::Px4);
+        match value {
+            Some(value) => _ = fake.parameters.insert(name.into(), int(value, Firmware::Px4)),
+            None => _ = fake.parameters.remove(name),
+        }
+        let (mut world, check) = judged(fake, 1.5);
+        assert!(check.result == Verdict::Fail && check.detail.contains(why), "{check:?}");
+        world.autopilot.take_control(world.now);
+        world.until(0.1, |event| matches!(event, Event::Refused { .. }));
+    }
+    for (class, tilt_rad, result, says) in [
+        (16, 0.6, Verdict::Pass, "pose"),
+        (1, 0.0, Verdict::Pass, "position"),
+        (1, 0.6, Verdict::Fail, "conventional"),
+        (6, 0.0, Verdict::Fail, "FRAME_CLASS is 6"),
+    ] {
+        let mut fake = Fake::new(Firmware::ArduPilot);
+        fake.parameters.insert("FRAME_CLASS".into(), int(class, Firmware::ArduPilot));
+        let (world, check) = judged(fake, tilt_rad);
+        assert!(check.result == result && check.detail.contains(says), "{check:?}");
+        let bridge = world.autopilot.preflight(world.now).iter().any(|check| check.name == "bridge script");
+        assert_eq!(bridge, class == 16);
+    }
+}
+
+#[test]
 fn spec_thrust_vector_is_refused_on_arducopter_with_the_reason() {
     let mut world =
         World::new(Fake::new(Firmware::ArduPilot), |settings| settings.actuation = Actuation::ThrustVector);
