@@ -10,8 +10,10 @@ use super::context::Context;
 use super::control::{self, Control};
 use super::discovery::Discovery;
 use super::event::Event;
-use super::firmware::airframe::{self, Choice};
+use super::firmware::airframe;
+use super::firmware::choice::Choice;
 use super::firmware::specifics::Specifics;
+use super::firmware::version;
 use super::firmware::{Firmware, Mode};
 use super::link::LinkWatch;
 use super::outbox::{Address, Outbox};
@@ -381,7 +383,9 @@ impl Autopilot {
         } else {
             preflight::actuation(peer.firmware, &self.settings)
         });
-        all.extend(peer.specifics.checks(&self.parameters, &self.settings));
+        let version = self.telemetry.state.version;
+        all.push(version::check_version(peer.firmware, version));
+        all.extend(peer.specifics.checks(&self.parameters, &self.settings, version));
         all
     }
 

@@ -1,21 +1,14 @@
 //! [`Actuation::Auto`]: which of the others the airframe asks for, by the autopilot's parameters alone. What they leave
 //! open is refused, never guessed: the plan was made for one of two kinds of vehicle, by both companions.
 
-use super::Firmware;
-use super::{ardupilot, px4};
+use super::choice::Choice;
+use super::{Firmware, ardupilot, px4};
 use crate::autopilot::parameter::Parameters;
 use crate::autopilot::settings::{Actuation, Settings};
 use crate::preflight::{Check, Verdict, check};
 
 /// Plans that tilt no more than this are flown level, in radians.
 const LEVEL_RAD: f64 = 0.087;
-
-/// What the airframe asks for, with what shows it.
-#[derive(Debug, Clone, PartialEq)]
-pub(in crate::autopilot) struct Choice {
-    pub actuation: Actuation,
-    pub why: String,
-}
 
 /// The choice, or why there is none; `None` while the parameters are being read.
 pub(in crate::autopilot) fn choose(

@@ -4,9 +4,12 @@
 
 pub(super) mod airframe;
 mod ardupilot;
+pub(super) mod choice;
 mod mode;
 mod px4;
+mod signing;
 pub(super) mod specifics;
+pub(super) mod version;
 
 use std::fmt;
 

@@ -3,6 +3,7 @@
 pub(super) mod airframe;
 pub(super) mod land_detector;
 pub(super) mod preflight;
+pub(super) mod release;
 pub(super) mod rotors;
 
 use super::mode::{Mode, ModeNumber};

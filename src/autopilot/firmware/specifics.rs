@@ -13,6 +13,7 @@ use crate::autopilot::command::{CommandQueue, Outcome, Purpose};
 use crate::autopilot::context::Context;
 use crate::autopilot::parameter::Parameters;
 use crate::autopilot::settings::{Actuation, Settings};
+use crate::autopilot::state::Version;
 use crate::geo::Attitude;
 use crate::preflight::Check;
 
@@ -102,6 +103,9 @@ impl Specifics {
                 let level =
                     state.attitude.is_some_and(|attitude| attitude.value.tilt_rad() < LEVEL_BELOW_RAD);
                 let flown_by_itself = state.mode().is_some_and(|mode| mode != Mode::Companion);
+                if let Some(version) = state.version.filter(|_| state.is_disarmed()) {
+                    px4::release::read(context.parameters, version);
+                }
                 let safe = state.is_disarmed() || (level && fresh && flown_by_itself);
                 if let Some(event) = guard.advance(in_flight, safe, context.parameters) {
                     context.out.tell(event);
@@ -180,11 +184,18 @@ impl Specifics {
     }
 
     /// The checks before a flight that concern this firmware alone.
-    pub(in crate::autopilot) fn checks(&self, parameters: &Parameters, settings: &Settings) -> Vec<Check> {
+    pub(in crate::autopilot) fn checks(
+        &self,
+        parameters: &Parameters,
+        settings: &Settings,
+        version: Option<Version>,
+    ) -> Vec<Check> {
         match self {
             Self::Px4 { guard, rotors } => {
                 let rotors_n = rotors.as_ref().and_then(RotorScales::thrust_n);
-                px4::preflight::checks(parameters, settings, guard.is_ours(), rotors_n)
+                let mut all = px4::preflight::checks(parameters, settings, guard.is_ours(), rotors_n);
+                all.extend(version.into_iter().flat_map(|v| px4::release::checks(parameters, settings, v)));
+                all
             }
             Self::ArduPilot { bridge } => ardupilot::preflight::checks(parameters, settings, bridge.as_ref()),
         }

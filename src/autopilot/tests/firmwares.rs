@@ -151,6 +151,49 @@ fn spec_auto_is_what_the_airframe_s_parameters_say_and_refuses_what_they_leave_o
 }
 
 #[test]
+fn spec_each_version_is_asked_for_its_own_parameters_and_one_that_is_not_known_is_named() {
+    let judged = |fake: Fake| {
+        let mut world = World::new(fake, |settings| settings.actuation = Actuation::ThrustVector);
+        world.connect();
+        let checks = world.autopilot.preflight(world.now);
+        move |name: &str| checks.iter().find(|check| check.name == name).cloned()
+    };
+    let px4 = |version: u32, parameters: &[(&str, (f32, MavParamType))]| {
+        let mut fake = Fake::new(Firmware::Px4);
+        fake.version = version;
+        fake.parameters.remove("COM_RC_OVERRIDE");
+        for (name, value) in parameters {
+            fake.parameters.insert((*name).to_owned(), *value);
+        }
+        fake
+    };
+    let whole = |value| int(value, Firmware::Px4);
+    let verdict = |check: Option<crate::preflight::Check>| check.map(|check| check.result);
+
+    let old = judged(px4(0x0110_00ff, &[("COM_RC_OVERRIDE", whole(3)), ("NAV_RCL_ACT", whole(7))]));
+    let version = old("firmware version").unwrap();
+    assert!(version.result == Verdict::Pass && version.detail.contains("does not sign"), "{version:?}");
+    assert!(old("COM_RC_OVERRIDE").unwrap().detail.contains("moved sticks"));
+    assert_eq!(verdict(old("NAV_RCL_ACT")), Some(Verdict::Warn), "7 came later");
+    assert_eq!([old("MAN_OVERRIDE_SPD"), old("FD_ALT_LOSS")], [None, None]);
+
+    let new = [("MAN_OVERRIDE_SPD", real(-1.0)), ("FD_ALT_LOSS", real(5.0)), ("NAV_RCL_ACT", whole(7))];
+    let newer = judged(px4(0x0112_00ff, &new));
+    assert_eq!(verdict(newer("firmware version")), Some(Verdict::Pass));
+    assert!(newer("MAN_OVERRIDE_SPD").unwrap().detail.contains("mode switch"));
+    assert_eq!(verdict(newer("NAV_RCL_ACT")), Some(Verdict::Pass));
+    assert_eq!(verdict(newer("FD_ALT_LOSS")), Some(Verdict::Fail));
+    assert_eq!(newer("COM_RC_OVERRIDE"), None);
+
+    let newest = judged(px4(0x0113_00ff, &new));
+    let version = newest("firmware version").unwrap();
+    assert!(version.result == Verdict::Warn && version.detail.contains("1.19.0"), "{version:?}");
+    let deadly = judged(px4(0x010f_00ff, &[("COM_RC_OVERRIDE", whole(1)), ("NAV_RCL_ACT", whole(6))]));
+    assert_eq!(verdict(deadly("NAV_RCL_ACT")), Some(Verdict::Fail));
+    assert!(deadly("COM_RC_OVERRIDE").unwrap().detail.contains("mode switch"));
+}
+
+#[test]
 fn spec_thrust_vector_is_refused_on_arducopter_with_the_reason() {
     let mut world =
         World::new(Fake::new(Firmware::ArduPilot), |settings| settings.actuation = Actuation::ThrustVector);

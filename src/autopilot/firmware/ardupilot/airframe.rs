@@ -1,6 +1,6 @@
 //! What ArduCopter's parameters say of the airframe: FRAME_CLASS.
 
-use crate::autopilot::firmware::airframe::Choice;
+use crate::autopilot::firmware::choice::Choice;
 use crate::autopilot::parameter::{Knowledge, Parameters};
 use crate::autopilot::settings::Actuation;
 

@@ -1,7 +1,7 @@
 //! What PX4's parameters say of the airframe: CA_AIRFRAME, and how much thrust sideways the rotors make.
 
 use super::rotors;
-use crate::autopilot::firmware::airframe::Choice;
+use crate::autopilot::firmware::choice::Choice;
 use crate::autopilot::parameter::{Knowledge, Parameters};
 use crate::autopilot::settings::Actuation;
 
