@@ -10,11 +10,9 @@ use super::context::Context;
 use super::control::{self, Control};
 use super::discovery::Discovery;
 use super::event::Event;
-use super::firmware::airframe;
 use super::firmware::choice::Choice;
 use super::firmware::specifics::Specifics;
-use super::firmware::version;
-use super::firmware::{Firmware, Mode};
+use super::firmware::{Firmware, Mode, airframe, returning, version};
 use super::link::LinkWatch;
 use super::outbox::{Address, Outbox};
 use super::parameter::Parameters;
@@ -386,6 +384,10 @@ impl Autopilot {
         let version = self.telemetry.state.version;
         all.push(version::check_version(peer.firmware, version));
         all.extend(peer.specifics.checks(&self.parameters, &self.settings, version));
+        if let Some(band_m) = self.settings.return_altitude_m {
+            let home_m = self.state().home_enu_m.map(|home| home.value.z);
+            all.extend(returning::checks(peer.firmware, &self.parameters, home_m, band_m));
+        }
         all
     }
 

@@ -64,6 +64,9 @@ pub struct Settings {
     pub mission_origin: Geodetic,
     /// Largest tilt of the plan in radians, 0 for one that stays level: limits that the autopilot must not trip over are checked against it.
     pub planned_tilt_rad: f64,
+    /// The lowest and the highest altitude at which the autopilot's own return is to cross, in metres above the mission's
+    /// origin; `None`: any.
+    pub return_altitude_m: Option<[f64; 2]>,
     /// What transits ask of the vehicle at most: the autopilot's own limits are checked against it.
     pub transit: Limits,
     /// Largest rate at which a commanded attitude turns, in rad/s.
@@ -100,6 +103,7 @@ impl Settings {
             rate_hz: 50.0,
             mission_origin,
             planned_tilt_rad: std::f64::consts::FRAC_PI_2,
+            return_altitude_m: None,
             transit: Limits::new(8.0, 3.0, 30f64.to_radians()),
             tilt_rate_rad_s: 30f64.to_radians(),
             setpoint_lifetime: Duration::from_millis(200),

@@ -182,6 +182,7 @@ const PX4: &[(&str, Value)] = &[
     ("MPC_Z_VEL_MAX_UP", Value::Real(6.0)),
     ("NAV_DLL_ACT", Value::Int(0)),
     ("NAV_RCL_ACT", Value::Int(2)),
+    ("RTL_CONE_ANG", Value::Int(0)),
     ("RTL_RETURN_ALT", Value::Real(30.0)),
     ("SYS_AUTOSTART", Value::Int(4001)),
     ("THR_MDL_FAC", Value::Real(1.0)),

@@ -7,6 +7,7 @@ mod ardupilot;
 pub(super) mod choice;
 mod mode;
 mod px4;
+pub(super) mod returning;
 mod signing;
 pub(super) mod specifics;
 pub(super) mod version;

@@ -8,7 +8,7 @@ use super::ardupilot::bridge::Bridge;
 use super::mode::Mode;
 use super::px4::land_detector::{LEVEL_BELOW_RAD, LandDetectorGuard};
 use super::px4::rotors::RotorScales;
-use super::{ardupilot, px4};
+use super::{ardupilot, px4, returning};
 use crate::autopilot::command::{CommandQueue, Outcome, Purpose};
 use crate::autopilot::context::Context;
 use crate::autopilot::parameter::Parameters;
@@ -98,6 +98,9 @@ impl Specifics {
     /// is known. Asks on the ground whether the bridge is there, and for parameters by the names that they have.
     pub(in crate::autopilot) fn advance(&mut self, in_flight: bool, fresh: bool, context: &mut Context) {
         let state = context.state;
+        if state.is_disarmed() && context.settings.return_altitude_m.is_some() {
+            returning::read(context.firmware, context.parameters);
+        }
         match self {
             Self::Px4 { guard, .. } => {
                 let level =

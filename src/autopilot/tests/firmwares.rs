@@ -194,6 +194,31 @@ fn spec_each_version_is_asked_for_its_own_parameters_and_one_that_is_not_known_i
 }
 
 #[test]
+fn spec_a_return_outside_its_own_altitudes_is_a_warning_with_the_numbers() {
+    for (firmware, name, value, result) in [
+        (Firmware::Px4, "RTL_RETURN_ALT", 40.0, Verdict::Pass),
+        (Firmware::Px4, "RTL_RETURN_ALT", 60.0, Verdict::Warn),
+        (Firmware::ArduPilot, "RTL_ALT", 4000.0, Verdict::Pass),
+        (Firmware::ArduPilot, "RTL_ALT", 1500.0, Verdict::Warn),
+        (Firmware::ArduPilot, "RTL_ALT_M", 40.0, Verdict::Pass),
+    ] {
+        let mut fake = Fake::new(firmware);
+        fake.parameters.insert(name.into(), real(value));
+        fake.parameters.insert("RTL_CONE_ANG".into(), int(45, firmware));
+        // Its home lies 3 m above the mission's origin.
+        let mut world = World::new(fake, |settings| settings.return_altitude_m = Some([30.0, 50.0]));
+        world.connect();
+        world.run(3.0);
+        let checks = world.autopilot.preflight(world.now);
+        let check = checks.iter().find(|check| check.name == name).unwrap();
+        assert_eq!(check.result, result, "{check:?}");
+        assert!(result == Verdict::Pass || check.detail.contains("27 to 47 m"), "{check:?}");
+        let cone = checks.iter().find(|check| check.name == "RTL_CONE_ANG").map(|check| check.result);
+        assert_eq!(cone, (firmware == Firmware::Px4).then_some(Verdict::Warn));
+    }
+}
+
+#[test]
 fn spec_thrust_vector_is_refused_on_arducopter_with_the_reason() {
     let mut world =
         World::new(Fake::new(Firmware::ArduPilot), |settings| settings.actuation = Actuation::ThrustVector);

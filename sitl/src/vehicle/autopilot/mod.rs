@@ -7,7 +7,8 @@
 //! needs a proven stream; a lost stream falls back by COM_OBL_RC_ACT, and resuming it takes the vehicle back unasked;
 //! FD_FAIL_R/P end a tilted flight; integers ride bytewise (PX4). Setpoints before GUIDED and before the take-off are
 //! ignored; one ignored axis drops its group; targets are shaped by acceleration and jerk, go on with their velocity until
-//! GUID_TIMEOUT, and the position is then kept for ever in silence, while the attitude levels (ArduCopter). Unknown parameters get silence from both.
+//! GUID_TIMEOUT, and the position is then kept for ever in silence, while the attitude levels (ArduCopter). Unknown
+//! parameters get silence from both.
 //!
 //! Its SET_ATTITUDE_TARGET turns the body apart from its position, and its thrust fields are ignored: the `pose` kind
 //! of actuation.
@@ -42,7 +43,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 
 use super::COMPANION_LINK;
 use super::airframe::Airframe;
-use super::config::{Firmware, Traps, VehicleConfig};
+use super::config::{Firmware, Role, Traps, VehicleConfig};
 use super::dynamics::GRAVITY_M_S2;
 use super::parameters::Parameters;
 use super::rotors::Allocator;
@@ -141,6 +142,11 @@ impl Autopilot {
         }
         if config.firmware == Firmware::Px4 {
             parameters.describe_rotors(&config.rotors());
+        }
+        // The two of a pair return at altitudes of their own.
+        if config.role == Role::J {
+            parameters.set("RTL_RETURN_ALT", super::parameters::Value::Real(60.0));
+            parameters.set("RTL_ALT", super::parameters::Value::Int(6000));
         }
         let origin = config.home() + Vector3::from(config.local_origin_offset_enu_m);
         Self {
