@@ -93,6 +93,29 @@ fn spec_a_resumed_stream_takes_the_vehicle_back() {
 }
 
 #[test]
+fn spec_a_lost_stream_that_is_left_to_missing_sticks_drifts_away_and_down() {
+    for (trap, least_m, most_m) in [(true, 12.0, 18.0), (false, 0.0, 1.0)] {
+        let mut f = Flight::new(of(Firmware::Px4, |t| t.sticks_missing = trap));
+        f.take_off();
+        let pilot = MavMessage::PARAM_SET(PARAM_SET_DATA {
+            param_value: f32::from_bits(0),
+            target_system: 1,
+            target_component: 1,
+            param_id: "COM_OBL_RC_ACT".into(),
+            param_type: MavParamType::MAV_PARAM_TYPE_INT32,
+        });
+        f.clients[0].send(&mut f.world, &pilot);
+        let [e, n, up] = f.position(0);
+        f.pass(11_000);
+        let [e2, n2, up2] = f.position(0);
+        let sideways_m = (e2 - e).hypot(n2 - n);
+        assert!((least_m..most_m).contains(&sideways_m), "trap {trap}: {sideways_m} m");
+        assert!(up - up2 > 4.0, "down it comes in either case");
+        assert_eq!(mode(&f) == "LAND", !trap, "{}", mode(&f));
+    }
+}
+
+#[test]
 fn spec_px4_calls_itself_at_rest_for_a_second_after_lift_off() {
     let mut f = Flight::new(of(Firmware::Px4, |_| {}));
     f.take_off();

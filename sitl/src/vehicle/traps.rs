@@ -8,6 +8,9 @@ pub struct Traps {
     pub ack_without_stream: bool,
     /// PX4: a stream that comes back takes the vehicle back, from any mode, unasked.
     pub resume_takes_over: bool,
+    /// PX4: a lost stream with COM_OBL_RC_ACT 0 to 2 leaves the vehicle to the pilot's sticks, and without any it goes away
+    /// sideways and down. Off: it lands.
+    pub sticks_missing: bool,
     /// PX4: the land detector takes little body-z thrust without motion for the ground, and disarms in mid-air.
     pub land_detector: bool,
     /// PX4: with the roll and pitch rate bits of an attitude target clear, its rates and scalar thrust are flown too,
@@ -61,6 +64,7 @@ impl Default for Traps {
         Self {
             ack_without_stream: true,
             resume_takes_over: true,
+            sticks_missing: true,
             land_detector: true,
             rates_fight_attitude: true,
             guided_first: true,

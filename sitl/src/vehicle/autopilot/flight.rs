@@ -21,6 +21,8 @@ const LAND_FAST_M_S: f64 = 3.0;
 const LAND_SLOW_M: f64 = 10.0;
 /// How long a velocity is kept where that is no trap.
 const VELOCITY_KEPT: Duration = Duration::from_millis(100);
+/// Without sticks the real program went 23 m sideways and 10 m down in 15 s.
+const DRIFT_ENU_M_S: [f64; 3] = [1.5, 0.0, -0.67];
 /// A quick landing still meets the ground with a speed that the gear takes.
 const LAND_MINIMUM_M_S: f64 = 0.2;
 
@@ -42,11 +44,19 @@ pub(super) struct Flight {
     pub takeoff_altitude_enu_m: Option<f64>,
     /// The return to launch has reached home.
     over_home: bool,
+    /// Left to sticks that nobody holds.
+    drifts: bool,
 }
 
 impl Flight {
     pub fn at(position_enu_m: Vector3<f64>, heading_rad: f64) -> Self {
-        Self { hold_enu_m: position_enu_m, heading_rad, takeoff_altitude_enu_m: None, over_home: false }
+        Self {
+            hold_enu_m: position_enu_m,
+            heading_rad,
+            takeoff_altitude_enu_m: None,
+            over_home: false,
+            drifts: false,
+        }
     }
 
     pub fn hold_here(&mut self, position_enu_m: Vector3<f64>, heading_rad: f64) {
@@ -54,6 +64,20 @@ impl Flight {
         self.heading_rad = heading_rad;
         self.takeoff_altitude_enu_m = None;
         self.over_home = false;
+        self.drifts = false;
+    }
+
+    /// Nobody holds the sticks.
+    pub fn drift(&mut self) {
+        self.drifts = true;
+    }
+
+    fn drifting(&self) -> Target {
+        Target {
+            position_enu_m: [None; 3],
+            velocity_enu_m_s: DRIFT_ENU_M_S.map(Some),
+            attitude: self.level(),
+        }
     }
 
     /// The point to hold, and the heading there if it shall change.
@@ -104,6 +128,7 @@ impl Autopilot {
             Mode::ReturnToLaunch => self.come_home(sensed, limits),
             // On the ground, sticks down.
             _ if self.landed => Guidance::Off,
+            _ if self.flight.drifts => Guidance::Fly(self.flight.drifting(), limits),
             _ => Guidance::Fly(self.flight.hold(), limits),
         }
     }
