@@ -60,7 +60,8 @@ impl Dial {
         let due = {
             let mut state = self.state();
             state.now = state.now.max(now);
-            let later = state.sleepers.split_off(&(state.now, u64::MAX));
+            let after = (state.now, u64::MAX);
+            let later = state.sleepers.split_off(&after);
             std::mem::replace(&mut state.sleepers, later)
         };
         due.into_values().for_each(Waker::wake);
