@@ -50,8 +50,9 @@ impl Profile {
         self.lasts_s
     }
 
-    /// Where it is at `t_s`, from 0 to [`lasts_s`](Self::lasts_s).
+    /// Where it is at `t_s`; before 0 at the start, after [`lasts_s`](Self::lasts_s) at the end.
     pub fn at(&self, t_s: f64) -> Along {
+        let t_s = t_s.clamp(0.0, self.lasts_s);
         let left_s = self.lasts_s - t_s;
         if t_s < self.ramp_s.min(left_s) {
             self.on_ramp(t_s)
