@@ -13,6 +13,7 @@ use mavlink::dialects::ardupilotmega::MavSeverity;
 use tokio::sync::oneshot;
 use tracing::{debug, error, info, warn};
 
+use crate::link::clock::Hold;
 use crate::link::{Aboard, Clock, Form, Frame, Link, LinkAddress, LinkConfig, LinkError, PairLink};
 use crate::mission::{Executive, Notice, Outcome, Outgoing, Settings};
 use crate::planner::slots::Plan;
@@ -69,7 +70,7 @@ impl Companion {
         };
         let mut pair = PairLink::open(self.pair.0, self.pair.1, self.pair.2, clock.clone()).await?;
         let mut executive = Executive::new(self.settings, self.transmitter, clock.now());
-        let mut planning = Some(start_planning(self.planner));
+        let mut planning = Some(start_planning(self.planner, clock.hold()));
         let mut stop = std::pin::pin!(stop);
         let mut stopping = false;
         let mut orders = self.orders;
@@ -172,11 +173,14 @@ async fn take_waiting(
 
 fn start_planning(
     planner: Box<dyn FnOnce() -> Result<Plan, String> + Send>,
+    hold: Hold,
 ) -> oneshot::Receiver<Result<Plan, String>> {
     let (sender, receiver) = oneshot::channel();
     std::thread::spawn(move || {
         // The receiver is gone if the companion has ended: nobody wants the plan then.
         let _ = sender.send(planner());
+        // Where time is given out, a plan takes none of it.
+        drop(hold);
     });
     receiver
 }

@@ -14,13 +14,13 @@ mod ned;
 pub mod polygon;
 
 pub use local::{LocalFrame, Projection};
-pub use ned::{Ned, NedVelocity};
+pub use ned::{Ned, NedAcceleration, NedVelocity};
 
 use crate::radio::pattern;
 
 /// A position in the mission frame in metres, or a difference of two. Everything reckons in this frame, so it is the plain
-/// vector; what is not a position in it, and could be taken for one, has a type of its own: [`EnuVelocity`], [`Ned`],
-/// [`NedVelocity`].
+/// vector; what is not a position in it, and could be taken for one, has a type of its own: [`EnuVelocity`],
+/// [`EnuAcceleration`], [`Ned`], [`NedVelocity`], [`NedAcceleration`].
 pub type Enu = Vector3<f64>;
 
 /// A velocity in the mission frame in m/s.
@@ -36,6 +36,27 @@ impl EnuVelocity {
     pub const fn new(east: f64, north: f64, up: f64) -> Self {
         Self(Vector3::new(east, north, up))
     }
+
+    /// From a vector with these components.
+    #[must_use]
+    pub const fn from_vector(vector: Vector3<f64>) -> Self {
+        Self(vector)
+    }
+
+    /// As a vector, to reckon with.
+    #[must_use]
+    pub const fn vector(self) -> Vector3<f64> {
+        self.0
+    }
+}
+
+/// An acceleration in the mission frame in m/s^2, gravity left out: zero at rest.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct EnuAcceleration(Vector3<f64>);
+
+impl EnuAcceleration {
+    /// At rest, or in straight and steady motion.
+    pub const ZERO: Self = Self(Vector3::new(0.0, 0.0, 0.0));
 
     /// From a vector with these components.
     #[must_use]

@@ -11,8 +11,9 @@ use mavlink::dialects::ardupilotmega::{MavMessage, MavSeverity};
 use mavlink::{MavHeader, MavlinkVersion, Message};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use veilwing::autopilot::{Actuation, Autopilot, Event, Mode, Setpoint, Settings, Verdict};
-use veilwing::geo::{Attitude, Enu, EnuVelocity, Geodetic};
+use veilwing::geo::{Attitude, Enu, EnuAcceleration, EnuVelocity, Geodetic};
 use veilwing::link::Aboard;
+use veilwing::schedule::trajectory::{Limits, Start, Trajectory};
 use veilwing::time::Instant;
 use veilwing::transmitter::{self, Transmitter};
 use veilwing_sitl::{Airframe, Firmware, JitterConfig, Origin, Role, SensorConfig, Vehicle, VehicleConfig};
@@ -151,7 +152,12 @@ impl World {
     }
 
     fn place(&mut self, position_enu_m: Enu, attitude: Attitude) {
-        self.setpoint = Some(Setpoint { position_enu_m, velocity_enu_m_s: EnuVelocity::ZERO, attitude });
+        self.setpoint = Some(Setpoint {
+            position_enu_m,
+            velocity_enu_m_s: EnuVelocity::ZERO,
+            acceleration_enu_m_s2: EnuAcceleration::ZERO,
+            attitude,
+        });
     }
 
     /// Found, ready, in control, armed, at 20 m.
@@ -236,6 +242,39 @@ fn spec_both_faces_fly_where_the_mission_says_and_land() {
     }
 }
 
+#[test]
+fn spec_arducopter_ends_a_transit_within_half_a_metre_and_flies_past_what_does_not_say_how_it_slows() {
+    for (tells, least_m, most_m) in [(true, -0.5, 0.5), (false, 1.5, 15.0)] {
+        let mut world = World::new(Firmware::ArduCopter, Actuation::Position);
+        world.launch();
+        let start = Start {
+            position_enu_m: world.setpoint.unwrap().position_enu_m,
+            attitude: Attitude::from_euler(0.0, 0.0, 0.7),
+        };
+        let mut transit = Trajectory::rest(&start);
+        let limits = Limits { jerk_m_s3: Some(4.0), ..Limits::new(8.0, 3.0, 0.5) };
+        transit.fly(&[start.position_enu_m + Vector3::new(60.0, 0.0, 0.0)], &limits);
+        let begins = world.now;
+        let mut furthest_m = f64::MIN;
+        while world.now < begins + transit.duration() + Duration::from_secs(8) {
+            let sample = transit.sample(world.now - begins);
+            let told = if tells { sample.acceleration_enu_m_s2 } else { EnuAcceleration::ZERO };
+            world.setpoint = Some(Setpoint {
+                position_enu_m: sample.position_enu_m,
+                velocity_enu_m_s: sample.velocity_enu_m_s,
+                acceleration_enu_m_s2: told,
+                attitude: sample.attitude,
+            });
+            world.step();
+            furthest_m = furthest_m.max(world.truth().0.x);
+        }
+        let past_m = furthest_m - transit.end().position_enu_m.x;
+        println!("told {tells}: {past_m:.2} m past the end");
+        assert!((least_m..=most_m).contains(&past_m), "told {tells}: {past_m} m");
+        assert!((world.truth().0 - transit.end().position_enu_m).norm() < 0.1);
+    }
+}
+
 /// Position error (m) and attitude error (degrees) of the desired pose over some seconds: root mean squares without the
 /// injected jitter, and the largest position error.
 fn errors(world: &mut World, seconds: f64) -> (f64, f64, f64) {
@@ -298,6 +337,25 @@ fn spec_the_simulated_omnicopter_holds_every_attitude_in_calm_and_wind() {
         let now = world.now();
         world.autopilot.land(now);
         world.until(120.0, |event| *event == Event::Disarmed);
+    }
+}
+
+#[test]
+fn spec_auto_flies_an_omnicopter_by_thrust_and_a_multirotor_by_position() {
+    for (firmware, tilt_rad, says) in
+        [(Firmware::Px4, 1.0, "thrust_vector"), (Firmware::ArduCopter, 0.0, "position")]
+    {
+        let mut settings = settings(Actuation::Auto);
+        settings.planned_tilt_rad = tilt_rad;
+        let mut world = World::with(vehicle(firmware), JitterConfig::default(), settings);
+        world.launch();
+        let check = world.autopilot.preflight(world.now()).into_iter().find(|c| c.name == "actuation");
+        assert!(check.as_ref().is_some_and(|check| check.detail.starts_with(says)), "{check:?}");
+        world.place(Enu::new(-10.0, 30.0, 30.0), Attitude::from_euler(tilt_rad, 0.0, 0.7));
+        world.run(30.0);
+        let (there, turned) = world.truth();
+        assert!((there - Enu::new(-10.0, 30.0, 30.0)).norm() < 0.2, "{firmware:?}: {there}");
+        assert!((turned.tilt_rad() - tilt_rad).abs() < 0.02, "{firmware:?}: {}", turned.tilt_rad());
     }
 }
 

@@ -73,13 +73,14 @@ const SCRIPTS: &[&str] = &[
         after_s = 1.0
         speed_m_s = 40.0
     "#,
-    // The estimate fails where nothing else does.
+    // The estimate fails where nothing else does: just before one of the receiver's reports, which come five times a second, so
+    // that this is heard before the position is late.
     r#"
         [[fault]]
         kind = "estimator-failure"
         vehicle = "j"
         slot = 0
-        after_s = 1.0
+        after_s = 1.045
     "#,
 ];
 

@@ -226,6 +226,29 @@ fn spec_out_of_pose_breaks_s1_and_s2() {
 }
 
 #[test]
+fn spec_off_that_the_hop_to_the_radio_holds_up_may_come_with_the_expiry_and_no_later() {
+    let late = Manners { delay_s: 0.1, spread_s: 0.06, ..Manners::default() };
+    // On a good hop off arrives at once, so what outlasts it was not ended; on a troubled one it need not arrive.
+    for (manners, ends, expected) in
+        [(Manners::default(), true, &["S2"][..]), (late, true, &[]), (late, false, &["S2"])]
+    {
+        let mut flight = on_station(config());
+        flight.hold(0, 500, [false, true]);
+        flight.world.inject(Fault::RadioHop { vehicle: 1, toward: Toward::Radio, manners });
+        let mut goals = flight.goals(0);
+        goals[1][0] += 2.0;
+        let dbm = flight.planned_dbm(0, 1);
+        flight.stream(3000, goals, Some(0), |f| {
+            if !ends || f.world.report().emitted_out_of_pose_s.j < 0.1 {
+                f.clients[1].power(&mut f.world, dbm, 0, 300);
+            }
+        });
+        assert_eq!(names(&flight), expected, "{manners:?}, ends: {ends}");
+        assert!(flight.world.report().emitted_out_of_pose_s.j > 0.35);
+    }
+}
+
+#[test]
 fn spec_a_wrong_attitude_is_out_of_pose_at_once() {
     let mut flight = on_station(config());
     let goals = flight.goals(0);

@@ -93,6 +93,29 @@ fn spec_a_resumed_stream_takes_the_vehicle_back() {
 }
 
 #[test]
+fn spec_a_lost_stream_that_is_left_to_missing_sticks_drifts_away_and_down() {
+    for (trap, least_m, most_m) in [(true, 12.0, 18.0), (false, 0.0, 1.0)] {
+        let mut f = Flight::new(of(Firmware::Px4, |t| t.sticks_missing = trap));
+        f.take_off();
+        let pilot = MavMessage::PARAM_SET(PARAM_SET_DATA {
+            param_value: f32::from_bits(0),
+            target_system: 1,
+            target_component: 1,
+            param_id: "COM_OBL_RC_ACT".into(),
+            param_type: MavParamType::MAV_PARAM_TYPE_INT32,
+        });
+        f.clients[0].send(&mut f.world, &pilot);
+        let [e, n, up] = f.position(0);
+        f.pass(11_000);
+        let [e2, n2, up2] = f.position(0);
+        let sideways_m = (e2 - e).hypot(n2 - n);
+        assert!((least_m..most_m).contains(&sideways_m), "trap {trap}: {sideways_m} m");
+        assert!(up - up2 > 4.0, "down it comes in either case");
+        assert_eq!(mode(&f) == "LAND", !trap, "{}", mode(&f));
+    }
+}
+
+#[test]
 fn spec_px4_calls_itself_at_rest_for_a_second_after_lift_off() {
     let mut f = Flight::new(of(Firmware::Px4, |_| {}));
     f.take_off();
@@ -179,6 +202,72 @@ fn spec_a_position_target_is_kept_for_ever() {
         f.target(0, far, None);
         f.pass(30_000);
         assert_eq!((f.position(0)[0] - far[0]).abs() < 0.5, kept, "{:?}", f.position(0));
+        assert!(speed(&f) < 0.1);
+    }
+}
+
+/// Streams a target that goes 60 m east at up to 8 m/s and slows down with 2.5 m/s^2, with its velocity and, if it
+/// `tells`, its acceleration. How far past the end the vehicle comes.
+fn flown_past_m(f: &mut Flight, tells: bool) -> f64 {
+    let [from, n, u] = f.position(0);
+    let (ramp, lasts) = (3.2, 10.7);
+    let mut furthest = f64::MIN;
+    for k in 0..900 {
+        let t = f64::from(k) * 0.02;
+        let left = (lasts - t).max(0.0);
+        let (p, v, a) = if t < ramp {
+            (1.25 * t * t, 2.5 * t, 2.5)
+        } else if left > ramp {
+            (12.8 + 8.0 * (t - ramp), 8.0, 0.0)
+        } else {
+            (60.0 - 1.25 * left * left, 2.5 * left, if left > 0.0 { -2.5 } else { 0.0 })
+        };
+        let vehicle = &f.config.vehicles[0];
+        let MavMessage::SET_POSITION_TARGET_LOCAL_NED(mut target) =
+            position_target(vehicle, [from + p, n, u], Some([v, 0.0, 0.0]))
+        else {
+            unreachable!()
+        };
+        if tells {
+            target.afy = a as f32;
+            target.type_mask = PositionTargetTypemask::from_bits_truncate(2048 | 1024);
+        }
+        f.clients[0].send(&mut f.world, &MavMessage::SET_POSITION_TARGET_LOCAL_NED(target));
+        f.pass(20);
+        furthest = furthest.max(f.position(0)[0]);
+    }
+    furthest - (from + 60.0)
+}
+
+#[test]
+fn spec_a_target_that_does_not_say_how_it_slows_down_is_flown_past() {
+    for (trap, tells, least, most) in
+        [(true, false, 1.5, 15.0), (true, true, -0.1, 0.5), (false, false, -0.1, 0.5)]
+    {
+        let mut f = guided(copter(|t| t.targets_shaped = trap));
+        let past_m = flown_past_m(&mut f, tells);
+        assert!((least..=most).contains(&past_m), "trap {trap}, told {tells}: {past_m} m");
+    }
+}
+
+#[test]
+fn spec_an_orphan_flies_on_with_its_last_velocity_until_guid_timeout() {
+    for (trap, timeout_s, least_m, most_m) in
+        [(true, 3.0, 12.0, 18.0), (true, 1.0, 4.0, 8.0), (false, 3.0, 0.0, 3.0)]
+    {
+        let mut f = guided(copter(|t| t.velocity_kept = trap));
+        set(&mut f, "GUID_TIMEOUT", timeout_s);
+        let [e, n, u] = f.position(0);
+        for k in 0..300 {
+            let t = f64::from(k) * 0.02;
+            let target = position_target(&f.config.vehicles[0], [e + 5.0 * t, n, u], Some([5.0, 0.0, 0.0]));
+            f.clients[0].send(&mut f.world, &target);
+            f.pass(20);
+        }
+        let left_at = f.position(0)[0];
+        f.pass(20_000);
+        let went_m = f.position(0)[0] - left_at;
+        assert!((least_m..most_m).contains(&went_m), "trap {trap}, {timeout_s} s: {went_m} m");
         assert!(speed(&f) < 0.1);
     }
 }

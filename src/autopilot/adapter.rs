@@ -10,8 +10,9 @@ use super::context::Context;
 use super::control::{self, Control};
 use super::discovery::Discovery;
 use super::event::Event;
+use super::firmware::choice::Choice;
 use super::firmware::specifics::Specifics;
-use super::firmware::{Firmware, Mode};
+use super::firmware::{Firmware, Mode, airframe, returning, version};
 use super::link::LinkWatch;
 use super::outbox::{Address, Outbox};
 use super::parameter::Parameters;
@@ -72,6 +73,8 @@ struct Peer {
     firmware: Firmware,
     address: Address,
     specifics: Specifics,
+    /// What [`Actuation::Auto`] has come to.
+    chosen: Option<Choice>,
 }
 
 impl Autopilot {
@@ -125,6 +128,7 @@ impl Autopilot {
             MavMessage::PARAM_VALUE(m) => {
                 self.parameters.handle_value(m, firmware.integer_form());
                 self.learn_scales();
+                self.choose_actuation(now);
             }
             MavMessage::STATUSTEXT(m) => self.texts.handle(m, now, &mut self.out),
             _ => {
@@ -372,12 +376,24 @@ impl Autopilot {
             tracking: self.telemetry.clock.tracking(now),
             utc_uncertainty: self.utc_uncertainty(),
         });
-        all.extend(peer.specifics.checks(&self.parameters, &self.settings));
+        all.push(if self.chooses_actuation() {
+            airframe::check_choice(peer.firmware, peer.chosen.as_ref(), &self.parameters, &self.settings)
+        } else {
+            preflight::actuation(peer.firmware, &self.settings)
+        });
+        let version = self.telemetry.state.version;
+        all.push(version::check_version(peer.firmware, version));
+        all.extend(peer.specifics.checks(&self.parameters, &self.settings, version));
+        if let Some(band_m) = self.settings.return_altitude_m {
+            let home_m = self.state().home_enu_m.map(|home| home.value.z);
+            all.extend(returning::checks(peer.firmware, &self.parameters, home_m, band_m));
+        }
         all
     }
 
     fn adopt(&mut self, (address, firmware): (Address, Firmware), now: Instant) {
-        self.peer = Some(Peer { firmware, address, specifics: Specifics::new(firmware, &self.settings) });
+        let specifics = Specifics::new(firmware, &self.settings);
+        self.peer = Some(Peer { firmware, address, specifics, chosen: None });
         self.telemetry.state.system = Some(address.0);
         self.telemetry.state.firmware = Some(firmware);
         self.out.tell(Event::Discovered { system: address.0, firmware });
@@ -386,6 +402,12 @@ impl Autopilot {
     }
 
     fn handle_restart(&mut self, firmware: Firmware, now: Instant) {
+        // It may have been restarted for another airframe.
+        if let Some(peer) = &mut self.peer
+            && peer.chosen.take().is_some()
+        {
+            self.settings.actuation = Actuation::Auto;
+        }
         self.control.forget(&mut self.commands);
         self.commands.clear();
         self.telemetry.forget();
@@ -441,6 +463,25 @@ impl Autopilot {
         }
     }
 
+    /// Whether the actuation is the airframe's to say.
+    fn chooses_actuation(&self) -> bool {
+        self.settings.actuation == Actuation::Auto
+            || self.peer.as_ref().is_some_and(|peer| peer.chosen.is_some())
+    }
+
+    /// [`Actuation::Auto`] gives way to what the airframe asks for, once its parameters say so.
+    fn choose_actuation(&mut self, now: Instant) {
+        if self.settings.actuation != Actuation::Auto {
+            return;
+        }
+        let Some(peer) = &mut self.peer else { return };
+        let Some(Ok(choice)) = airframe::choose(peer.firmware, &self.parameters) else { return };
+        self.settings.actuation = choice.actuation;
+        self.stream.choose(choice.actuation);
+        peer.chosen = Some(choice);
+        self.hand(now, |_, specifics, context| specifics.choose(context));
+    }
+
     fn advance_specifics(&mut self, now: Instant) {
         let (fresh, in_control) = (self.fresh(now), self.in_control());
         self.hand(now, |control, specifics, context| {
@@ -452,10 +493,11 @@ impl Autopilot {
     /// What a setpoint is built on; `None` while none may go out, and while position or attitude do not come, or are too old
     /// to close a loop over them: it would be a guess.
     fn surroundings(&self, now: Instant) -> Option<Surroundings> {
-        let Peer { firmware, address, specifics } = self.peer.as_ref()?;
+        let Peer { firmware, address, specifics, .. } = self.peer.as_ref()?;
         let state = &self.telemetry.state;
         let known = match self.settings.actuation {
             Actuation::ThrustVector => self.fresh(now),
+            Actuation::Auto => false,
             // The autopilot closes the loop, over what it knows itself.
             Actuation::Pose | Actuation::Position => self.hears_state(now),
         };
@@ -500,7 +542,7 @@ impl Autopilot {
 
     /// Hands something to control and to the firmware's own parts, if there is an autopilot.
     fn hand(&mut self, now: Instant, input: impl FnOnce(&mut Control, &mut Specifics, &mut Context)) {
-        let Some(Peer { firmware, address, specifics }) = &mut self.peer else { return };
+        let Some(Peer { firmware, address, specifics, .. }) = &mut self.peer else { return };
         let mut context = Context {
             now,
             firmware: *firmware,

@@ -10,6 +10,7 @@
 //! the mind behind them* (F3): each goes out once, when it is set.
 
 mod adapter;
+mod alias;
 mod boot_clock;
 mod clock;
 mod command;

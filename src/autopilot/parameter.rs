@@ -23,7 +23,7 @@ const AGAIN: Duration = Duration::from_secs(5);
 /// What is known of a parameter.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Knowledge {
-    /// Still being asked for.
+    /// Still being asked for, or not asked for yet.
     Pending,
     /// Asked for in vain: the autopilot does not have it, or does not say.
     Unknown,
@@ -79,8 +79,8 @@ impl Parameters {
     pub(super) fn get(&self, name: &str) -> Knowledge {
         match self.entries.get(name) {
             Some(Entry { known: Some((value, _)), .. }) => Knowledge::Known(*value),
-            Some(Entry { silent: false, .. }) => Knowledge::Pending,
-            _ => Knowledge::Unknown,
+            Some(Entry { silent: true, .. }) => Knowledge::Unknown,
+            _ => Knowledge::Pending,
         }
     }
 

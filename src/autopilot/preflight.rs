@@ -49,7 +49,6 @@ pub(super) fn checks(evidence: &Evidence) -> Vec<Check> {
     let mut all = vec![
         check("autopilot", Verdict::Pass, format!("{firmware}{version}, system {system}")),
         vehicle_type(evidence.state.vehicle_type),
-        actuation(firmware, evidence.settings),
     ];
     all.extend(telemetry(evidence));
     all.extend(readiness(evidence.state, evidence.settings));
@@ -78,7 +77,8 @@ fn vehicle_type(vehicle_type: Option<MavType>) -> Check {
     }
 }
 
-fn actuation(firmware: Firmware, settings: &Settings) -> Check {
+/// Whether the firmware can do what the vehicle file asks of it.
+pub(super) fn actuation(firmware: Firmware, settings: &Settings) -> Check {
     match firmware.cannot(settings) {
         Some(why) => check("actuation", Verdict::Fail, why),
         None => check("actuation", Verdict::Pass, format!("{} on {firmware}", settings.actuation)),

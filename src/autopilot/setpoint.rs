@@ -11,7 +11,7 @@ use nalgebra::Vector3;
 use super::outbox::{Address, Outbox};
 use super::position_control::{Measured, PositionControl};
 use super::settings::{Actuation, Settings};
-use crate::geo::{Attitude, Enu, EnuVelocity, LocalFrame, NedVelocity};
+use crate::geo::{Attitude, Enu, EnuAcceleration, EnuVelocity, LocalFrame, NedAcceleration, NedVelocity};
 use crate::time::Instant;
 
 /// Thrust while armed on the ground.
@@ -26,6 +26,8 @@ pub struct Setpoint {
     pub position_enu_m: Enu,
     /// Velocity feed-forward in m/s, ENU.
     pub velocity_enu_m_s: EnuVelocity,
+    /// Acceleration feed-forward in m/s^2, ENU.
+    pub acceleration_enu_m_s2: EnuAcceleration,
     /// Attitude. [`Actuation::Position`] uses its yaw alone.
     pub attitude: Attitude,
 }
@@ -38,6 +40,7 @@ impl Setpoint {
         self.position_enu_m
             .iter()
             .chain(self.velocity_enu_m_s.vector().iter())
+            .chain(self.acceleration_enu_m_s2.vector().iter())
             .chain(q.coords.iter())
             .all(|c| c.is_finite())
     }
@@ -142,6 +145,12 @@ impl Stream {
         Some(self.send(setpoint, around, now, out))
     }
 
+    /// Setpoints take this form from now on.
+    pub(super) fn choose(&mut self, actuation: Actuation) {
+        self.stop();
+        self.actuation = actuation;
+    }
+
     /// Takes the scales of the thrust axes from the rotors.
     pub(super) fn learn_scales(&mut self, thrust_n: [f64; 3]) {
         self.control.learn_scales(thrust_n);
@@ -175,6 +184,8 @@ impl Stream {
                 }));
             }
             Actuation::Pose => out.send(position(setpoint, Some(attitude), around, now)),
+            // Not chosen yet: nothing is sent in a form that may be another's.
+            Actuation::Auto => {}
         }
         attitude
     }
@@ -240,7 +251,9 @@ fn attitude_target(attitude: Attitude, target: Address, now: Instant) -> SET_ATT
     }
 }
 
-/// Position with velocity feed-forward, and the attitude's heading if given. Groups are whole, as ArduCopter asks.
+/// Position with velocity and acceleration feed-forward, and the attitude's heading if given. Groups are whole, as
+/// ArduCopter asks. It follows a position by its own limits of acceleration and jerk, ten metres past the end of a transit
+/// if it is not told when that slows down.
 fn position(
     setpoint: &Setpoint,
     heading_of: Option<Attitude>,
@@ -249,10 +262,8 @@ fn position(
 ) -> MavMessage {
     let local = around.frame.position_to_ned(setpoint.position_enu_m).vector();
     let velocity = NedVelocity::from(setpoint.velocity_enu_m_s).vector();
-    let mut type_mask = PositionTargetTypemask::POSITION_TARGET_TYPEMASK_AX_IGNORE
-        | PositionTargetTypemask::POSITION_TARGET_TYPEMASK_AY_IGNORE
-        | PositionTargetTypemask::POSITION_TARGET_TYPEMASK_AZ_IGNORE
-        | PositionTargetTypemask::POSITION_TARGET_TYPEMASK_YAW_RATE_IGNORE;
+    let acceleration = NedAcceleration::from(setpoint.acceleration_enu_m_s2).vector();
+    let mut type_mask = PositionTargetTypemask::POSITION_TARGET_TYPEMASK_YAW_RATE_IGNORE;
     if heading_of.is_none() {
         type_mask |= PositionTargetTypemask::POSITION_TARGET_TYPEMASK_YAW_IGNORE;
     }
@@ -264,9 +275,9 @@ fn position(
         vx: velocity.x as f32,
         vy: velocity.y as f32,
         vz: velocity.z as f32,
-        afx: 0.0,
-        afy: 0.0,
-        afz: 0.0,
+        afx: acceleration.x as f32,
+        afy: acceleration.y as f32,
+        afz: acceleration.z as f32,
         yaw: heading_of.map_or(0.0, |attitude| attitude.to_mavlink_euler().2 as f32),
         yaw_rate: 0.0,
         type_mask,
@@ -309,6 +320,7 @@ mod tests {
         Setpoint {
             position_enu_m: Enu::new(1.0, 2.0, 10.0),
             velocity_enu_m_s: EnuVelocity::ZERO,
+            acceleration_enu_m_s2: EnuAcceleration::ZERO,
             attitude: Attitude::from_euler(roll_rad, 0.0, 0.0),
         }
     }
@@ -390,6 +402,23 @@ mod tests {
         // At its place and at rest, the controller asks for what hovers.
         assert!((fly(&mut stream, Footing::Airborne) - lifting).abs() < 1e-6);
         assert!((stream.hover_thrust() - lifting).abs() < 1e-6);
+    }
+
+    #[test]
+    fn val_a_position_target_carries_velocity_and_acceleration_in_ned() {
+        let mut out = Outbox::default();
+        let mut moving = setpoint(0.0);
+        moving.velocity_enu_m_s = EnuVelocity::new(1.0, 2.0, 3.0);
+        moving.acceleration_enu_m_s2 = EnuAcceleration::from_vector(Vector3::new(0.25, 0.5, 0.75));
+        let around = around(Footing::Airborne);
+        _ = stream(Actuation::Position).set(&moving, Some(&around), Instant::ZERO, &mut out);
+        let Some(MavMessage::SET_POSITION_TARGET_LOCAL_NED(target)) = out.next_message() else {
+            panic!("no position target")
+        };
+        assert_eq!([target.vx, target.vy, target.vz], [2.0, 1.0, -3.0]);
+        assert_eq!([target.afx, target.afy, target.afz], [0.5, 0.25, -0.75]);
+        // The rate of yaw (2048) is all that is ignored.
+        assert_eq!(target.type_mask.bits(), 2048);
     }
 
     #[test]

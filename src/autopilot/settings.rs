@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use super::position_control;
 use crate::geo::Geodetic;
+use crate::schedule::trajectory::Limits;
 
 /// Which firmware to expect.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -29,6 +30,8 @@ pub enum Actuation {
     Pose,
     /// Position targets and yaw alone; the vehicle tilts as it must.
     Position,
+    /// One of the others, by what the autopilot's parameters say of the airframe, once they are read.
+    Auto,
 }
 
 impl fmt::Display for Actuation {
@@ -37,6 +40,7 @@ impl fmt::Display for Actuation {
             Self::ThrustVector => "thrust_vector",
             Self::Pose => "pose",
             Self::Position => "position",
+            Self::Auto => "auto",
         })
     }
 }
@@ -58,8 +62,13 @@ pub struct Settings {
     pub rate_hz: f64,
     /// Origin of the mission frame.
     pub mission_origin: Geodetic,
-    /// Largest tilt of the plan in radians: limits that the autopilot must not trip over are checked against it.
+    /// Largest tilt of the plan in radians, 0 for one that stays level: limits that the autopilot must not trip over are checked against it.
     pub planned_tilt_rad: f64,
+    /// The lowest and the highest altitude at which the autopilot's own return is to cross, in metres above the mission's
+    /// origin; `None`: any.
+    pub return_altitude_m: Option<[f64; 2]>,
+    /// What transits ask of the vehicle at most: the autopilot's own limits are checked against it.
+    pub transit: Limits,
     /// Largest rate at which a commanded attitude turns, in rad/s.
     pub tilt_rate_rad_s: f64,
     /// How long after a setpoint the next one still belongs to the same stream; later ones begin it anew.
@@ -94,6 +103,8 @@ impl Settings {
             rate_hz: 50.0,
             mission_origin,
             planned_tilt_rad: std::f64::consts::FRAC_PI_2,
+            return_altitude_m: None,
+            transit: Limits::new(8.0, 3.0, 30f64.to_radians()),
             tilt_rate_rad_s: 30f64.to_radians(),
             setpoint_lifetime: Duration::from_millis(200),
             freshness: Duration::from_millis(250),

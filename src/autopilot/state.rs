@@ -69,6 +69,9 @@ pub struct Battery {
     pub voltage_v: Option<f64>,
 }
 
+/// A firmware's version: major, minor, patch.
+pub type Version = (u8, u8, u8);
+
 /// What is known of the vehicle. `None`: not heard yet, or forgotten after a restart of the autopilot.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct VehicleState {
@@ -76,8 +79,8 @@ pub struct VehicleState {
     pub system: Option<u8>,
     /// The autopilot's firmware.
     pub firmware: Option<Firmware>,
-    /// The firmware's version: major, minor, patch.
-    pub version: Option<(u8, u8, u8)>,
+    /// The firmware's version.
+    pub version: Option<Version>,
     /// The kind of vehicle, from HEARTBEAT.
     pub vehicle_type: Option<MavType>,
     /// The estimator's position in the mission frame, in metres.

@@ -19,7 +19,7 @@ use rand_chacha::ChaCha8Rng;
 use world::*;
 
 use super::*;
-use crate::geo::{Attitude, Enu, EnuVelocity, Ned};
+use crate::geo::{Attitude, Enu, EnuAcceleration, EnuVelocity, Ned};
 
 const BOTH: [Firmware; 2] = [Firmware::Px4, Firmware::ArduPilot];
 
@@ -30,7 +30,12 @@ fn spec_both_firmwares_take_off_fly_to_a_pose_in_the_missions_frame_and_land() {
         world.launch();
         let attitude = Attitude::from_euler(0.5, -0.2, 0.0);
         let position_enu_m = Enu::new(30.0, -20.0, 25.0);
-        world.setpoint = Some(Setpoint { position_enu_m, velocity_enu_m_s: EnuVelocity::ZERO, attitude });
+        world.setpoint = Some(Setpoint {
+            position_enu_m,
+            velocity_enu_m_s: EnuVelocity::ZERO,
+            acceleration_enu_m_s2: EnuAcceleration::ZERO,
+            attitude,
+        });
         world.run(130.0);
         // Where it really is, by the autopilot's own origin.
         let frame = world.fake.frame();
@@ -218,6 +223,7 @@ fn random_setpoint(rng: &mut ChaCha8Rng) -> Setpoint {
     Setpoint {
         position_enu_m: Enu::new(number(1e3), number(1e3), number(1e3)),
         velocity_enu_m_s: EnuVelocity::new(number(10.0), number(10.0), number(10.0)),
+        acceleration_enu_m_s2: EnuAcceleration::from_vector(Vector3::from_fn(|_, _| number(5.0))),
         attitude: Attitude::from_euler(number(6.0), number(6.0), number(6.0)),
     }
 }

@@ -1,9 +1,13 @@
 //! `veilwing fly`: the companion of one vehicle, what runs onboard.
 
+#[cfg(feature = "desk")]
+mod in_step;
+
 use std::path::{Path, PathBuf};
 
 use rustix::process::{Signal, getpid, kill_process};
-use tokio::signal::unix::{SignalKind, signal};
+use tokio::runtime::Runtime;
+use tokio::signal::unix::{self, SignalKind};
 
 use crate::companion::Companion;
 use crate::companion::orders_file::{self, OrdersFile};
@@ -42,6 +46,10 @@ pub(super) struct Args {
     /// Stop, in order, when stdin ends: with the program that started this one, however that ended.
     #[arg(long, hide = true)]
     until_stdin_ends: bool,
+    /// Take the time from stdin instead of this machine's clock: `veilwing sitl --in-step` gives it.
+    #[cfg(feature = "desk")]
+    #[arg(long, hide = true, conflicts_with_all = ["clock_rate", "until_stdin_ends"])]
+    clock_from_stdin: bool,
 }
 
 pub(super) fn run(args: &Args) -> Exit {
@@ -68,17 +76,12 @@ pub(super) fn run(args: &Args) -> Exit {
 }
 
 fn fly(args: &Args, mission: Mission, vehicle: &Vehicle) -> Result<Exit, String> {
+    #[cfg(feature = "desk")]
+    if args.clock_from_stdin {
+        return in_step::fly(args, mission, vehicle);
+    }
     let clock = Clock::start(args.clock_rate).map_err(|error| error.to_string())?;
-    let runtime = tokio::runtime::Builder::new_current_thread()
-        .enable_all()
-        .build()
-        .map_err(|error| format!("the event loop cannot start: {error}"))?;
-    // A limit on the size of files costs the logs that grow beyond it. Without a handler it would cost the flight, from
-    // the first file on.
-    let inside = runtime.enter();
-    let file_size = SignalKind::from_raw(Signal::XFSZ.as_raw());
-    let _handled = signal(file_size).map_err(|error| format!("a signal cannot be handled: {error}"))?;
-    drop(inside);
+    let (runtime, _handled) = runtime()?;
     let companion = companion(args, mission, vehicle, &clock)?;
     if args.until_stdin_ends {
         std::thread::spawn(|| {
@@ -88,13 +91,33 @@ fn fly(args: &Args, mission: Mission, vehicle: &Vehicle) -> Result<Exit, String>
         });
     }
     let outcome = runtime.block_on(companion.run(clock, interrupt::requested()));
-    match outcome.map_err(|error| error.to_string())? {
-        Outcome::Completed => Ok(Exit::Done),
+    Ok(end(outcome.map_err(|error| error.to_string())?))
+}
+
+/// The event loop's runtime, and a handler that it keeps.
+fn runtime() -> Result<(Runtime, unix::Signal), String> {
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+        .map_err(|error| format!("the event loop cannot start: {error}"))?;
+    // A limit on the size of files costs the logs that grow beyond it. Without a handler it would cost the flight, from
+    // the first file on.
+    let inside = runtime.enter();
+    let file_size = SignalKind::from_raw(Signal::XFSZ.as_raw());
+    let handled = unix::signal(file_size).map_err(|error| format!("a signal cannot be handled: {error}"))?;
+    drop(inside);
+    Ok((runtime, handled))
+}
+
+/// How the command ends.
+fn end(outcome: Outcome) -> Exit {
+    match outcome {
+        Outcome::Completed => Exit::Done,
         Outcome::Aborted(cause) => {
             eprintln!("mission not completed: {cause}");
-            Ok(Exit::Bad)
+            Exit::Bad
         }
-        Outcome::Interrupted => Ok(Exit::Interrupted),
+        Outcome::Interrupted => Exit::Interrupted,
     }
 }
 

@@ -29,6 +29,8 @@ mod report;
 mod schema;
 #[cfg(feature = "desk")]
 mod sitl;
+#[cfg(feature = "desk")]
+mod step;
 
 use std::process::ExitCode;
 

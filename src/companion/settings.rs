@@ -7,6 +7,7 @@ use crate::config::{ExposedLink, Mission, Transmitter, Vehicle};
 use crate::link::Form;
 use crate::mission::{Operators, Scene, Settings};
 use crate::pair::{self, Record};
+use crate::planner::problem::{Airframe, Airspace};
 use crate::preflight::{Check, Verdict, check};
 use crate::role::{PerVehicle, Role};
 use crate::service::Ceilings;
@@ -34,7 +35,12 @@ pub fn settings(mission: &Mission, vehicle: &Vehicle, boot_id: u32, start_unaske
     let mut autopilot = autopilot::Settings::new(own, mission.origin);
     autopilot.autopilot_system = vehicle.autopilot.system_id;
     autopilot.rate_hz = vehicle.autopilot.rate_hz;
-    autopilot.planned_tilt_rad = mission.vehicles[role].max_tilt_rad.min(mission.airspace_max_tilt_rad);
+    autopilot.planned_tilt_rad = match mission.vehicles[role].airframe {
+        Airframe::Omnidirectional => mission.vehicles[role].max_tilt_rad.min(mission.airspace_max_tilt_rad),
+        Airframe::Conventional => 0.0,
+    };
+    autopilot.transit = limits[role];
+    autopilot.return_altitude_m = return_altitude_m(role, &mission.airspace);
     autopilot.tilt_rate_rad_s = limits[role].tilt_rate_rad_s;
     autopilot.firmware = vehicle.autopilot.firmware;
     autopilot.actuation = vehicle.autopilot.actuation;
@@ -80,6 +86,19 @@ pub fn settings(mission: &Mission, vehicle: &Vehicle, boot_id: u32, start_unaske
         start_unasked,
         start_utc: mission.tdma.start_utc,
     }
+}
+
+/// Where a vehicle's autopilot crosses when it returns by itself, in metres above the origin: I in the lower half of the band,
+/// J in the upper, the separation apart, and I that much above its lower end, up to which either takes off and lands.
+/// `None` where the band is too thin for that.
+fn return_altitude_m(role: Role, airspace: &Airspace) -> Option<[f64; 2]> {
+    let [low_m, high_m] = airspace.altitude_m;
+    let (middle_m, apart_m) = (0.5 * (low_m + high_m), airspace.min_separation_m);
+    let band_m = match role {
+        Role::I => [low_m + apart_m, middle_m - 0.5 * apart_m],
+        Role::J => [middle_m + 0.5 * apart_m, high_m],
+    };
+    (low_m + apart_m <= middle_m - 0.5 * apart_m).then_some(band_m)
 }
 
 /// Whether anybody can speak on the links of a real transmitter (T1). [`Vehicle::check_against`] refuses the same.
@@ -163,6 +182,17 @@ mod tests {
     use super::*;
     use crate::config::VehicleDraft;
     use crate::link::{HostPort, LinkAddress};
+
+    #[test]
+    fn spec_the_two_return_at_altitudes_that_are_apart_and_above_where_either_lands() {
+        let mission = Mission::parse("mission.toml", include_str!("../../config/mission.toml")).unwrap();
+        // A band of 20 to 80 m and 5 m of separation.
+        assert_eq!(return_altitude_m(Role::I, &mission.airspace), Some([25.0, 47.5]));
+        assert_eq!(return_altitude_m(Role::J, &mission.airspace), Some([52.5, 80.0]));
+        let mut thin = mission.airspace.clone();
+        thin.altitude_m = [20.0, 30.0];
+        assert_eq!(Role::BOTH.map(|role| return_altitude_m(role, &thin)), [None; 2]);
+    }
 
     #[test]
     fn spec_each_vehicle_s_ceilings_are_its_own() {

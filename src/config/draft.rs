@@ -141,6 +141,8 @@ pub struct PlannedVehicleDraft {
     pub climb_m_s: f64,
     /// Acceleration in transit in any direction, in m/s^2.
     pub acceleration_m_s2: f64,
+    /// Change of that acceleration, in m/s^3.
+    pub jerk_m_s3: f64,
     /// How fast it turns its antenna, in deg/s.
     pub tilt_rate_deg_s: f64,
     /// Where the simulated vehicle starts.
@@ -159,6 +161,8 @@ impl Default for PlannedVehicleDraft {
             speed_m_s: 8.0,
             climb_m_s: 3.0,
             acceleration_m_s2: 2.5,
+            // Below ArduCopter's default of 5, so that what it corrects has something left.
+            jerk_m_s3: 4.0,
             tilt_rate_deg_s: 45.0,
             home_enu_m: None,
             min_power_w: None,

@@ -106,6 +106,8 @@ pub struct VehicleSettings {
     pub climb_m_s: f64,
     /// Acceleration in transit in any direction, in m/s^2.
     pub acceleration_m_s2: f64,
+    /// Change of that acceleration, in m/s^3.
+    pub jerk_m_s3: f64,
     /// How fast it turns its antenna, in rad/s.
     pub tilt_rate_rad_s: f64,
     /// Where the simulated vehicle starts. A real one starts where it stands.
@@ -291,6 +293,7 @@ impl Mission {
     pub fn transit_limits(&self) -> PerVehicle<Limits> {
         self.vehicles.map(|vehicle| Limits {
             acceleration_m_s2: vehicle.acceleration_m_s2,
+            jerk_m_s3: Some(vehicle.jerk_m_s3),
             ..Limits::new(vehicle.speed_m_s, vehicle.climb_m_s, vehicle.tilt_rate_rad_s)
         })
     }
@@ -370,6 +373,7 @@ fn in_si_units(draft: &MissionDraft) -> Settled {
             speed_m_s: vehicle.speed_m_s,
             climb_m_s: vehicle.climb_m_s,
             acceleration_m_s2: vehicle.acceleration_m_s2,
+            jerk_m_s3: vehicle.jerk_m_s3,
             tilt_rate_rad_s: vehicle.tilt_rate_deg_s.to_radians(),
             home_enu_m: vehicle.home_enu_m,
         }),

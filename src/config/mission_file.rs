@@ -205,6 +205,12 @@ fn vehicle(s: &mut Section<'_, '_>, vehicle: &mut PlannedVehicleDraft) {
         Number::within("m/s^2", 0.1, 20.0),
         &mut vehicle.acceleration_m_s2,
     );
+    s.set(
+        "jerk_m_s3",
+        "Change of acceleration in transit. No more than what the autopilot lets through: ArduCopter's PSC_JERK_XY is 5.",
+        Number::within("m/s^3", 0.1, 1000.0),
+        &mut vehicle.jerk_m_s3,
+    );
     s.set("tilt_rate_deg_s", "How fast it turns its antenna.", tilt_rate(), &mut vehicle.tilt_rate_deg_s);
     place(
         s,

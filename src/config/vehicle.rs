@@ -194,10 +194,8 @@ fn check(draft: &VehicleDraft, file: &mut Document) {
         file.error(file.at(path), message.to_owned(), help.to_owned());
     };
     let autopilot = &draft.autopilot;
-    if autopilot.actuation == Actuation::ThrustVector
-        && autopilot.rate_hz < 50.0
-        && file.sound(&["autopilot.rate_hz"])
-    {
+    let may_be_thrust = matches!(autopilot.actuation, Actuation::ThrustVector | Actuation::Auto);
+    if may_be_thrust && autopilot.rate_hz < 50.0 && file.sound(&["autopilot.rate_hz"]) {
         let message = format!("`rate_hz` is {} Hz, too slow to fly by thrust vector", autopilot.rate_hz);
         refuse(file, "autopilot.rate_hz", &message, "give at least 50");
     }
@@ -212,7 +210,7 @@ fn check(draft: &VehicleDraft, file: &mut Document) {
         refuse(file, "autopilot.actuation", message, help);
     }
     if autopilot.thrust_n.is_some()
-        && autopilot.actuation != Actuation::ThrustVector
+        && !may_be_thrust
         && file.sound(&["autopilot.thrust_n", "autopilot.actuation"])
     {
         let message = format!("`thrust_n` means nothing with actuation \"{}\"", autopilot.actuation);

@@ -115,13 +115,14 @@ fn autopilot(s: &mut Section<'_, '_>, autopilot: &mut Autopilot) {
         ("thrust_vector", Actuation::ThrustVector),
         ("pose", Actuation::Pose),
         ("position", Actuation::Position),
+        ("auto", Actuation::Auto),
     ]);
     s.set("link", "Where the autopilot is.", LINK, &mut autopilot.link);
     s.set("firmware", "\"auto\" takes it from HEARTBEAT.", firmware, &mut autopilot.firmware);
     s.set(
         "actuation",
         "\"thrust_vector\": attitude and 3-D thrust (PX4, fully actuated); \"pose\": position and attitude targets; \
-         \"position\": position targets alone, the vehicle stays level.",
+         \"position\": position targets alone, the vehicle stays level; \"auto\": what the autopilot's parameters say of the airframe.",
         actuation,
         &mut autopilot.actuation,
     );

@@ -1,8 +1,8 @@
-//! North, east and down: the axes of an autopilot's local frame. Neither type shares arithmetic with the mission frame's.
+//! North, east and down: the axes of an autopilot's local frame. None of the types shares arithmetic with the mission frame's.
 
 use nalgebra::Vector3;
 
-use super::{EnuVelocity, swap_enu_ned};
+use super::{EnuAcceleration, EnuVelocity, swap_enu_ned};
 
 /// A position in an autopilot's local frame in metres. [`LocalFrame`](super::LocalFrame) is the way between it and the
 /// mission frame: swapped axes are not enough, the origins differ and so do the projections.
@@ -57,6 +57,25 @@ impl From<EnuVelocity> for NedVelocity {
 impl From<NedVelocity> for EnuVelocity {
     fn from(velocity: NedVelocity) -> Self {
         Self::from_vector(swap_enu_ned(velocity.0))
+    }
+}
+
+/// An acceleration to the north, east and down in m/s^2, gravity left out.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct NedAcceleration(Vector3<f64>);
+
+impl NedAcceleration {
+    /// As a vector, to reckon with.
+    #[must_use]
+    pub const fn vector(self) -> Vector3<f64> {
+        self.0
+    }
+}
+
+impl From<EnuAcceleration> for NedAcceleration {
+    /// The same acceleration by the other axes, as for a velocity.
+    fn from(acceleration: EnuAcceleration) -> Self {
+        Self(swap_enu_ned(acceleration.vector()))
     }
 }
 

@@ -1,13 +1,21 @@
 //! The one place that reads a clock. Everything else is handed [`Instant`]s.
+//!
+//! A [`Clock`] shows the machine's time, at its own rate or another, or the time that a [`Hand`] sets: then it stands still
+//! between two moves, and whoever sleeps is woken at its own instant, however long that takes by the wall.
 
 // The rule that this module is the exception to (clippy.toml).
 #![allow(clippy::disallowed_methods)]
+
+mod hand;
 
 use std::future::Future;
 use std::sync::Arc;
 use std::time::{Duration, SystemTime};
 
+pub use hand::{Hand, Hold};
+
 use crate::time::{Instant, Utc};
+use hand::Dial;
 
 /// Why a clock cannot run.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
@@ -20,13 +28,22 @@ pub enum ClockError {
     },
 }
 
-/// A monotonic clock that may run faster or slower than the wall's, and UTC beside it. Clones share one start.
+/// A monotonic clock that may run faster or slower than the wall's, or be moved by hand, and UTC beside it. Clones share
+/// one start.
 #[derive(Debug, Clone)]
 pub struct Clock {
-    started: std::time::Instant,
+    time: Time,
+    /// When it read zero.
     started_utc: Utc,
-    rate: f64,
-    timers: Arc<precise::Timers>,
+}
+
+/// Where a clock's time comes from.
+#[derive(Debug, Clone)]
+enum Time {
+    /// The machine's monotonic clock.
+    Wall { started: std::time::Instant, rate: f64, timers: Arc<precise::Timers> },
+    /// Somebody's hand.
+    Moved(Arc<Dial>),
 }
 
 impl Clock {
@@ -38,12 +55,7 @@ impl Clock {
     /// Starts a clock at the wall's own rate.
     #[must_use]
     pub fn real() -> Self {
-        Self {
-            started: std::time::Instant::now(),
-            started_utc: wall_utc(),
-            rate: 1.0,
-            timers: Arc::default(),
-        }
+        Self::wall(1.0)
     }
 
     /// Starts a clock that runs `rate` simulated seconds for each second on the wall.
@@ -55,47 +67,78 @@ impl Clock {
         if !(Self::RATE_MIN..=Self::RATE_MAX).contains(&rate) {
             return Err(ClockError::Rate { rate });
         }
-        Ok(Self { rate, ..Self::real() })
+        Ok(Self::wall(rate))
     }
 
-    /// The time since the start, scaled by the rate.
+    /// A clock that reads `now`, at `utc`, and goes on when its hand is moved and not otherwise. For simulation alone: it
+    /// shows nobody's time.
+    #[must_use]
+    pub fn by_hand(now: Instant, utc: Utc) -> (Self, Hand) {
+        let dial = Arc::new(Dial::new(now));
+        let started_utc = Utc { unix_us: utc.unix_us.saturating_sub(now.since_start().as_micros() as u64) };
+        (Self { time: Time::Moved(Arc::clone(&dial)), started_utc }, Hand::new(dial))
+    }
+
+    fn wall(rate: f64) -> Self {
+        let time = Time::Wall { started: std::time::Instant::now(), rate, timers: Arc::default() };
+        Self { time, started_utc: wall_utc() }
+    }
+
+    /// The time since the start, scaled by the rate; or what the hand points to.
     #[must_use]
     pub fn now(&self) -> Instant {
-        Instant::from_start(self.scaled(self.started.elapsed()))
+        match &self.time {
+            Time::Wall { started, rate, .. } => Instant::from_start(scaled(started.elapsed(), *rate)),
+            Time::Moved(dial) => dial.now(),
+        }
     }
 
-    /// UTC for logs and signatures: the wall's, steps and all, at rate 1; otherwise the wall's at the start
-    /// plus [`Self::now`].
+    /// UTC for logs and signatures: the wall's, steps and all, at rate 1; otherwise that of the start plus [`Self::now`].
     #[must_use]
     pub fn utc(&self) -> Utc {
-        if self.is_scaled() { self.started_utc + self.now().since_start() } else { wall_utc() }
+        match &self.time {
+            Time::Wall { rate, .. } if !is_scaled(*rate) => wall_utc(),
+            _ => self.started_utc + self.now().since_start(),
+        }
     }
 
     /// Completes at `deadline`, never before it: on Linux within the scheduler's latency, elsewhere within a
-    /// millisecond more. Dropping it is free, waiting for the same deadline again loses nothing.
+    /// millisecond more; by hand, exactly then. Dropping it is free, waiting for the same deadline again loses nothing.
     pub fn sleep_until(&self, deadline: Instant) -> impl Future<Output = ()> + Send + use<> {
         let clock = self.clone();
         async move {
-            loop {
-                let left = deadline.saturating_since(clock.now());
-                if left.is_zero() {
-                    return;
-                }
-                // Rounded up: a timer that fires a nanosecond early would go round the loop for nothing.
-                let wall = if clock.is_scaled() { left.div_f64(clock.rate) } else { left };
-                clock.timers.sleep(wall + Duration::from_nanos(1)).await;
+            match &clock.time {
+                Time::Wall { rate, timers, .. } => loop {
+                    let left = deadline.saturating_since(clock.now());
+                    if left.is_zero() {
+                        return;
+                    }
+                    // Rounded up: a timer that fires a nanosecond early would go round the loop for nothing.
+                    let wall = if is_scaled(*rate) { left.div_f64(*rate) } else { left };
+                    timers.sleep(wall + Duration::from_nanos(1)).await;
+                },
+                Time::Moved(dial) => dial.sleep_until(deadline).await,
             }
         }
     }
 
-    #[allow(clippy::float_cmp, reason = "exactly 1 is the rate that `real` stores")]
-    fn is_scaled(&self) -> bool {
-        self.rate != 1.0
+    /// Keeps a clock that is moved by hand where it is for as long as the returned value lives: for work on another
+    /// thread that takes no time there. Any other clock goes on.
+    pub fn hold(&self) -> Hold {
+        match &self.time {
+            Time::Wall { .. } => Hold::none(),
+            Time::Moved(dial) => Hold::of(dial),
+        }
     }
+}
 
-    fn scaled(&self, wall: Duration) -> Duration {
-        if self.is_scaled() { wall.mul_f64(self.rate) } else { wall }
-    }
+#[allow(clippy::float_cmp, reason = "exactly 1 is the rate that `real` stores")]
+fn is_scaled(rate: f64) -> bool {
+    rate != 1.0
+}
+
+fn scaled(wall: Duration, rate: f64) -> Duration {
+    if is_scaled(rate) { wall.mul_f64(rate) } else { wall }
 }
 
 /// The processor time that the calling thread has used: what a calculation costs, whoever else uses the machine.

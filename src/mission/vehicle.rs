@@ -16,6 +16,7 @@ impl Executive {
             let setpoint = Setpoint {
                 position_enu_m: sample.position_enu_m,
                 velocity_enu_m_s: sample.velocity_enu_m_s,
+                acceleration_enu_m_s2: sample.acceleration_enu_m_s2,
                 attitude: sample.attitude,
             };
             self.autopilot.set_setpoint(setpoint, now);

@@ -1,15 +1,17 @@
 //! One vehicle's path in time.
 //!
-//! Position: straight legs, each with a trapezoidal speed profile (constant acceleration, cruise, constant
-//! deceleration) from rest to rest, so that speed is continuous through every corner. Attitude: one rotation along
-//! the shortest way (slerp) at constant rate, in parallel with the motion. Times are seconds since the trajectory's
-//! start.
+//! Position: straight legs, each from rest to rest (`profile`), so that speed is continuous through every corner.
+//! Attitude: one rotation along the shortest way (slerp) at constant rate, in parallel with the motion. Times are
+//! seconds since the trajectory's start.
+
+mod profile;
 
 use std::time::Duration;
 
 use nalgebra::Vector3;
 
-use crate::geo::{Attitude, Enu, EnuVelocity};
+use crate::geo::{Attitude, Enu, EnuAcceleration, EnuVelocity};
+use profile::Profile;
 
 /// Limits beyond this, in SI units, are taken for mistakes.
 pub const LIMIT_RANGE: std::ops::RangeInclusive<f64> = 1e-6..=1e6;
@@ -23,6 +25,8 @@ pub struct Limits {
     pub climb_m_s: f64,
     /// Acceleration in any direction in m/s^2.
     pub acceleration_m_s2: f64,
+    /// Change of acceleration in m/s^3; `None`: at once.
+    pub jerk_m_s3: Option<f64>,
     /// Rate of rotation about any axis in rad/s.
     pub tilt_rate_rad_s: f64,
 }
@@ -32,10 +36,11 @@ impl Limits {
     /// attitude it can hold.
     pub const DEFAULT_ACCELERATION_M_S2: f64 = 2.5;
 
-    /// Limits with the default acceleration.
+    /// Limits with the default acceleration, of any jerk.
     #[must_use]
     pub const fn new(speed_m_s: f64, climb_m_s: f64, tilt_rate_rad_s: f64) -> Self {
-        Self { speed_m_s, climb_m_s, acceleration_m_s2: Self::DEFAULT_ACCELERATION_M_S2, tilt_rate_rad_s }
+        let acceleration_m_s2 = Self::DEFAULT_ACCELERATION_M_S2;
+        Self { speed_m_s, climb_m_s, acceleration_m_s2, jerk_m_s3: None, tilt_rate_rad_s }
     }
 
     /// The first limit outside [`LIMIT_RANGE`], as (key, value).
@@ -47,18 +52,20 @@ impl Limits {
             ("acceleration_m_s2", self.acceleration_m_s2),
             ("tilt_rate_rad_s", self.tilt_rate_rad_s),
         ];
-        all.into_iter().find(|(_, value)| !LIMIT_RANGE.contains(value))
+        let jerk = self.jerk_m_s3.map(|jerk| ("jerk_m_s3", jerk));
+        all.into_iter().chain(jerk).find(|(_, value)| !LIMIT_RANGE.contains(value))
     }
 
     /// How long a polyline takes from rest to rest at every corner, in seconds.
     pub(super) fn path_s(&self, path: &[Enu]) -> f64 {
-        path.windows(2).filter_map(|w| Some(self.profile(&w[0], &w[1])?.lasts_s)).sum()
+        path.windows(2).filter_map(|w| Some(self.profile(&w[0], &w[1])?.lasts_s())).sum()
     }
 
     /// The profile of the leg between two points; `None` if they are the same.
     fn profile(&self, from: &Enu, to: &Enu) -> Option<Profile> {
         let direction = (to - from).try_normalize(0.0)?;
-        Some(Profile::new((to - from).norm(), self.speed_along(&direction), self.acceleration_m_s2))
+        let (speed, acceleration) = (self.speed_along(&direction), self.acceleration_m_s2);
+        Some(Profile::new((to - from).norm(), speed, acceleration, self.jerk_m_s3))
     }
 
     /// The highest speed along `direction` (unit length) in m/s.
@@ -84,6 +91,8 @@ pub struct Sample {
     pub position_enu_m: Enu,
     /// Velocity in m/s, ENU.
     pub velocity_enu_m_s: EnuVelocity,
+    /// Acceleration in m/s^2, ENU.
+    pub acceleration_enu_m_s2: EnuAcceleration,
     /// Attitude.
     pub attitude: Attitude,
 }
@@ -116,46 +125,13 @@ struct Turn {
 
 impl Leg {
     fn ends_s(&self) -> f64 {
-        self.starts_s + self.profile.lasts_s
+        self.starts_s + self.profile.lasts_s()
     }
 }
 
 impl Turn {
     fn ends_s(&self) -> f64 {
         self.starts_s + self.lasts_s
-    }
-}
-
-/// A trapezoidal (or triangular) speed profile over a distance, from rest to rest.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Profile {
-    distance_m: f64,
-    peak_m_s: f64,
-    acceleration_m_s2: f64,
-    ramp_s: f64,
-    lasts_s: f64,
-}
-
-impl Profile {
-    fn new(distance_m: f64, speed_m_s: f64, acceleration_m_s2: f64) -> Self {
-        let peak_m_s = speed_m_s.min((distance_m * acceleration_m_s2).sqrt());
-        let ramp_s = peak_m_s / acceleration_m_s2;
-        // Both ramps together cover peak * ramp; the maximum absorbs rounding in the triangular case.
-        let cruise_s = (distance_m / peak_m_s - ramp_s).max(0.0);
-        Self { distance_m, peak_m_s, acceleration_m_s2, ramp_s, lasts_s: 2.0 * ramp_s + cruise_s }
-    }
-
-    /// Distance and speed at `t_s`, from 0 to `lasts_s`.
-    fn at(&self, t_s: f64) -> (f64, f64) {
-        let left_s = self.lasts_s - t_s;
-        let a = self.acceleration_m_s2;
-        if t_s < self.ramp_s.min(left_s) {
-            (0.5 * a * t_s * t_s, a * t_s)
-        } else if left_s < self.ramp_s {
-            (self.distance_m - 0.5 * a * left_s * left_s, a * left_s)
-        } else {
-            (self.peak_m_s * (t_s - 0.5 * self.ramp_s), self.peak_m_s)
-        }
     }
 }
 
@@ -174,7 +150,7 @@ impl Trajectory {
             let from = self.end_position_enu_m();
             let Some(profile) = limits.profile(&from, &to) else { continue };
             self.legs.push(Leg { from, to, starts_s: self.motion_s, profile });
-            self.motion_s += profile.lasts_s;
+            self.motion_s += profile.lasts_s();
         }
     }
 
@@ -199,12 +175,32 @@ impl Trajectory {
         nearest.saturating_add(Duration::from_nanos(u64::from(short)))
     }
 
-    /// Position, velocity and attitude at `t` after the start.
+    /// Position, velocity, acceleration and attitude at `t` after the start.
     #[must_use]
     pub fn sample(&self, t: Duration) -> Sample {
         let t_s = t.as_secs_f64();
-        let (position_enu_m, velocity_enu_m_s) = self.motion_at(t_s);
-        Sample { position_enu_m, velocity_enu_m_s, attitude: self.attitude_at(t_s) }
+        let attitude = self.attitude_at(t_s);
+        let at_rest = |position_enu_m| Sample {
+            position_enu_m,
+            velocity_enu_m_s: EnuVelocity::ZERO,
+            acceleration_enu_m_s2: EnuAcceleration::ZERO,
+            attitude,
+        };
+        let started = self.legs.partition_point(|leg| leg.starts_s <= t_s);
+        let Some(leg) = started.checked_sub(1).and_then(|k| self.legs.get(k)) else {
+            return at_rest(self.start);
+        };
+        if t_s >= leg.ends_s() {
+            return at_rest(leg.to);
+        }
+        let along = leg.profile.at(t_s - leg.starts_s);
+        let direction = (leg.to - leg.from) / leg.profile.distance_m();
+        Sample {
+            position_enu_m: leg.from + direction * along.distance_m,
+            velocity_enu_m_s: EnuVelocity::from_vector(direction * along.speed_m_s),
+            acceleration_enu_m_s2: EnuAcceleration::from_vector(direction * along.acceleration_m_s2),
+            attitude,
+        }
     }
 
     /// The corners of the path, both ends included: one point for a trajectory that rests.
@@ -243,20 +239,6 @@ impl Trajectory {
 
     fn end_position_enu_m(&self) -> Enu {
         self.legs.last().map_or(self.start, |leg| leg.to)
-    }
-
-    fn motion_at(&self, t_s: f64) -> (Enu, EnuVelocity) {
-        let started = self.legs.partition_point(|leg| leg.starts_s <= t_s);
-        let Some(leg) = started.checked_sub(1).and_then(|k| self.legs.get(k)) else {
-            return (self.start, EnuVelocity::ZERO);
-        };
-        let since_s = t_s - leg.starts_s;
-        if t_s >= leg.ends_s() {
-            return (leg.to, EnuVelocity::ZERO);
-        }
-        let (distance_m, speed_m_s) = leg.profile.at(since_s);
-        let direction = (leg.to - leg.from) / leg.profile.distance_m;
-        (leg.from + direction * distance_m, EnuVelocity::from_vector(direction * speed_m_s))
     }
 
     fn attitude_at(&self, t_s: f64) -> Attitude {
@@ -351,10 +333,11 @@ mod tests {
     #[test]
     fn prop_within_limits_continuous_and_exact_at_both_ends() {
         let mut rng = testing::rng(2);
-        for _ in 0..300 {
+        for k in 0..300 {
             let mut u = |range: std::ops::Range<f64>| rng.random_range(range);
             let limits = Limits {
                 acceleration_m_s2: u(0.5..5.0),
+                jerk_m_s3: (k % 2 == 0).then(|| u(0.5..20.0)),
                 ..Limits::new(u(0.5..20.0), u(0.5..8.0), u(0.1..2.0))
             };
             let mut attitude = || Attitude::from_euler(u(-3.1..3.1), u(-1.5..1.5), u(-3.1..3.1));
@@ -392,6 +375,10 @@ mod tests {
                 let moved = now.position_enu_m - before.position_enu_m;
                 // The trapezoidal rule is off by at most a dt^2 / 4 where the acceleration jumps.
                 assert!((moved - mean * dt).norm() <= 0.51 * limits.acceleration_m_s2 * dt * dt + 1e-9);
+                let change = now.acceleration_enu_m_s2.vector() - before.acceleration_enu_m_s2.vector();
+                let jerk = limits.jerk_m_s3.unwrap_or(f64::INFINITY);
+                // A corner is passed at rest.
+                assert!(change.norm() <= jerk * dt * (1.0 + 1e-6) + 1e-9, "{}", change.norm() / dt);
                 assert!(before.attitude.angle_to(&now.attitude) <= limits.tilt_rate_rad_s * dt + 1e-7);
                 before = now;
             }

@@ -478,7 +478,8 @@ impl SlotService {
             return self.events.push_back(Event::GiveUp(GiveUp::NoSlot(waited)));
         }
         // A peer that is still in the last slot, be it for milliseconds, would refuse, and a refusal costs half a second.
-        let free = self.peer().says(VeilwingFlags::VEILWING_FLAGS_AIRBORNE) && self.peer().committed.is_none();
+        let free =
+            self.peer().says(VeilwingFlags::VEILWING_FLAGS_AIRBORNE) && self.peer().committed.is_none();
         let peer_ready = free && self.pair.agrees();
         if let Err(reason) = self.interlock.transmitter().ready(now)
             && !paused

@@ -75,9 +75,9 @@ class ArduCopter:
     """ArduCopter's own simulated quad."""
 
     firmware, actuation = "ardupilot", "position"
-    vehicle = "conventional", dict(max_tilt_deg=90.0, speed_m_s=8.0, climb_m_s=4.0, acceleration_m_s2=2.5, tilt_rate_deg_s=45.0)
+    vehicle = "conventional", dict(max_tilt_deg=90.0, speed_m_s=8.0, climb_m_s=4.0, acceleration_m_s2=1.5, tilt_rate_deg_s=45.0)
     # Message and Hz: the true state, and what is wanted for the record.
-    streams = ((108, 50), (32, 10), (245, 2), (36, 50))
+    streams = ((108, 50), (2, 10), (245, 2), (36, 50))
     modes = dict(position=(5,), hold=(5,), land=(9,), home=(6,))
     names = {0: "STABILIZE", 2: "ALT_HOLD", 3: "AUTO", 4: "GUIDED", 5: "LOITER", 6: "RTL", 9: "LAND", 17: "BRAKE"}
     model, parameters = "quad", ()
@@ -163,7 +163,7 @@ class PowerLine:
             elif self.on_us is None and wall - self.off_at > 3.0:
                 self.slot += 1
             self.on_us = pulse_us
-            self.file.write(self.note(t=wall, on=True, dbm=round((pulse_us - 1100) * 27 / 800, 2), slot=self.slot))
+            self.file.write(self.note(t=wall, on=True, dbm=round((pulse_us - 1100) * 37 / 800 - 10, 2), slot=self.slot))
         elif pulse_us <= 1005 and self.on_us is not None:
             self.on_us, self.off_at = None, wall
             self.file.write(self.note(t=wall, on=False, why="pulse"))

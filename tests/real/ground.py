@@ -37,6 +37,8 @@ class Ground(threading.Thread):
                 if self.beats and now > beat:
                     beat = now + 1
                     self.link.mav.heartbeat_send(6, 8, 0, 0, 4)
+                    # UTC for those that take it from here: ArduCopter's simulated receiver is as late as its start was long.
+                    self.link.mav.system_time_send(int(time.time() * 1e6), 0)
                 if self.sticks and now > sticks:
                     sticks = now + 0.2
                     for system in self.sticks:
@@ -70,11 +72,12 @@ class Ground(threading.Thread):
             self.note("ack", source, m.command, m.result, m.target_system, m.target_component)
         elif kind == "PARAM_VALUE" and own:
             self.parameters[(source[0], m.param_id)] = vehicle.decoded(m), m.param_type
-        elif kind == "LOCAL_POSITION_NED" and own and source[0] in self.truth:
+        elif kind == "SYSTEM_TIME" and own and source[0] in self.truth:
             self.truth[source[0]].boot_s = m.time_boot_ms / 1e3
         elif kind == "SIM_STATE" and source[0] in self.truth:
             self.asked[source[0]] = now
-            self.truth[source[0]].put(now, m, self.modes.get(source[0], ("", False))[1])
+            if self.truth[source[0]].boot_s:
+                self.truth[source[0]].put(now, m, self.modes.get(source[0], ("", False))[1])
         elif kind == "SERVO_OUTPUT_RAW" and source[0] in self.lines:
             self.lines[source[0]].put(now, m.servo9_raw)
 

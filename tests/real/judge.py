@@ -6,8 +6,10 @@ Both: never unprotected, and PX4 has its land detector back in every vehicle who
 import json
 import sys
 
-# By frame: position and attitude in a slot, rms; the level quad's attitude is the wind's.
-BARS = dict(px4=(0.08, 0.3), six=(0.10, 0.5), quad=(0.30, None))
+# By frame: position in a slot, m rms; what is judged of the attitude, and its bar, deg rms; how far past a pose, m. The six's heading
+# is its compass's, of which the antenna's axis knows nothing, and it swings when its offsets turn; the level quad's attitude is
+# the wind's.
+BARS = dict(px4=(0.08, "att", 0.3, 0.5), six=(0.25, "axis", 0.5, 2.0), quad=(0.30, None, None, 0.5))
 
 folder, kind = sys.argv[1:3]
 score = json.load(sys.stdin)
@@ -35,13 +37,14 @@ if kind == "completed":
     for slot in score["slots"]:
         for role in "ij":
             name = f"slot {slot['slot']}, vehicle {role}"
-            position, attitude = slot["pos_" + role][0], slot["att_" + role][0]
-            most_m, most_deg = BARS[options[role]]
+            most_m, what, most_deg, most_past_m = BARS[options[role]]
+            position = slot["pos_" + role][0]
             bar(f"{name}: position rms, m", position, position <= most_m)
-            if most_deg:
-                bar(f"{name}: attitude rms, deg", attitude, attitude <= most_deg)
+            if what:
+                off = slot[f"{what}_{role}"][0]
+                bar(f"{name}: {what} rms, deg", off, off <= most_deg)
             if slot["past_" + role] is not None:
-                bar(f"{name}: past its pose, m", slot["past_" + role], slot["past_" + role] <= 0.5)
+                bar(f"{name}: past its pose, m", slot["past_" + role], slot["past_" + role] <= most_past_m)
             seconds = slot["on_" + role] / end["missions"]
             bar(f"{name}: on the air, s", round(seconds, 2), seconds >= slot_s - (1.1 if role == "i" else 0.6))
 else:

@@ -47,11 +47,11 @@ fly() {
 # The preflight asks for COM_OBL_RC_ACT beyond 2, and for a GUID_TIMEOUT of a second.
 omni() { kind=$1 name=$2; shift 2; fly "$kind" "$name" --set COM_OBL_RC_ACT=5 --timeout 160 "$@"; }
 quad() { kind=$1 name=$2; shift 2; fly "$kind" "$name" --i quad --j quad --set GUID_TIMEOUT=1 --timeout 200 "$@"; }
-radio="VW_TX_FN=94 VW_DBM_LO=0 VW_DBM_HI=27"
+radio="VW_TX_FN=94 VW_DBM_LO=-10 VW_DBM_HI=27"
 # shellcheck disable=SC2086  # three words
 six() {
     kind=$1 name=$2; shift 2
-    fly "$kind" "$name" --i six --j six --altitude 12 22 --bridge-radio --set GUID_TIMEOUT=1 $radio --timeout 240 "$@"
+    fly "$kind" "$name" --i six --j six --altitude 12 22 --settle 5 --bridge-radio --set GUID_TIMEOUT=1 $radio --timeout 240 "$@"
 }
 
 on='slot 0: on+3'
@@ -107,8 +107,8 @@ for part in "$@"; do
             six safe six-mode --keep --do "i@$on=>pilot i hold" --do 't+60=>pilot i land'
             ;;
         # shellcheck disable=SC2086  # three words
-        mixed) fly completed mixed --i px4 --j six --altitude 12 22 --bridge-radio --set COM_OBL_RC_ACT=5 j:GUID_TIMEOUT=1 j:VW_TX_FN=94 \
-            j:VW_DBM_LO=0 j:VW_DBM_HI=27 --timeout 200 ;;
+        mixed) fly completed mixed --i px4 --j six --altitude 12 22 --settle 5 --bridge-radio --set COM_OBL_RC_ACT=5 j:GUID_TIMEOUT=1 j:VW_TX_FN=94 \
+            j:VW_DBM_LO=-10 j:VW_DBM_HI=27 --timeout 200 ;;
         *) echo "there is no part \"$part\"" >&2; exit 2 ;;
     esac
 done

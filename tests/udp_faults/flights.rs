@@ -1,18 +1,16 @@
-//! Flights of `veilwing sitl` with its two companion processes, whose pair link runs through a lossy relay. A companion
-//! is killed (SIGKILL), stopped for 3 s (SIGSTOP), or no longer heard by the other, at points of a slot from the
+//! Flights of `veilwing sitl` with its two companion processes, whose pair link over loopback UDP loses datagrams. A
+//! companion is killed (SIGKILL), stopped for 3 s (SIGSTOP), or no longer heard by the other, at points of a slot from the
 //! agreement on it to its end.
 
-use std::io::{BufRead, BufReader, Read};
 use std::path::PathBuf;
-use std::process::{Command, Stdio};
+use std::process::Command;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::time::Duration;
 
 use serde_json::Value;
 
-use crate::relay::{LOSS, Relay};
-
+/// The pair link loses so many datagrams, in either direction, at all times.
+const LOSS: f64 = 0.1;
 const MISSION: &str = include_str!("../flight/yard.toml");
 /// Flights under way at once.
 const AT_ONCE: usize = 4;
@@ -39,11 +37,36 @@ struct Case {
     after_s: f64,
 }
 
+impl Case {
+    /// What goes wrong, as `veilwing sitl --faults` reads it.
+    fn faults(&self) -> String {
+        let kind = match self.fault {
+            Fault::None => None,
+            Fault::Kill => Some("companion-kill\""),
+            Fault::Stop => Some("companion-stop\"\nduration_s = 3.0"),
+            Fault::Cut => Some("pair-loss\""),
+        };
+        let vehicle = ["i", "j"][self.side];
+        let befalls = kind.map(|kind| {
+            let after_s = self.after_s;
+            format!("[[fault]]\nkind = \"{kind}\nvehicle = \"{vehicle}\"\nslot = 0\nafter_s = {after_s:.4}\n")
+        });
+        format!(
+            "[[fault]]\nkind = \"pair-degraded\"\nloss = {LOSS}\nafter_s = 0\n{}",
+            befalls.unwrap_or_default()
+        )
+    }
+
+    /// Each point has its own air, and its own datagrams are lost.
+    fn mission(&self) -> String {
+        MISSION.replace("seed = 3", &format!("seed = {}", 3 + self.point))
+    }
+}
+
 /// What a flight left behind.
 struct Flown {
     document: Value,
     said: Vec<String>,
-    lost: u64,
 }
 
 impl Flown {
@@ -51,6 +74,10 @@ impl Flown {
     fn second(&self, parts: &[&str]) -> Option<f64> {
         let line = self.said.iter().find(|line| parts.iter().all(|part| line.contains(part)))?;
         line.trim_start_matches('[').split_once(" s]")?.0.trim().parse().ok()
+    }
+
+    fn lost(&self) -> u64 {
+        self.document.pointer("/messages/rejected/swallowed-by-fault").and_then(Value::as_u64).unwrap()
     }
 
     fn unprotected_s(&self) -> f64 {
@@ -69,8 +96,9 @@ pub struct Setup {
     pub program: PathBuf,
     /// Each flight gets a directory in it.
     pub directory: PathBuf,
-    /// Simulated seconds per second of wall time. No more than 4: a loaded machine lets a process wait for 10 ms at times.
-    pub speed: f64,
+    /// Simulated seconds per second of wall time, by the wall's clock; no more than 4, for a loaded machine lets a process
+    /// wait for 10 ms at times. `None`: the processes wait for each other, and none is late however long it waits.
+    pub speed: Option<f64>,
 }
 
 fn fly(setup: &Setup, case: Case) -> Flown {
@@ -84,40 +112,18 @@ fn fly(setup: &Setup, case: Case) -> Flown {
         std::fs::write(&path, text).unwrap();
         path
     };
-    let relay = Relay::open(u64::from(case.point));
     let mut sitl = Command::new(&setup.program);
-    sitl.arg("sitl").arg(write("mission.toml", MISSION)).args([
-        "--json",
-        "--speed",
-        &setup.speed.to_string(),
-    ]);
-    sitl.args(["--pair-relay", &format!("{},{}", relay.ports[0], relay.ports[1])]);
-    sitl.arg("--out").arg(directory.join("out"));
-    let kind = match case.fault {
-        Fault::Kill => Some("kind = \"companion-kill\""),
-        Fault::Stop => Some("kind = \"companion-stop\"\nduration_s = 3.0"),
-        Fault::None | Fault::Cut => None,
+    sitl.arg("sitl").arg(write("mission.toml", &case.mission())).arg("--json");
+    match setup.speed {
+        Some(speed) => sitl.args(["--speed", &speed.to_string()]),
+        None => sitl.args(["--in-step", "--speed", "50"]),
     };
-    if let Some(kind) = kind {
-        let vehicle = ["i", "j"][case.side];
-        let text =
-            format!("[[fault]]\n{kind}\nvehicle = \"{vehicle}\"\nslot = 0\nafter_s = {:.3}\n", case.after_s);
-        sitl.arg("--faults").arg(write("faults.toml", &text));
-    }
-    let mut child = sitl.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-    let mut said = Vec::new();
-    for line in BufReader::new(child.stderr.take().unwrap()).lines().map(Result::unwrap) {
-        if case.fault == Fault::Cut && line.contains("I  ") && line.contains("slot 0: on") {
-            relay.cut(case.side, Duration::from_secs_f64(case.after_s / setup.speed));
-        }
-        said.push(line);
-    }
-    let mut document = String::new();
-    child.stdout.take().unwrap().read_to_string(&mut document).unwrap();
-    child.wait().unwrap();
-    let lost = relay.close();
-    let document = serde_json::from_str(&document).unwrap_or_else(|error| panic!("{error}\n{said:#?}"));
-    Flown { document, said, lost }
+    sitl.arg("--faults").arg(write("faults.toml", &case.faults())).arg("--out").arg(directory.join("out"));
+    let output = sitl.output().unwrap();
+    let said: Vec<String> = String::from_utf8_lossy(&output.stderr).lines().map(str::to_owned).collect();
+    let document =
+        serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{case:?}: {error}\n{said:#?}"));
+    Flown { document, said }
 }
 
 /// Flies all cases, some at once, in any order; the results in the cases' order.
@@ -139,13 +145,13 @@ fn fly_all(setup: &Setup, cases: &[Case]) -> Vec<Flown> {
     flown.into_iter().map(|slot| slot.into_inner().unwrap().unwrap()).collect()
 }
 
-/// The mission without a fault but the relay's losses; from when to when slot 1 is, after the first on in slot 0.
+/// The mission without a fault but the link's losses; from when to when slot 1 is, after the first on in slot 0.
 fn slot_1(setup: &Setup) -> (f64, f64) {
     let flown = fly(setup, Case { fault: Fault::None, side: 0, point: 0, after_s: 0.0 });
     assert_eq!(flown.document["result"], "completed", "{}", flown.story());
     assert_eq!(flown.document["violations"], Value::Array(Vec::new()), "{}", flown.story());
     assert_eq!(flown.unprotected_s(), 0.0, "{}", flown.story());
-    assert!(flown.lost > 50, "{} datagrams lost", flown.lost);
+    assert!(flown.lost() > 50, "{} datagrams lost", flown.lost());
     let second = |parts: &[&str]| flown.second(parts).unwrap_or_else(|| panic!("{}", flown.story()));
     let on = second(&["I  ", "slot 0: on"]);
     (second(&["I  ", "slot 1 for bravo: agreed"]) - on, second(&["J  ", "slot 1 for bravo: over"]) - on)
@@ -164,7 +170,7 @@ fn point_s(point: u32, agreed_s: f64, over_s: f64) -> f64 {
 pub fn faults_at(setup: &Setup, points: &[u32]) {
     let (from_s, to_s) = slot_1(setup);
     println!(
-        "slot 1: {from_s:.1} to {to_s:.1} s after I is first on the air; relay loses {:.0}%",
+        "slot 1: {from_s:.1} to {to_s:.1} s after I is first on the air; the pair link loses {:.0}%",
         LOSS * 100.0
     );
     let mut cases = Vec::new();

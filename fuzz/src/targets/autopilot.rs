@@ -8,7 +8,7 @@ use arbitrary::Unstructured;
 use mavlink::dialects::ardupilotmega::*;
 use mavlink::{MavHeader, Message};
 use veilwing::autopilot::{Actuation, Autopilot, Event, Firmware, Mode, Setpoint, Settings};
-use veilwing::geo::{Attitude, Enu, EnuVelocity, Geodetic};
+use veilwing::geo::{Attitude, Enu, EnuAcceleration, EnuVelocity, Geodetic};
 use veilwing::time::Instant;
 
 use crate::reached::Reached;
@@ -164,6 +164,7 @@ impl Bench {
                 let setpoint = Setpoint {
                     position_enu_m: Enu::new(x, y, z),
                     velocity_enu_m_s: EnuVelocity::ZERO,
+                    acceleration_enu_m_s2: EnuAcceleration::ZERO,
                     attitude: Attitude::from_euler(x, y, 0.0),
                 };
                 self.driver.set_setpoint(setpoint, self.now);
@@ -221,6 +222,7 @@ impl Bench {
             let setpoint = Setpoint {
                 position_enu_m: Enu::new(0.0, 0.0, 10.0),
                 velocity_enu_m_s: EnuVelocity::ZERO,
+                acceleration_enu_m_s2: EnuAcceleration::ZERO,
                 attitude: Attitude::from_euler(0.3, 0.1, 0.0),
             };
             self.driver.set_setpoint(setpoint, self.now);

@@ -8,6 +8,9 @@ pub struct Traps {
     pub ack_without_stream: bool,
     /// PX4: a stream that comes back takes the vehicle back, from any mode, unasked.
     pub resume_takes_over: bool,
+    /// PX4: a lost stream with COM_OBL_RC_ACT 0 to 2 leaves the vehicle to the pilot's sticks, and without any it goes away
+    /// sideways and down. Off: it lands.
+    pub sticks_missing: bool,
     /// PX4: the land detector takes little body-z thrust without motion for the ground, and disarms in mid-air.
     pub land_detector: bool,
     /// PX4: with the roll and pitch rate bits of an attitude target clear, its rates and scalar thrust are flown too,
@@ -20,6 +23,13 @@ pub struct Traps {
     /// ArduCopter: a position target is kept for ever after the stream's end, without a word. Off: the vehicle stops
     /// where it is after GUID_TIMEOUT.
     pub position_kept: bool,
+    /// ArduCopter: it moves a target of its own after the companion's, whose corrections are bounded by WPNAV_ACCEL and
+    /// WPNAV_SPEED and whose acceleration changes by PSC_JERK_XY and PSC_JERK_Z: what does not say when it slows down is
+    /// flown past. Off: the companion's target is followed as it is.
+    pub targets_shaped: bool,
+    /// ArduCopter: a target goes on with its last velocity and acceleration until GUID_TIMEOUT. Off: for a tenth of a
+    /// second.
+    pub velocity_kept: bool,
     /// ArduCopter: a position target in a frame that it does not know stops the vehicle. Off: it is ignored.
     pub odd_frame_stops: bool,
     /// ArduCopter: SET_MESSAGE_INTERVAL above the loop rate is refused. Off: it is cut down to it.
@@ -54,11 +64,14 @@ impl Default for Traps {
         Self {
             ack_without_stream: true,
             resume_takes_over: true,
+            sticks_missing: true,
             land_detector: true,
             rates_fight_attitude: true,
             guided_first: true,
             whole_groups: true,
             position_kept: true,
+            targets_shaped: true,
+            velocity_kept: true,
             odd_frame_stops: true,
             fast_interval_refused: true,
             six_dof_panics: true,

@@ -1,7 +1,9 @@
 //! ArduPilot's copter: `custom_mode` is the mode's number.
 
+pub(super) mod airframe;
 pub(super) mod bridge;
 pub(super) mod preflight;
+pub(super) mod shaping;
 
 use super::mode::{Mode, ModeNumber};
 

@@ -2,10 +2,15 @@
 //! needs besides (PX4's land detector and rotors, ArduPilot's bridge script, the checks of each one's parameters) is
 //! kept by `specifics`. Nowhere else is one told from the other.
 
+pub(super) mod airframe;
 mod ardupilot;
+pub(super) mod choice;
 mod mode;
 mod px4;
+pub(super) mod returning;
+mod signing;
 pub(super) mod specifics;
+pub(super) mod version;
 
 use std::fmt;
 
@@ -158,6 +163,7 @@ impl Firmware {
                 "stock PX4 obeys the last of position and attitude target, and never lifts: use actuation \"thrust_vector\" \
                  (fully actuated) or \"position\"; firmware that tracks both is declared by tracks_pose = true",
             ),
+            (_, Actuation::Auto) => Some("what its airframe can do is not known yet"),
             _ => None,
         }
     }

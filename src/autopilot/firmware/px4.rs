@@ -1,7 +1,9 @@
 //! PX4: `custom_mode` carries the main mode in bits 16-23 and, for AUTO, the sub-mode in bits 24-31.
 
+pub(super) mod airframe;
 pub(super) mod land_detector;
 pub(super) mod preflight;
+pub(super) mod release;
 pub(super) mod rotors;
 
 use super::mode::{Mode, ModeNumber};
@@ -23,6 +25,10 @@ pub(super) const PARAMETERS: &[&str] = &[
     "NAV_DLL_ACT",
     "MAV_TYPE",
     "THR_MDL_FAC",
+    airframe::NAME,
+    "MPC_XY_VEL_MAX",
+    "MPC_Z_VEL_MAX_UP",
+    "MPC_Z_VEL_MAX_DN",
     LAND_DETECTOR_SPEED,
 ];
 

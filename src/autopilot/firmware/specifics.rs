@@ -8,11 +8,12 @@ use super::ardupilot::bridge::Bridge;
 use super::mode::Mode;
 use super::px4::land_detector::{LEVEL_BELOW_RAD, LandDetectorGuard};
 use super::px4::rotors::RotorScales;
-use super::{ardupilot, px4};
+use super::{ardupilot, px4, returning};
 use crate::autopilot::command::{CommandQueue, Outcome, Purpose};
 use crate::autopilot::context::Context;
 use crate::autopilot::parameter::Parameters;
 use crate::autopilot::settings::{Actuation, Settings};
+use crate::autopilot::state::Version;
 use crate::geo::Attitude;
 use crate::preflight::Check;
 
@@ -30,7 +31,8 @@ impl Specifics {
         match firmware {
             Firmware::Px4 => Self::Px4 {
                 guard: LandDetectorGuard::new(settings),
-                rotors: (actuation == Actuation::ThrustVector).then(RotorScales::default),
+                rotors: matches!(actuation, Actuation::ThrustVector | Actuation::Auto)
+                    .then(RotorScales::default),
             },
             Firmware::ArduPilot => {
                 Self::ArduPilot { bridge: (actuation == Actuation::Pose).then(Bridge::default) }
@@ -43,15 +45,40 @@ impl Specifics {
     pub(in crate::autopilot) fn begin(&mut self, context: &mut Context) {
         match self {
             Self::Px4 { rotors, .. } => {
+                if context.settings.actuation == Actuation::Auto {
+                    *rotors = Some(RotorScales::default());
+                }
                 if let Some(rotors) = rotors {
                     *rotors = RotorScales::default();
                     rotors.learn(context.parameters);
                 }
             }
             Self::ArduPilot { bridge } => {
+                if context.settings.actuation == Actuation::Auto {
+                    *bridge = None;
+                }
                 if let Some(bridge) = bridge {
                     *bridge = Bridge::default();
                     bridge.probe(context.state.is_armed(), context.commands, context.now);
+                }
+            }
+        }
+    }
+
+    /// The actuation is known: what it needs stays, or begins.
+    pub(in crate::autopilot) fn choose(&mut self, context: &mut Context) {
+        match self {
+            Self::Px4 { guard, rotors } => {
+                guard.choose(context.settings);
+                if context.settings.actuation != Actuation::ThrustVector {
+                    *rotors = None;
+                }
+            }
+            Self::ArduPilot { bridge } => {
+                if context.settings.actuation == Actuation::Pose {
+                    let mut new = Bridge::default();
+                    new.probe(context.state.is_armed(), context.commands, context.now);
+                    *bridge = Some(new);
                 }
             }
         }
@@ -68,23 +95,33 @@ impl Specifics {
 
     /// Does what flying by setpoints (`in_flight`) asks of the autopilot's parameters, and puts them back once that is
     /// over and the vehicle stands, or flies level in a mode that nobody's setpoints tilt; `fresh` being whether its attitude
-    /// is known. Asks on the ground whether the bridge is there.
+    /// is known. Asks on the ground whether the bridge is there, and for parameters by the names that they have.
     pub(in crate::autopilot) fn advance(&mut self, in_flight: bool, fresh: bool, context: &mut Context) {
         let state = context.state;
+        if state.is_disarmed() && context.settings.return_altitude_m.is_some() {
+            returning::read(context.firmware, context.parameters);
+        }
         match self {
             Self::Px4 { guard, .. } => {
                 let level =
                     state.attitude.is_some_and(|attitude| attitude.value.tilt_rad() < LEVEL_BELOW_RAD);
                 let flown_by_itself = state.mode().is_some_and(|mode| mode != Mode::Companion);
+                if let Some(version) = state.version.filter(|_| state.is_disarmed()) {
+                    px4::release::read(context.parameters, version);
+                }
                 let safe = state.is_disarmed() || (level && fresh && flown_by_itself);
                 if let Some(event) = guard.advance(in_flight, safe, context.parameters) {
                     context.out.tell(event);
                 }
             }
-            Self::ArduPilot { bridge: Some(bridge) } => {
-                bridge.probe(state.is_armed(), context.commands, context.now);
+            Self::ArduPilot { bridge } => {
+                if state.is_disarmed() {
+                    ardupilot::shaping::read(context.parameters);
+                }
+                if let Some(bridge) = bridge {
+                    bridge.probe(state.is_armed(), context.commands, context.now);
+                }
             }
-            Self::ArduPilot { bridge: None } => {}
         }
     }
 
@@ -150,13 +187,20 @@ impl Specifics {
     }
 
     /// The checks before a flight that concern this firmware alone.
-    pub(in crate::autopilot) fn checks(&self, parameters: &Parameters, settings: &Settings) -> Vec<Check> {
+    pub(in crate::autopilot) fn checks(
+        &self,
+        parameters: &Parameters,
+        settings: &Settings,
+        version: Option<Version>,
+    ) -> Vec<Check> {
         match self {
             Self::Px4 { guard, rotors } => {
                 let rotors_n = rotors.as_ref().and_then(RotorScales::thrust_n);
-                px4::preflight::checks(parameters, settings, guard.is_ours(), rotors_n)
+                let mut all = px4::preflight::checks(parameters, settings, guard.is_ours(), rotors_n);
+                all.extend(version.into_iter().flat_map(|v| px4::release::checks(parameters, settings, v)));
+                all
             }
-            Self::ArduPilot { bridge } => ardupilot::preflight::checks(parameters, bridge.as_ref()),
+            Self::ArduPilot { bridge } => ardupilot::preflight::checks(parameters, settings, bridge.as_ref()),
         }
     }
 

@@ -65,6 +65,8 @@ pub struct Fake {
     /// The main loop's rate: no stream is faster.
     pub fastest_hz: f64,
     pub parameters: BTreeMap<String, (f32, MavParamType)>,
+    /// As AUTOPILOT_VERSION has it: major, minor, patch, kind.
+    pub version: u32,
     pub silent: bool,
     pub estimator: EstimatorStatusFlags,
     /// What the estimator states of its horizontal position, in metres.
@@ -123,7 +125,13 @@ impl Fake {
                 ("NAV_DLL_ACT", int(0, firmware)),
                 ("MAV_TYPE", int(14, firmware)),
                 ("THR_MDL_FAC", real(0.0)),
+                ("CA_AIRFRAME", int(0, firmware)),
+                ("COM_RC_OVERRIDE", int(1, firmware)),
+                ("NAV_RCL_ACT", int(2, firmware)),
                 ("LNDMC_Z_VEL_MAX", real(0.3)),
+                ("MPC_XY_VEL_MAX", real(12.0)),
+                ("MPC_Z_VEL_MAX_DN", real(3.0)),
+                ("MPC_Z_VEL_MAX_UP", real(3.0)),
             ],
             Firmware::ArduPilot => vec![
                 ("FRAME_CLASS", int(16, firmware)),
@@ -132,6 +140,10 @@ impl Fake {
                 ("FS_GCS_ENABLE", int(0, firmware)),
                 ("SCR_ENABLE", int(1, firmware)),
                 ("SCR_VM_I_COUNT", int(10_000, firmware)),
+                ("PSC_JERK_XY", real(5.0)),
+                ("PSC_JERK_Z", real(5.0)),
+                ("WPNAV_ACCEL", real(250.0)),
+                ("WPNAV_SPEED", real(1000.0)),
             ],
         };
         let mut parameters: BTreeMap<String, _> =
@@ -161,6 +173,10 @@ impl Fake {
             mute_bridge: false,
             fastest_hz: 400.0,
             parameters,
+            version: match firmware {
+                Firmware::Px4 => 0x010f_02ff,
+                Firmware::ArduPilot => 0x0406_03ff,
+            },
             silent: false,
             estimator: px4_ready(),
             accuracy_m: 0.4,
@@ -369,7 +385,7 @@ impl Fake {
                 ..Default::default()
             }),
             148 => MavMessage::AUTOPILOT_VERSION(AUTOPILOT_VERSION_DATA {
-                flight_sw_version: 0x010f_02ff,
+                flight_sw_version: self.version,
                 ..Default::default()
             }),
             _ => return None,

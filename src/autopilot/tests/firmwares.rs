@@ -44,6 +44,181 @@ fn spec_preflight_names_parameter_value_and_remedy_and_silence_is_not_known() {
 }
 
 #[test]
+fn spec_limits_tighter_than_the_transits_are_named_with_both_numbers_by_whatever_name() {
+    let find = |world: &World, name: &str| {
+        world.autopilot.preflight(world.now).into_iter().find(|check| check.name == name)
+    };
+    let transits = |settings: &mut Settings| settings.transit.jerk_m_s3 = Some(4.0);
+    let mut world = World::new(Fake::new(Firmware::ArduPilot), transits);
+    world.connect();
+    for name in ["PSC_JERK_XY", "PSC_JERK_Z", "WPNAV_ACCEL", "WPNAV_SPEED"] {
+        assert_eq!(find(&world, name).unwrap().result, Verdict::Pass, "{name}");
+    }
+    // 4.7 calls them otherwise, and counts in metres.
+    let mut fake = Fake::new(Firmware::ArduPilot);
+    for (old, new, value) in [
+        ("PSC_JERK_XY", "PSC_NE_JERK", 3.0),
+        ("PSC_JERK_Z", "PSC_D_JERK", 5.0),
+        ("WPNAV_ACCEL", "WP_ACC", 2.0),
+        ("WPNAV_SPEED", "WP_SPD", 10.0),
+    ] {
+        fake.parameters.remove(old);
+        fake.parameters.insert(new.into(), real(value));
+    }
+    let mut world = World::new(fake, transits);
+    world.connect();
+    world.run(6.0);
+    let jerk = find(&world, "PSC_NE_JERK").unwrap();
+    assert!(jerk.result == Verdict::Fail && jerk.detail.starts_with("3 m/s^3"), "{jerk:?}");
+    assert!(jerk.detail.contains("the mission's 4"), "{jerk:?}");
+    let acceleration = find(&world, "WP_ACC").unwrap();
+    assert!(acceleration.result == Verdict::Warn && acceleration.detail.contains("2.5"), "{acceleration:?}");
+    assert_eq!(find(&world, "PSC_D_JERK").unwrap().result, Verdict::Pass);
+    assert_eq!(find(&world, "WP_SPD").unwrap().result, Verdict::Pass);
+    assert_eq!(find(&world, "PSC_JERK_XY"), None);
+
+    // PX4 cuts the speed of a position target; where the companion closes the loop it has none.
+    for (actuation, result) in [(Actuation::Position, Some(Verdict::Fail)), (Actuation::ThrustVector, None)] {
+        let mut world = World::new(Fake::new(Firmware::Px4), |settings| {
+            settings.actuation = actuation;
+            settings.transit.climb_m_s = 4.0;
+        });
+        world.connect();
+        assert_eq!(find(&world, "MPC_Z_VEL_MAX_UP").map(|check| check.result), result);
+    }
+}
+
+#[test]
+fn spec_auto_is_what_the_airframe_s_parameters_say_and_refuses_what_they_leave_open() {
+    let judged = |fake: Fake, tilt_rad: f64| {
+        let mut world = World::new(fake, |settings| {
+            settings.actuation = Actuation::Auto;
+            settings.planned_tilt_rad = tilt_rad;
+        });
+        world.connect();
+        world.run(6.0);
+        let checks = world.autopilot.preflight(world.now);
+        let mut named = checks.into_iter().filter(|check| check.name == "actuation");
+        let check = named.next().unwrap();
+        assert_eq!(named.next(), None);
+        (world, check)
+    };
+    let (_, check) = judged(Fake::new(Firmware::Px4), 1.5);
+    assert!(check.result == Verdict::Pass && check.detail.starts_with("thrust_vector"), "{check:?}");
+    assert!(check.detail.contains("CA_AIRFRAME 0"), "{check:?}");
+
+    let flat = || {
+        let mut fake = Fake::new(Firmware::Px4);
+        for rotor in 0..8 {
+            for (field, value) in [("AX", 0.0), ("AY", 0.0), ("AZ", -1.0)] {
+                fake.parameters.insert(format!("CA_ROTOR{rotor}_{field}"), real(value));
+            }
+        }
+        fake
+    };
+    let (_, check) = judged(flat(), 0.0);
+    assert!(check.result == Verdict::Pass && check.detail.starts_with("position"), "{check:?}");
+    // The plan is for another vehicle.
+    let (_, check) = judged(flat(), 1.5);
+    assert!(check.result == Verdict::Fail && check.detail.contains("conventional"), "{check:?}");
+
+    for (name, value, why) in
+        [("CA_AIRFRAME", Some(8), "CA_AIRFRAME is 8"), ("CA_AIRFRAME", None, "not known")]
+    {
+        let mut fake = Fake::new(Firmware::Px4);
+        match value {
+            Some(value) => _ = fake.parameters.insert(name.into(), int(value, Firmware::Px4)),
+            None => _ = fake.parameters.remove(name),
+        }
+        let (mut world, check) = judged(fake, 1.5);
+        assert!(check.result == Verdict::Fail && check.detail.contains(why), "{check:?}");
+        world.autopilot.take_control(world.now);
+        world.until(0.1, |event| matches!(event, Event::Refused { .. }));
+    }
+    for (class, tilt_rad, result, says) in [
+        (16, 0.6, Verdict::Pass, "pose"),
+        (1, 0.0, Verdict::Pass, "position"),
+        (1, 0.6, Verdict::Fail, "conventional"),
+        (6, 0.0, Verdict::Fail, "FRAME_CLASS is 6"),
+    ] {
+        let mut fake = Fake::new(Firmware::ArduPilot);
+        fake.parameters.insert("FRAME_CLASS".into(), int(class, Firmware::ArduPilot));
+        let (world, check) = judged(fake, tilt_rad);
+        assert!(check.result == result && check.detail.contains(says), "{check:?}");
+        let bridge = world.autopilot.preflight(world.now).iter().any(|check| check.name == "bridge script");
+        assert_eq!(bridge, class == 16);
+    }
+}
+
+#[test]
+fn spec_each_version_is_asked_for_its_own_parameters_and_one_that_is_not_known_is_named() {
+    let judged = |fake: Fake| {
+        let mut world = World::new(fake, |settings| settings.actuation = Actuation::ThrustVector);
+        world.connect();
+        let checks = world.autopilot.preflight(world.now);
+        move |name: &str| checks.iter().find(|check| check.name == name).cloned()
+    };
+    let px4 = |version: u32, parameters: &[(&str, (f32, MavParamType))]| {
+        let mut fake = Fake::new(Firmware::Px4);
+        fake.version = version;
+        fake.parameters.remove("COM_RC_OVERRIDE");
+        for (name, value) in parameters {
+            fake.parameters.insert((*name).to_owned(), *value);
+        }
+        fake
+    };
+    let whole = |value| int(value, Firmware::Px4);
+    let verdict = |check: Option<crate::preflight::Check>| check.map(|check| check.result);
+
+    let old = judged(px4(0x0110_00ff, &[("COM_RC_OVERRIDE", whole(3)), ("NAV_RCL_ACT", whole(7))]));
+    let version = old("firmware version").unwrap();
+    assert!(version.result == Verdict::Pass && version.detail.contains("does not sign"), "{version:?}");
+    assert!(old("COM_RC_OVERRIDE").unwrap().detail.contains("moved sticks"));
+    assert_eq!(verdict(old("NAV_RCL_ACT")), Some(Verdict::Warn), "7 came later");
+    assert_eq!([old("MAN_OVERRIDE_SPD"), old("FD_ALT_LOSS")], [None, None]);
+
+    let new = [("MAN_OVERRIDE_SPD", real(-1.0)), ("FD_ALT_LOSS", real(5.0)), ("NAV_RCL_ACT", whole(7))];
+    let newer = judged(px4(0x0112_00ff, &new));
+    assert_eq!(verdict(newer("firmware version")), Some(Verdict::Pass));
+    assert!(newer("MAN_OVERRIDE_SPD").unwrap().detail.contains("mode switch"));
+    assert_eq!(verdict(newer("NAV_RCL_ACT")), Some(Verdict::Pass));
+    assert_eq!(verdict(newer("FD_ALT_LOSS")), Some(Verdict::Fail));
+    assert_eq!(newer("COM_RC_OVERRIDE"), None);
+
+    let newest = judged(px4(0x0113_00ff, &new));
+    let version = newest("firmware version").unwrap();
+    assert!(version.result == Verdict::Warn && version.detail.contains("1.19.0"), "{version:?}");
+    let deadly = judged(px4(0x010f_00ff, &[("COM_RC_OVERRIDE", whole(1)), ("NAV_RCL_ACT", whole(6))]));
+    assert_eq!(verdict(deadly("NAV_RCL_ACT")), Some(Verdict::Fail));
+    assert!(deadly("COM_RC_OVERRIDE").unwrap().detail.contains("mode switch"));
+}
+
+#[test]
+fn spec_a_return_outside_its_own_altitudes_is_a_warning_with_the_numbers() {
+    for (firmware, name, value, result) in [
+        (Firmware::Px4, "RTL_RETURN_ALT", 40.0, Verdict::Pass),
+        (Firmware::Px4, "RTL_RETURN_ALT", 60.0, Verdict::Warn),
+        (Firmware::ArduPilot, "RTL_ALT", 4000.0, Verdict::Pass),
+        (Firmware::ArduPilot, "RTL_ALT", 1500.0, Verdict::Warn),
+        (Firmware::ArduPilot, "RTL_ALT_M", 40.0, Verdict::Pass),
+    ] {
+        let mut fake = Fake::new(firmware);
+        fake.parameters.insert(name.into(), real(value));
+        fake.parameters.insert("RTL_CONE_ANG".into(), int(45, firmware));
+        // Its home lies 3 m above the mission's origin.
+        let mut world = World::new(fake, |settings| settings.return_altitude_m = Some([30.0, 50.0]));
+        world.connect();
+        world.run(3.0);
+        let checks = world.autopilot.preflight(world.now);
+        let check = checks.iter().find(|check| check.name == name).unwrap();
+        assert_eq!(check.result, result, "{check:?}");
+        assert!(result == Verdict::Pass || check.detail.contains("27 to 47 m"), "{check:?}");
+        let cone = checks.iter().find(|check| check.name == "RTL_CONE_ANG").map(|check| check.result);
+        assert_eq!(cone, (firmware == Firmware::Px4).then_some(Verdict::Warn));
+    }
+}
+
+#[test]
 fn spec_thrust_vector_is_refused_on_arducopter_with_the_reason() {
     let mut world =
         World::new(Fake::new(Firmware::ArduPilot), |settings| settings.actuation = Actuation::ThrustVector);

@@ -9,7 +9,7 @@ use nalgebra::Vector3;
 
 use super::super::*;
 use super::fake::*;
-use crate::geo::{Attitude, EnuVelocity};
+use crate::geo::{Attitude, EnuAcceleration, EnuVelocity};
 use crate::time::Instant;
 
 /// An adapter, a scripted autopilot and the wire between them.
@@ -129,6 +129,7 @@ impl World {
         self.setpoint = Some(Setpoint {
             position_enu_m: state.position_enu_m.unwrap().value,
             velocity_enu_m_s: EnuVelocity::ZERO,
+            acceleration_enu_m_s2: EnuAcceleration::ZERO,
             attitude: Attitude::from_euler(0.0, 0.0, 0.0),
         });
     }

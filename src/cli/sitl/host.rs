@@ -1,41 +1,50 @@
-//! Runs a simulated flight: the world in step with the clock, two companion processes, and the datagrams between
-//! them. Each companion reaches its vehicle and its peer through a socket of this process, so that faults can cut
-//! either.
+//! Runs a simulated flight: the world, two companion processes, and the datagrams between them. Each companion reaches its
+//! vehicle and its peer through a socket of this process, so that faults can cut either. Time is the machine's, by which the
+//! world and the companions live each for itself, or the world gives it out (`lockstep`).
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use rustix::process::Signal;
 use tokio::sync::mpsc;
 use tokio::time::MissedTickBehavior;
 use veilwing_sitl::{self as sim, World};
 
-use crate::cli::progress;
 use crate::config::Mission;
-use crate::desk::report::{Event, EventKind, Severity};
-use crate::desk::simulation::{self, Change, Excused, Fault, FaultKind, Late, Supervisor, index, judge};
+use crate::desk::report::Event;
+use crate::desk::simulation::{self, Excused, Fault, FaultKind, Late, Supervisor, index, judge};
 use crate::link::HostPort;
 use crate::link::clock::Clock;
 use crate::role::{PerVehicle, Role};
+use crate::time::{Instant, Utc};
 
 use super::files::write_vehicle;
+use super::journal::Journal;
 use super::links::{Links, Traffic};
-use super::process::{Companion, End, Line, Spawning, describe_end, spawn_companion};
+use super::lockstep::{Round, STEP, Step};
+use super::process::{Companion, End, Said, Spawning, spawn_companion};
 
-/// The world advances in steps of this much wall time.
-const STEP: Duration = Duration::from_millis(2);
+/// By the wall's clock, the world advances in steps of this much wall time.
+const WALL_STEP: Duration = Duration::from_millis(2);
 /// A step that is later than this, in flight time, makes vehicles late to each other: less than what silences I.
 const LATE: Duration = Duration::from_millis(20);
 /// What this machine takes to carry a datagram, in flight time.
 const WIRE: Duration = Duration::from_millis(20);
-/// Somebody else's relay is taken to hold a datagram up for no longer.
-const RELAY: Duration = Duration::from_millis(400);
-/// Progress lines without news come this often, in flight time.
-const PROGRESS_EVERY: Duration = Duration::from_secs(10);
 /// The timeline has a record this often, and at each change.
 const RECORD_EVERY: Duration = Duration::from_millis(50);
-/// After being asked to stop, a companion has this much wall time.
+/// After being asked to stop, a companion has this much wall time, or of the time that it is given out.
 const STOP_WITHIN: Duration = Duration::from_secs(5);
+
+/// Whose time it is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Pace {
+    /// Everybody's own, by the machine's clock.
+    Wall,
+    /// The world's, which the companions are given.
+    InStep {
+        /// When the flight begins.
+        utc_start: Utc,
+    },
+}
 
 /// What a flight needs.
 pub(super) struct Setup<'a> {
@@ -46,10 +55,10 @@ pub(super) struct Setup<'a> {
     pub longest: Duration,
     /// What degraded links draw from.
     pub seed: u64,
+    /// Simulated seconds per second of wall time; in step, at most.
     pub speed: f64,
+    pub pace: Pace,
     pub directory: &'a Path,
-    /// Ports at which the companions find each other, instead of this process's own.
-    pub pair_relay: Option<PerVehicle<u16>>,
     /// What the mission file says.
     pub settings: &'a Mission,
     pub ground_station: Option<&'a HostPort>,
@@ -59,8 +68,8 @@ pub(super) struct Setup<'a> {
 
 impl Setup<'_> {
     fn spawning(&self) -> Spawning<'_> {
-        let Self { mission, directory, speed, start, .. } = *self;
-        Spawning { mission, directory, speed, start }
+        let Self { mission, directory, start, .. } = *self;
+        Spawning { mission, directory, rate: (self.pace == Pace::Wall).then_some(self.speed), start }
     }
 }
 
@@ -88,29 +97,27 @@ struct Host<'a> {
     links: Links,
     companions: PerVehicle<Companion>,
     vehicle_files: PerVehicle<PathBuf>,
-    lines: mpsc::UnboundedSender<(Role, Line)>,
+    said: mpsc::UnboundedSender<(Role, Said)>,
     /// What the world was last told of the companions.
     told: PerVehicle<sim::Circumstances>,
     /// How often each companion has been started again.
     lives: PerVehicle<u32>,
     late: Vec<Late>,
     interrupted: bool,
-    next_progress: Duration,
     recorder: sim::Recorder,
-    events: Vec<Event>,
+    journal: Journal,
 }
 
 /// Flies until both companions have ended.
+///
+/// # Errors
+/// Sockets, files or processes that cannot be had, or a companion in step that hangs; in words.
 pub(super) async fn fly(mut setup: Setup<'_>) -> Result<Flight, String> {
     let links = Links::open(setup.seed, setup.ground_station, &mut setup.world).await?;
-    let (lines, mut log) = mpsc::unbounded_channel();
-    let write = |role: Role| {
-        let [autopilot, pair] = links.numbers(role)?;
-        let pair = setup.pair_relay.as_ref().map_or(pair, |ports| ports[role]);
-        write_vehicle(setup.directory, setup.settings, role, [autopilot, pair])
-    };
+    let (said, mut log) = mpsc::unbounded_channel();
+    let write = |role: Role| write_vehicle(setup.directory, setup.settings, role, links.numbers(role)?);
     let vehicle_files = PerVehicle { i: write(Role::I)?, j: write(Role::J)? };
-    let spawn = |role: Role| spawn_companion(&setup.spawning(), role, &vehicle_files[role], &lines);
+    let spawn = |role: Role| spawn_companion(&setup.spawning(), role, &vehicle_files[role], &said);
     let companions = PerVehicle { i: spawn(Role::I)?, j: spawn(Role::J)? };
     let clock = Clock::start(setup.speed).map_err(|error| error.to_string())?;
     let mut supervisor = Supervisor::new(setup.faults.clone(), setup.longest);
@@ -120,62 +127,121 @@ pub(super) async fn fly(mut setup: Setup<'_>) -> Result<Flight, String> {
         links,
         companions,
         vehicle_files,
-        lines,
+        said,
         told: PerVehicle::default(),
         lives: PerVehicle::default(),
         late: Vec::new(),
         interrupted: false,
-        next_progress: PROGRESS_EVERY,
         recorder: sim::Recorder::new(RECORD_EVERY),
-        events: Vec::new(),
+        journal: Journal::new(),
     };
-    let mut step = tokio::time::interval(STEP);
-    step.set_missed_tick_behavior(MissedTickBehavior::Skip);
-    let mut interrupt = std::pin::pin!(crate::cli::interrupt::requested());
-    while !host.is_over() {
-        tokio::select! {
-            _ = step.tick() => host.advance(&mut supervisor),
-            Some((role, line)) = log.recv() => host.hear(role, line),
-            () = &mut interrupt, if !host.interrupted => {
-                host.say("interrupted: both companions are asked to stop");
-                host.interrupted = true;
-                Role::BOTH.into_iter().for_each(|role| supervisor.ask_to_stop(role, &mut host));
-            }
-        }
+    match host.setup.pace {
+        Pace::Wall => host.live_by_the_wall(&mut supervisor, &mut log).await,
+        Pace::InStep { utc_start } => host.live_in_step(utc_start, &mut supervisor, &mut log).await?,
     }
     // The companions' last words: to the end of what they said, now that no other will be started.
-    host.lines = mpsc::unbounded_channel().0;
-    while let Some((role, line)) = log.recv().await {
-        host.hear(role, line);
+    host.said = mpsc::unbounded_channel().0;
+    while let Some((role, said)) = log.recv().await {
+        host.hear(role, said);
     }
     host.settle();
     Ok(host.finish())
 }
 
 impl Host<'_> {
-    /// One step: faults that are due, datagrams in, the world forward, datagrams out.
-    fn advance(&mut self, supervisor: &mut Supervisor) {
+    /// Everybody lives by the machine's clock, and nobody waits for anybody.
+    async fn live_by_the_wall(
+        &mut self,
+        supervisor: &mut Supervisor,
+        log: &mut mpsc::UnboundedReceiver<(Role, Said)>,
+    ) {
+        let mut step = tokio::time::interval(WALL_STEP);
+        step.set_missed_tick_behavior(MissedTickBehavior::Skip);
+        let mut interrupt = std::pin::pin!(crate::cli::interrupt::requested());
+        while !self.is_over() {
+            tokio::select! {
+                _ = step.tick() => {
+                    self.befall(supervisor);
+                    // What has come in was sent before now.
+                    self.links.listen(&mut self.setup.world);
+                    let to = self.clock.now().since_start();
+                    self.note_lateness(self.setup.world.now(), to);
+                    self.advance(to);
+                    self.end_step(supervisor);
+                }
+                Some((role, said)) = log.recv() => self.hear(role, said),
+                () = &mut interrupt, if !self.interrupted => self.interrupt(supervisor),
+            }
+        }
+    }
+
+    /// The companions go first, by what they have heard so far; then the world, which hears at the end of a step what they
+    /// have said in it. So nobody hears what is yet to be said.
+    async fn live_in_step(
+        &mut self,
+        utc_start: Utc,
+        supervisor: &mut Supervisor,
+        log: &mut mpsc::UnboundedReceiver<(Role, Said)>,
+    ) -> Result<(), String> {
+        let mut interrupt = std::pin::pin!(crate::cli::interrupt::requested());
+        while !self.is_over() {
+            let from = self.setup.world.now();
+            let to = from + STEP;
+            tokio::select! {
+                biased;
+                () = &mut interrupt, if !self.interrupted => self.interrupt(supervisor),
+                () = self.clock.sleep_until(Instant::from_start(to)) => {}
+            }
+            self.befall(supervisor);
+            let PerVehicle { i, j } = &mut self.companions;
+            let round = Round::begin(Step { from, to, utc: utc_start + from }, [i, j]).await;
+            let mut lines = Vec::new();
+            round.end(log, |role, line| lines.push((role, line))).await?;
+            self.advance(to);
+            // By vehicle, and not by who was quicker.
+            lines.sort_by_key(|(role, _)| index(*role));
+            lines.into_iter().for_each(|(role, line)| self.journal.line(to, role, line));
+            self.links.listen(&mut self.setup.world);
+            self.recorder.observe(&self.setup.world);
+            self.end_step(supervisor);
+        }
+        Ok(())
+    }
+
+    /// Faults that are due.
+    fn befall(&mut self, supervisor: &mut Supervisor) {
         while let Some(change) = supervisor.due(&self.setup.world) {
-            self.note_change(&change);
+            self.journal.change(self.setup.world.now(), &change);
             supervisor.apply(change, self);
         }
         self.tell_world();
-        self.links.listen(&mut self.setup.world);
+    }
+
+    /// The world forward.
+    fn advance(&mut self, to: Duration) {
         // What a fault or a command has just changed keeps its own instant.
         self.recorder.observe(&self.setup.world);
-        let to = self.clock.now().since_start();
-        self.note_lateness(self.setup.world.now(), to);
         self.setup.world.advance(to);
         self.recorder.observe(&self.setup.world);
+    }
+
+    /// Datagrams out, and whoever has ended.
+    fn end_step(&mut self, supervisor: &mut Supervisor) {
         self.links.deliver(&mut self.setup.world);
         Role::BOTH.into_iter().for_each(|role| self.see_end(role, supervisor));
         supervisor.watch(self);
-        self.note_progress();
+        self.journal.progress(&self.setup.world);
+    }
+
+    fn interrupt(&mut self, supervisor: &mut Supervisor) {
+        self.say("interrupted: both companions are asked to stop");
+        self.interrupted = true;
+        Role::BOTH.into_iter().for_each(|role| supervisor.ask_to_stop(role, self));
     }
 
     /// A step that makes up for more than its own length was late: nobody was told anything meanwhile.
     fn note_lateness(&mut self, from: Duration, to: Duration) {
-        let by = to.saturating_sub(from).saturating_sub(STEP.mul_f64(self.setup.speed));
+        let by = to.saturating_sub(from).saturating_sub(WALL_STEP.mul_f64(self.setup.speed));
         if by > LATE {
             self.late.push(Late { from, by });
         }
@@ -197,7 +263,7 @@ impl Host<'_> {
             excused,
             late: self.late,
             records: self.recorder.finish(),
-            events: self.events,
+            events: self.journal.finish(),
             ends: self.companions.map(|companion| companion.end),
             interrupted: self.interrupted,
             traffic: self.links.traffic(),
@@ -229,10 +295,7 @@ impl Host<'_> {
         if end != End::Code(0) {
             self.setup.world.inject(sim::Fault::CompanionLost { vehicle: index(role) });
         }
-        let severity = if end == End::Code(0) { Severity::Info } else { Severity::Warning };
-        let text = format!("companion {}", describe_end(end));
-        self.say(&format!("{role}  {text}"));
-        self.note(EventKind::Process, Some(role), severity, text);
+        self.journal.end(self.setup.world.now(), role, end);
     }
 
     /// Tells the world's monitor how the companions fare, as far as this process knows.
@@ -244,14 +307,9 @@ impl Host<'_> {
                 runs: companion.lives() && !companion.frozen,
                 life: self.lives[role],
                 vehicle_link: self.links.vehicle_passage(role),
-                from_peer: match self.setup.pair_relay {
-                    // What somebody else's relay does to it is not known here.
-                    Some(_) => sim::Passage::Impaired,
-                    None => self.links.pair_passage(role.peer()),
-                },
+                from_peer: self.links.pair_passage(role.peer()),
                 vehicle_way: WIRE + vehicle_way,
-                // As above.
-                peer_way: WIRE + self.setup.pair_relay.map_or(peer_way, |_| RELAY),
+                peer_way: WIRE + peer_way,
             };
             if std::mem::replace(&mut self.told[role], told) != told {
                 self.setup.world.set_circumstances(index(role), told);
@@ -270,57 +328,18 @@ impl Host<'_> {
                 let _ = std::fs::rename(log(""), earlier);
             }
         }
-        spawn_companion(&self.setup.spawning(), role, &self.vehicle_files[role], &self.lines)
+        spawn_companion(&self.setup.spawning(), role, &self.vehicle_files[role], &self.said)
     }
 
-    fn note_progress(&mut self) {
-        let now = self.setup.world.now();
-        if now < self.next_progress {
-            return;
+    /// What a companion has said, if it is for the operator.
+    fn hear(&mut self, role: Role, said: Said) {
+        if let Said::Line(line) = said {
+            self.journal.line(self.setup.world.now(), role, line);
         }
-        self.next_progress = now + PROGRESS_EVERY;
-        let snapshot = self.setup.world.snapshot();
-        let vehicles: Vec<String> = Role::BOTH
-            .into_iter()
-            .map(|role| {
-                let v = &snapshot.vehicles[index(role)];
-                let [e, n, u] = v.position_enu_m;
-                let power = crate::units::Watts(v.tx_power_w.unwrap_or(0.0));
-                format!("{role} {} ({e:.0}, {n:.0}, {u:.0}) m, {power}", v.mode)
-            })
-            .collect();
-        self.say(&vehicles.join("; "));
-    }
-
-    /// A line of a companion's log.
-    fn hear(&mut self, role: Role, line: Line) {
-        self.say(&format!("{role}  {line}"));
-        self.note(EventKind::Notice, Some(role), line.severity, line.text);
-        if let Some(event) = self.events.last_mut().filter(|_| !line.phase.is_empty()) {
-            event.phase = Some(line.phase);
-        }
-    }
-
-    /// A fault that begins or ends.
-    fn note_change(&mut self, change: &Change) {
-        let (fault, kind, over) = match change {
-            Change::Begins(fault) => (fault, EventKind::Fault, ""),
-            Change::Ends(fault) => (fault, EventKind::FaultOver, " is over"),
-        };
-        self.say(&format!("{}{over}", fault.describe()));
-        self.note(kind, fault.vehicle(), Severity::Warning, fault.what());
-        if let Some(event) = self.events.last_mut() {
-            event.code = Some(fault.kind.name().to_owned());
-        }
-    }
-
-    fn note(&mut self, kind: EventKind, vehicle: Option<Role>, severity: Severity, text: String) {
-        let at_s = self.setup.world.now().as_secs_f64();
-        self.events.push(Event { at_s, kind, vehicle, severity, phase: None, code: None, text });
     }
 
     fn say(&self, text: &str) {
-        progress(&format!("[{:7.1} s] {text}", self.setup.world.now().as_secs_f64()));
+        Journal::say(self.setup.world.now(), text);
     }
 }
 
@@ -336,7 +355,7 @@ impl simulation::Host for Host<'_> {
     }
 
     fn kill(&mut self, role: Role) {
-        self.companions[role].signal(Signal::KILL);
+        self.companions[role].kill();
     }
 
     fn start(&mut self, role: Role) -> bool {
@@ -354,16 +373,18 @@ impl simulation::Host for Host<'_> {
     }
 
     fn freeze(&mut self, role: Role, frozen: bool) {
-        self.companions[role].frozen = frozen;
-        self.companions[role].signal(if frozen { Signal::STOP } else { Signal::CONT });
+        self.companions[role].freeze(frozen);
     }
 
     fn stop(&mut self, role: Role) {
-        self.companions[role].signal(Signal::TERM);
+        self.companions[role].stop();
     }
 
     fn stop_within(&self) -> Duration {
-        STOP_WITHIN.mul_f64(self.setup.speed)
+        match self.setup.pace {
+            Pace::Wall => STOP_WITHIN.mul_f64(self.setup.speed),
+            Pace::InStep { .. } => STOP_WITHIN,
+        }
     }
 
     fn fill_disk(&mut self, role: Role, full: bool) {

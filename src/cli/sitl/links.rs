@@ -41,8 +41,8 @@ impl Links {
             Role::BOTH.into_iter().for_each(|role| world.open_link(index(role), GROUND_LINK));
         }
         Ok(Self {
-            autopilot: PerVehicle { i: Port::bind(seed, 0).await?, j: Port::bind(seed, 1).await? },
-            pair: PerVehicle { i: Port::bind(seed, 2).await?, j: Port::bind(seed, 3).await? },
+            autopilot: PerVehicle { i: Port::bind(seed, 0)?, j: Port::bind(seed, 1)? },
+            pair: PerVehicle { i: Port::bind(seed, 2)?, j: Port::bind(seed, 3)? },
             ground,
         })
     }

@@ -5,7 +5,9 @@ pub(super) mod document;
 pub(super) mod files;
 mod ground;
 mod host;
+mod journal;
 mod links;
+mod lockstep;
 mod port;
 mod process;
 
@@ -17,12 +19,13 @@ use crate::desk::report;
 use crate::desk::simulation::{self, Faults, LONGEST, Scenario, draw};
 use crate::link::HostPort;
 use crate::link::clock::Clock;
-use crate::role::PerVehicle;
+use crate::time::Utc;
 
 use super::plan::write_plan;
 use super::planning::{document as plan_document, plan_mission};
 use super::{Exit, load_mission, print_json, print_text, progress};
 use document::{FlightDocument, FlightResult};
+use host::Pace;
 
 const EXAMPLES: &str = "Examples:
   veilwing sitl config/mission.toml --out flight-1
@@ -41,6 +44,9 @@ pub(super) struct Args {
     /// Simulated seconds per second of wall time, from 0.1 to 50.
     #[arg(long, value_name = "X", default_value_t = 1.0, value_parser = parse_speed)]
     speed: f64,
+    /// Let the world and the companions wait for each other: no faster than --speed, and never late on a busy machine.
+    #[arg(long)]
+    in_step: bool,
     /// Keep plan, summary, logs and a .tlog of every link in this directory.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -53,16 +59,6 @@ pub(super) struct Args {
     /// Take off only when the ground station sends MISSION_START (command 300) to either companion (component 191).
     #[arg(long, requires = "ground_station")]
     wait_for_start: bool,
-    /// Where a relay between the companions listens: loopback UDP ports for vehicle I and for vehicle J. Without it,
-    /// this process passes on what they say to each other.
-    #[arg(long, hide = true, value_name = "PORT,PORT", value_parser = parse_relay)]
-    pair_relay: Option<PerVehicle<u16>>,
-}
-
-fn parse_relay(text: &str) -> Result<PerVehicle<u16>, String> {
-    let ports =
-        text.split_once(',').and_then(|(i, j)| Some(PerVehicle { i: i.parse().ok()?, j: j.parse().ok()? }));
-    ports.ok_or_else(|| "give two UDP ports, such as 14601,14602".into())
 }
 
 fn parse_speed(text: &str) -> Result<f64, String> {
@@ -100,8 +96,12 @@ fn fly(args: &Args, mission: &Mission, faults: &Faults) -> Result<Exit, String> 
         return Ok(Exit::Unusable);
     }
     let config = simulation::world_config(mission, &timed.plan)?;
+    let utc_start = Utc { unix_us: config.utc_start_us };
     let mut world = veilwing_sitl::World::new(config).map_err(|error| error.to_string())?;
-    world.allow_for_scheduling(scheduling_allowance(args.speed));
+    let pace = if args.in_step { Pace::InStep { utc_start } } else { Pace::Wall };
+    if pace == Pace::Wall {
+        world.allow_for_scheduling(scheduling_allowance(args.speed));
+    }
     let (faults, longest) = match faults.laws.as_slice() {
         [] => (Vec::new(), LONGEST),
         // Times of faults may depend on the length of the flight, which one in virtual time tells.
@@ -122,8 +122,8 @@ fn fly(args: &Args, mission: &Mission, faults: &Faults) -> Result<Exit, String> 
         longest,
         seed: mission.seed,
         speed: args.speed,
+        pace,
         directory: directory.path(),
-        pair_relay: args.pair_relay,
         settings: mission,
         ground_station: args.ground_station.as_ref(),
         start: !args.wait_for_start,

@@ -1,10 +1,9 @@
 //! A socket of the simulation, through which a companion reaches its vehicle or its peer, so that faults can come
 //! between.
 
-use std::net::SocketAddr;
+use std::net::{SocketAddr, UdpSocket};
 use std::time::Duration;
 
-use tokio::net::UdpSocket;
 use veilwing_sitl::Passage;
 
 use crate::desk::simulation::{Path, Pipe};
@@ -14,6 +13,7 @@ pub(super) const DIRECT: Path = Path { delay: Duration::ZERO, ..Path::GOOD };
 
 /// One socket of ours and the companion that was heard on it.
 pub(super) struct Port {
+    /// The operating system is asked each time: what was sent before is heard now, whatever the event loop knows of it.
     socket: UdpSocket,
     peer: Option<SocketAddr>,
     from_companion: Pipe,
@@ -28,9 +28,10 @@ pub(super) struct Port {
 
 impl Port {
     /// `stream` tells apart the ports of one seed.
-    pub async fn bind(seed: u64, stream: u64) -> Result<Self, String> {
-        let socket =
-            UdpSocket::bind(("127.0.0.1", 0)).await.map_err(|error| format!("loopback UDP: {error}"))?;
+    pub fn bind(seed: u64, stream: u64) -> Result<Self, String> {
+        let failed = |error: std::io::Error| format!("loopback UDP: {error}");
+        let socket = UdpSocket::bind(("127.0.0.1", 0)).map_err(failed)?;
+        socket.set_nonblocking(true).map_err(failed)?;
         Ok(Self {
             socket,
             peer: None,
@@ -72,7 +73,7 @@ impl Port {
     /// Takes in what the companion has sent.
     pub fn listen(&mut self, now: Duration) {
         let mut buffer = [0; 2048];
-        while let Ok((length, from)) = self.socket.try_recv_from(&mut buffer) {
+        while let Ok((length, from)) = self.socket.recv_from(&mut buffer) {
             self.peer = Some(from);
             self.sent += 1;
             self.swallowed += self.from_companion.send(&buffer[..length], now);
@@ -95,7 +96,7 @@ impl Port {
         while let Some(bytes) = self.to_companion.receive(now) {
             if let Some(peer) = self.peer {
                 // A full buffer or a companion that is gone: lost, as on any radio link.
-                let _ = self.socket.try_send_to(&bytes, peer);
+                let _ = self.socket.send_to(&bytes, peer);
             }
         }
     }

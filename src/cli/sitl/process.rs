@@ -1,17 +1,21 @@
 //! The companion processes of a simulated flight.
 
-use std::io;
+use std::fs::File;
+use std::io::{self, Write};
 use std::path::Path;
 use std::process::{ExitStatus, Stdio};
 
 use rustix::process::{Pid, Resource, Rlimit, Signal, kill_process, prlimit};
 use tokio::io::{AsyncBufReadExt, BufReader};
-use tokio::process::{Child, Command};
+use tokio::process::{Child, ChildStderr, Command};
 use tokio::sync::mpsc;
 
 use crate::cli::progress;
+use crate::cli::step::Done;
 use crate::desk::report::Severity;
 use crate::role::Role;
+
+use super::lockstep::Lead;
 
 /// How a companion process ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -26,13 +30,18 @@ pub(super) enum End {
 
 /// A companion process.
 pub(super) struct Companion {
+    pub role: Role,
     pub child: Child,
+    /// What leads it through time, if it has none of its own.
+    pub lead: Option<Lead>,
     /// How it ended, if it was not to be started again.
     pub end: Option<End>,
     /// Dead, to be started again.
     pub gone: bool,
     /// Stopped by a signal.
     pub frozen: bool,
+    /// Sent the signal that nothing survives.
+    pub killed: bool,
 }
 
 impl Companion {
@@ -41,7 +50,26 @@ impl Companion {
         self.end.is_none() && !self.gone
     }
 
-    pub fn signal(&self, signal: Signal) {
+    pub fn kill(&mut self) {
+        self.killed = true;
+        self.signal(Signal::KILL);
+    }
+
+    /// Stops it by a signal, or lets it go on.
+    pub fn freeze(&mut self, frozen: bool) {
+        self.frozen = frozen;
+        self.signal(if frozen { Signal::STOP } else { Signal::CONT });
+    }
+
+    /// Asks it to stop in order.
+    pub fn stop(&mut self) {
+        match &mut self.lead {
+            Some(lead) => lead.stop(),
+            None => self.signal(Signal::TERM),
+        }
+    }
+
+    fn signal(&self, signal: Signal) {
         if let Some(pid) = self.pid() {
             // It may have ended in the meantime.
             let _ = kill_process(pid, signal);
@@ -66,8 +94,8 @@ impl Companion {
 pub(super) struct Spawning<'a> {
     pub mission: &'a Path,
     pub directory: &'a Path,
-    /// Simulated seconds per second.
-    pub speed: f64,
+    /// Simulated seconds per second of the companion's own clock; `None`: its time is given out.
+    pub rate: Option<f64>,
     /// Begin without waiting for MISSION_START.
     pub start: bool,
 }
@@ -95,24 +123,27 @@ pub(super) fn describe_end(end: End) -> String {
 }
 
 /// Starts a companion; its log goes to a file in the directory, after that of an earlier one, and what the operator
-/// should see of it to `lines`.
+/// should see of it to `said`.
 pub(super) fn spawn_companion(
-    &Spawning { mission, directory, speed, start }: &Spawning<'_>,
+    &Spawning { mission, directory, rate, start }: &Spawning<'_>,
     role: Role,
     vehicle: &Path,
-    lines: &mpsc::UnboundedSender<(Role, Line)>,
+    said: &mpsc::UnboundedSender<(Role, Said)>,
 ) -> Result<Companion, String> {
     let program =
         std::env::current_exe().map_err(|error| format!("this program cannot find itself: {error}"))?;
+    // Either way it ends with this process, even if that is killed.
+    let clock = match rate {
+        Some(rate) => vec!["--until-stdin-ends".to_owned(), "--clock-rate".to_owned(), rate.to_string()],
+        None => vec!["--clock-from-stdin".to_owned()],
+    };
     let mut child = Command::new(program)
         .args(["--log-format", "json", "fly"])
         .arg(mission)
         .arg("--vehicle")
         .arg(vehicle)
         .args(start.then_some("--start"))
-        .args(["--clock-rate", &speed.to_string()])
-        // It ends with this process, even if that is killed.
-        .arg("--until-stdin-ends")
+        .args(clock)
         .stdin(Stdio::piped())
         .stdout(Stdio::null())
         .stderr(Stdio::piped())
@@ -125,27 +156,47 @@ pub(super) fn spawn_companion(
     progress(&format!("[    0.0 s] {role}  companion started, process {pid}"));
     let name = role.key();
     let path = directory.join(format!("companion-{name}.log"));
-    let mut file = std::fs::OpenOptions::new()
+    let file = std::fs::OpenOptions::new()
         .append(true)
         .create(true)
         .open(&path)
         .map_err(|error| format!("{}: {error}", path.display()))?;
     if let Some(stderr) = child.stderr.take() {
-        let lines = lines.clone();
-        tokio::spawn(async move {
-            let mut stderr = BufReader::new(stderr).lines();
-            while let Ok(Some(line)) = stderr.next_line().await {
-                // A full disk costs the log, not the flight.
-                let _ = std::io::Write::write_all(&mut file, format!("{line}\n").as_bytes());
-                if let Some(text) = readable(&line)
-                    && lines.send((role, text)).is_err()
-                {
-                    break;
-                }
-            }
-        });
+        tokio::spawn(listen(role, stderr, file, said.clone()));
     }
-    Ok(Companion { child, end: None, gone: false, frozen: false })
+    let stdin = rate.is_none().then(|| child.stdin.take()).flatten();
+    let lead = stdin.map(|stdin| Lead::new(role, stdin));
+    Ok(Companion { role, child, lead, end: None, gone: false, frozen: false, killed: false })
+}
+
+/// What has been read of a companion.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) enum Said {
+    /// A line of its log.
+    Line(Line),
+    /// It has gone on as far as it was told.
+    Done,
+    /// Nothing more will come: it has ended.
+    Gone,
+}
+
+/// Takes what a companion says, to its end: its log into the file, and what concerns this process or the operator to `said`.
+async fn listen(role: Role, stderr: ChildStderr, mut file: File, said: mpsc::UnboundedSender<(Role, Said)>) {
+    let mut stderr = BufReader::new(stderr).lines();
+    while let Ok(Some(line)) = stderr.next_line().await {
+        let heard = if Done::read(&line).is_some() {
+            Some(Said::Done)
+        } else {
+            // A full disk costs the log, not the flight.
+            let _ = file.write_all(format!("{line}\n").as_bytes());
+            readable(&line).map(Said::Line)
+        };
+        if heard.is_some_and(|heard| said.send((role, heard)).is_err()) {
+            return;
+        }
+    }
+    // Nobody may wait for it.
+    let _ = said.send((role, Said::Gone));
 }
 
 /// A line of a companion's log, for the operator.

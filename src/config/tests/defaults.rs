@@ -27,6 +27,7 @@ fn spec_defaults_are_those_of_the_interface() {
         speed_m_s: 8.0,
         climb_m_s: 3.0,
         acceleration_m_s2: 2.5,
+        jerk_m_s3: 4.0,
         tilt_rate_rad_s: 45f64.to_radians(),
         home_enu_m: None,
     };

@@ -47,12 +47,16 @@ impl Autopilot {
             let action = self.parameters.real("COM_OBL_RC_ACT") as i32;
             let mode = match action {
                 3 => Mode::ReturnToLaunch,
+                0..=2 if self.traps.sticks_missing => Mode::Position,
                 // Position, altitude and manual need sticks; without them the vehicle comes down.
                 0..=2 | 4 => Mode::Land,
                 6 | 7 => return self.terminate("Failsafe: offboard lost, terminating", router),
                 _ => Mode::Hold,
             };
             self.enter(mode, sensed);
+            if mode == Mode::Position {
+                self.flight.drift();
+            }
             self.failsafe = true;
             self.resumes = self.traps.resume_takes_over;
             let text = format!("Failsafe: Offboard signal lost, switching to {}", mode.name(self.firmware));

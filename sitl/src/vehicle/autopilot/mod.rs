@@ -6,8 +6,9 @@
 //! Traps of the real firmwares that it has, each shown by a test: OFFBOARD is acknowledged while disarmed, arming in it
 //! needs a proven stream; a lost stream falls back by COM_OBL_RC_ACT, and resuming it takes the vehicle back unasked;
 //! FD_FAIL_R/P end a tilted flight; integers ride bytewise (PX4). Setpoints before GUIDED and before the take-off are
-//! ignored; one ignored axis drops its group; a position target is kept for ever in silence, the attitude levels
-//! (ArduCopter). Unknown parameters get silence from both.
+//! ignored; one ignored axis drops its group; targets are shaped by acceleration and jerk, go on with their velocity until
+//! GUID_TIMEOUT, and the position is then kept for ever in silence, while the attitude levels (ArduCopter). Unknown
+//! parameters get silence from both.
 //!
 //! Its SET_ATTITUDE_TARGET turns the body apart from its position, and its thrust fields are ignored: the `pose` kind
 //! of actuation.
@@ -27,6 +28,7 @@ mod offboard;
 mod parameter_protocol;
 mod reposition;
 mod script;
+mod shaper;
 pub mod slip;
 mod streams;
 mod telemetry;
@@ -41,7 +43,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 
 use super::COMPANION_LINK;
 use super::airframe::Airframe;
-use super::config::{Firmware, Traps, VehicleConfig};
+use super::config::{Firmware, Role, Traps, VehicleConfig};
 use super::dynamics::GRAVITY_M_S2;
 use super::parameters::Parameters;
 use super::rotors::Allocator;
@@ -97,6 +99,8 @@ pub(crate) struct Autopilot {
     tuning: tuning::Tuning,
     offboard: offboard::Offboard,
     script: script::Script,
+    /// ArduCopter: the target of its own that follows the companion's.
+    shaper: Option<shaper::Shaper>,
 
     pub mode: Mode,
     pub armed: bool,
@@ -139,6 +143,11 @@ impl Autopilot {
         if config.firmware == Firmware::Px4 {
             parameters.describe_rotors(&config.rotors());
         }
+        // The two of a pair return at altitudes of their own.
+        if config.role == Role::J {
+            parameters.set("RTL_RETURN_ALT", super::parameters::Value::Real(60.0));
+            parameters.set("RTL_ALT", super::parameters::Value::Int(6000));
+        }
         let origin = config.home() + Vector3::from(config.local_origin_offset_enu_m);
         Self {
             system_id: config.system_id,
@@ -156,6 +165,7 @@ impl Autopilot {
             parameters,
             offboard: offboard::Offboard::default(),
             script: script::Script::default(),
+            shaper: None,
             mode: match config.firmware {
                 Firmware::Px4 => Mode::Hold,
                 Firmware::ArduCopter => Mode::Stabilize,
@@ -392,6 +402,7 @@ impl Autopilot {
         if mode != Mode::Companion {
             self.script.guided_ends();
         }
+        self.shaper = None;
         self.traces.changes(self.mode, mode, sensed.now);
         self.mode = mode;
         self.resumes = false;

@@ -9,6 +9,7 @@ use mavlink::dialects::ardupilotmega::{
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
 use super::arducopter::Angle;
+use super::shaper::Motion;
 use crate::geodesy::{LocalFrame, Origin};
 use crate::vehicle::config::{Firmware, Traps};
 use crate::vehicle::control::{RateTarget, ThrustTarget};
@@ -16,8 +17,8 @@ use crate::vehicle::control::{RateTarget, ThrustTarget};
 /// PX4 wants setpoints at more than 2 Hz, for a second, before it trusts the stream.
 const LONGEST_GAP: Duration = Duration::from_millis(500);
 const PROVEN_AFTER: Duration = Duration::from_secs(1);
-/// How long a target moves on with its velocity between two setpoints.
-const EXTRAPOLATE_S: f64 = 0.1;
+/// How long a target moves on with its velocity between two setpoints, where the firmware has no time for it.
+const EXTRAPOLATE: Duration = Duration::from_millis(100);
 /// How far from a unit quaternion a sender's single precision may be.
 const NORM_TOLERANCE: f64 = 0.01;
 
@@ -39,6 +40,7 @@ pub struct SetpointCounters {
 pub(super) struct Setpoint {
     position: [Option<f64>; 3],
     pub velocity: [Option<f64>; 3],
+    acceleration: [Option<f64>; 3],
     /// From east towards north.
     pub heading_rad: Option<f64>,
     pub at: Duration,
@@ -47,8 +49,28 @@ pub(super) struct Setpoint {
 impl Setpoint {
     /// The position meant at `now`: between two setpoints it moves on with its velocity.
     pub fn position_at(&self, now: Duration) -> [Option<f64>; 3] {
-        let age = now.saturating_sub(self.at).as_secs_f64().min(EXTRAPOLATE_S);
+        let age = now.saturating_sub(self.at).min(EXTRAPOLATE).as_secs_f64();
         std::array::from_fn(|k| self.position[k].map(|p| p + self.velocity[k].unwrap_or(0.0) * age))
+    }
+
+    /// The motion meant at `now`: it goes on with velocity and acceleration for `timeout`, and rests from then on.
+    pub fn motion_at(&self, now: Duration, timeout: Duration) -> Motion {
+        let filled = |v: [Option<f64>; 3]| Vector3::from(v.map(|x| x.unwrap_or(0.0)));
+        let (velocity, acceleration) = (filled(self.velocity), filled(self.acceleration));
+        let age = now.saturating_sub(self.at);
+        let gone_on_s = age.min(timeout).as_secs_f64();
+        let alive = if age <= timeout { 1.0 } else { 0.0 };
+        Motion {
+            position_m: filled(self.position)
+                + velocity * gone_on_s
+                + acceleration * (0.5 * gone_on_s * gone_on_s),
+            velocity_m_s: (velocity + acceleration * gone_on_s) * alive,
+            acceleration_m_s2: acceleration * alive,
+        }
+    }
+
+    pub fn has_whole_position(&self) -> bool {
+        self.position.iter().all(Option::is_some)
     }
 
     pub fn has_position(&self) -> bool {
@@ -71,11 +93,12 @@ pub(super) struct Offboard {
     last: Option<Duration>,
 }
 
-/// What the ignore bits leave of a target: position, velocity (NED), yaw.
+/// What the ignore bits leave of a target: position, velocity, acceleration (NED), yaw.
 struct Fields {
     mask: u16,
     position_ned: [f64; 3],
     velocity_ned: [f64; 3],
+    acceleration_ned: [f64; 3],
     yaw_rad: f64,
 }
 
@@ -101,8 +124,13 @@ impl Offboard {
     /// ArduCopter: stop, whatever was asked before.
     pub fn stop(&mut self, now: Duration) {
         self.clear();
-        self.setpoint =
-            Some(Setpoint { position: [None; 3], velocity: [Some(0.0); 3], heading_rad: None, at: now });
+        self.setpoint = Some(Setpoint {
+            position: [None; 3],
+            velocity: [Some(0.0); 3],
+            acceleration: [None; 3],
+            heading_rad: None,
+            at: now,
+        });
     }
 
     /// ArduCopter: angle control.
@@ -139,6 +167,7 @@ impl Offboard {
             mask: m.type_mask.bits(),
             position_ned: [m.x, m.y, m.z].map(f64::from),
             velocity_ned: [m.vx, m.vy, m.vz].map(f64::from),
+            acceleration_ned: [m.afx, m.afy, m.afz].map(f64::from),
             yaw_rad: m.yaw.into(),
         };
         self.take(&fields, manners, frame, now);
@@ -172,6 +201,7 @@ impl Offboard {
             mask: m.type_mask.bits(),
             position_ned: ned.into(),
             velocity_ned: [m.vx, m.vy, m.vz].map(f64::from),
+            acceleration_ned: [m.afx, m.afy, m.afz].map(f64::from),
             yaw_rad: m.yaw.into(),
         };
         self.take(&fields, manners, frame, now);
@@ -193,6 +223,7 @@ impl Offboard {
             if firmware == Firmware::ArduCopter && traps.whole_groups && !whole { [None; 3] } else { given }
         };
         let (position, velocity) = (group(1, fields.position_ned), group(8, fields.velocity_ned));
+        let acceleration = group(64, fields.acceleration_ned);
         if position.iter().chain(&velocity).all(Option::is_none) {
             self.counters.invalid += 1;
             return;
@@ -207,6 +238,7 @@ impl Offboard {
         self.setpoint = Some(Setpoint {
             position: mask(frame.position_to_enu(filled(position)), position),
             velocity: mask(frame.vector_to_enu(filled(velocity)), velocity),
+            acceleration: mask(frame.vector_to_enu(filled(acceleration)), acceleration),
             heading_rad: yaw_given.then_some(std::f64::consts::FRAC_PI_2 - fields.yaw_rad),
             at: now,
         });

@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use super::shaper::Shaping;
 use crate::vehicle::config::Firmware;
 use crate::vehicle::control::SpeedLimits;
 use crate::vehicle::parameters::Parameters;
@@ -12,6 +13,8 @@ pub(super) struct Tuning {
     /// Of the parameters that these were read from.
     pub revision: u32,
     pub limits: SpeedLimits,
+    /// ArduCopter: of the target that it moves by itself.
+    pub shaping: Shaping,
     /// Without a setpoint for this long the stream is lost (COM_OF_LOSS_T, GUID_TIMEOUT).
     pub stream_timeout: Duration,
     /// FD_FAIL_R and FD_FAIL_P, degrees; 0 is off.
@@ -59,6 +62,10 @@ impl Tuning {
         Self {
             revision: parameters.revision,
             limits,
+            shaping: Shaping {
+                acceleration_m_s2: ["WPNAV_ACCEL", "WPNAV_ACCEL_Z"].map(|name| speed(name, 0.01)),
+                jerk_m_s3: ["PSC_JERK_XY", "PSC_JERK_Z"].map(|name| speed(name, 1.0)),
+            },
             stream_timeout: parameters.seconds(if px4 { "COM_OF_LOSS_T" } else { "GUID_TIMEOUT" }),
             failure_deg: [real("FD_FAIL_R"), real("FD_FAIL_P")],
             still: Still {

@@ -146,11 +146,14 @@ impl Monitor {
         }
     }
 
-    /// How much later than on a good link the sign of what befalls a vehicle and the command that answers it may arrive:
-    /// state that is older is used for nothing, and a command that is later has expired.
+    /// How much later than on good ways the sign of what befalls a vehicle and the command that answers it may arrive:
+    /// state that is older is used for nothing, and a command that is later has expired. A troubled hop to the radio may
+    /// hold off up or lose it; the expiry of what was commanded before does arrive.
     pub(super) fn sign_and_command(&self, v: usize, now: Duration) -> Duration {
-        let way = self.sides[v].vehicle_way.longest(now).saturating_sub(GOOD_WAY);
-        way.min(STATE_LIMIT) + way.min(LEASE)
+        let side = &self.sides[v];
+        let way = side.vehicle_way.longest(now).saturating_sub(GOOD_WAY);
+        let command = if side.radio_hop_troubled { LEASE } else { way.min(LEASE) };
+        way.min(STATE_LIMIT) + command
     }
 
     /// The companion is gone, or nothing passes between it and its vehicle.

@@ -3,7 +3,9 @@
 use mavlink::dialects::ardupilotmega::MavResult;
 
 use super::bridge::Bridge;
+use super::shaping;
 use crate::autopilot::parameter::Parameters;
+use crate::autopilot::settings::Settings;
 use crate::preflight::Verdict::{Fail, Pass, Warn};
 use crate::preflight::{Check, check};
 
@@ -15,7 +17,11 @@ const LONGEST_GUIDED_S: f64 = 1.0;
 const LEAST_INSTRUCTIONS: f64 = 10_000.0;
 
 /// All checks; `bridge` is there where roll and pitch go through the script.
-pub(in crate::autopilot::firmware) fn checks(parameters: &Parameters, bridge: Option<&Bridge>) -> Vec<Check> {
+pub(in crate::autopilot::firmware) fn checks(
+    parameters: &Parameters,
+    settings: &Settings,
+    bridge: Option<&Bridge>,
+) -> Vec<Check> {
     let mut all = vec![
         // Without knowing the frame, body offsets are sent to a vehicle that may not have them: it just stays level.
         parameters.check("FRAME_CLASS", |value| match value == FRAME_CLASS_6DOF {
@@ -40,6 +46,7 @@ pub(in crate::autopilot::firmware) fn checks(parameters: &Parameters, bridge: Op
             ),
         }),
     ];
+    all.extend(shaping::checks(parameters, &settings.transit));
     if let Some(bridge) = bridge {
         all.push(match bridge.probed() {
             Some(MavResult::MAV_RESULT_ACCEPTED) => check("bridge script", Pass, "answers"),

@@ -34,6 +34,11 @@ impl LandDetectorGuard {
         Self { tilts, restore: DEFAULT_SPEED_M_S, ours: false, repairing: false }
     }
 
+    /// The actuation is known: whether this flight needs the guard.
+    pub(in crate::autopilot::firmware) fn choose(&mut self, settings: &Settings) {
+        self.tilts = Self::new(settings).tilts;
+    }
+
     /// Brings the parameter to where it should be: zero in tilted flight, its old value once `safe_to_restore`. Says that a
     /// zero which another had left is put right, once it is.
     pub(in crate::autopilot::firmware) fn advance(

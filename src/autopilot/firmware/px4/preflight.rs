@@ -53,11 +53,32 @@ pub(in crate::autopilot::firmware) fn checks(
         v if v > 0.0 || guarding => (Pass, ""),
         _ => (Fail, "above 0 on the ground, or no landing is seen: being put back"),
     }));
+    if settings.actuation != Actuation::ThrustVector {
+        all.extend(speeds(parameters, settings));
+    }
     if settings.actuation == Actuation::ThrustVector {
         all.push(parameters.check("THR_MDL_FAC", |_| (Pass, "")));
         all.push(thrust_scales(parameters, settings, rotors_n));
     }
     all
+}
+
+/// The speeds that PX4 cuts position targets down to. Its limits of acceleration and jerk are for its own trajectories alone.
+fn speeds(parameters: &Parameters, settings: &Settings) -> [Check; 3] {
+    let (speed, climb) = (settings.transit.speed_m_s, settings.transit.climb_m_s);
+    [("MPC_XY_VEL_MAX", speed), ("MPC_Z_VEL_MAX_UP", climb), ("MPC_Z_VEL_MAX_DN", climb)].map(
+        |(name, planned_m_s)| {
+            let checked = parameters.check(name, |value| match value {
+                v if v >= planned_m_s * (1.0 - 1e-6) => (Pass, ""),
+                _ => (Fail, "at least the mission's speed, or its slots begin before this vehicle is there"),
+            });
+            let detail = match checked.result {
+                Fail => format!("{} (the mission: {planned_m_s} m/s)", checked.detail),
+                _ => checked.detail,
+            };
+            Check { detail, ..checked }
+        },
+    )
 }
 
 fn thrust_scales(parameters: &Parameters, settings: &Settings, rotors_n: Option<[f64; 3]>) -> Check {
