@@ -8,6 +8,7 @@
 //! Inside, the frame is the mission's: ENU about the mission origin, bodies FLU (x forward, y left, z up).
 //! NED and FRD exist only behind the autopilot face ([`vehicle::autopilot`]), about each vehicle's own origin.
 
+pub mod calibration;
 mod frames;
 mod geodesy;
 mod random;
@@ -15,11 +16,14 @@ pub mod vehicle;
 mod wire;
 pub mod world;
 
+pub use calibration::{CalibrationConfig, CalibrationError, Reading};
 pub use frames::{Euler, antenna_axis};
 pub use geodesy::Origin;
 pub use vehicle::airframe::{Airframe, AirframeModel, Body};
 pub use vehicle::airframe_file::AirframeError;
+pub use vehicle::antenna::Antenna;
 pub use vehicle::autopilot::SetpointCounters;
+pub use vehicle::bias::{Bias, PointingErrors};
 pub use vehicle::config::{
     BatteryConfig, Firmware, PowerForm, Role, SensorConfig, Slip, Traps, VehicleConfig, WindConfig,
 };
@@ -30,12 +34,12 @@ pub use vehicle::{Vehicle, VehicleCounters, VehicleSnapshot};
 pub use wire::WireCounters;
 pub use world::circumstances::{Circumstances, Passage};
 pub use world::config::{
-    AirspaceConfig, Eavesdropper, Error, Node, PlannedPose, PlannedSlot, RadioConfig, Tolerance, Uncertainty,
-    WorldConfig,
+    AirspaceConfig, Error, Node, PlannedPose, PlannedSlot, RadioConfig, Tolerance, Uncertainty, WorldConfig,
 };
 pub use world::excuse::{Cause, Excused};
 pub use world::fault::Fault;
 pub use world::record::{Heard, Record, Recorder};
 pub use world::report::{FlightReport, PerVehicle, SlotReport};
+pub use world::scattering::{Fading, Rician};
 pub use world::violation::{Breach, Invariant, Violation};
 pub use world::{Snapshot, World};

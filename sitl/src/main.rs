@@ -1,5 +1,6 @@
-//! `veilwing-sitl`: one software vehicle alone on a UDP address, for any MAVLink client.
+//! `veilwing-sitl`: one software vehicle alone on a UDP address, for any MAVLink client; or a calibration flight's log.
 
+mod calibrate;
 mod udp;
 
 use std::io::IsTerminal;
@@ -32,6 +33,9 @@ enum Command {
     /// One software vehicle alone on a UDP address
     #[command(after_help = EXAMPLES)]
     Vehicle(VehicleArguments),
+    /// A flight round a receiver that calibrates an antenna, with a given truth: its log as CSV
+    #[command(after_help = calibrate::EXAMPLES)]
+    Calibrate(calibrate::CalibrateArguments),
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -214,7 +218,18 @@ async fn bind_all(arguments: &VehicleArguments) -> Result<Vec<udp::Port>, String
 
 #[tokio::main(flavor = "current_thread")]
 async fn main() -> ExitCode {
-    let Arguments { command: Command::Vehicle(arguments) } = Arguments::parse();
+    let arguments = match Arguments::parse().command {
+        Command::Vehicle(arguments) => arguments,
+        Command::Calibrate(arguments) => {
+            return match calibrate::run(&arguments) {
+                Ok(()) => ExitCode::SUCCESS,
+                Err(message) => {
+                    eprintln!("veilwing-sitl: {message}");
+                    ExitCode::from(2)
+                }
+            };
+        }
+    };
     tracing_subscriber::fmt()
         .with_writer(std::io::stderr)
         .with_ansi(std::io::stderr().is_terminal())

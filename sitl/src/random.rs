@@ -13,6 +13,11 @@ pub(crate) enum Purpose {
     Link = 5,
     Radio = 6,
     RadioHop = 7,
+    Users = 8,
+    PathsToUsers = 9,
+    PathsToEavesdroppers = 10,
+    Bias = 11,
+    Meter = 12,
 }
 
 /// Gaussian and uniform draws from one stream.

@@ -3,7 +3,9 @@
 use nalgebra::Vector3;
 
 use super::airframe::{Airframe, AirframeModel, Body};
+use super::antenna::Antenna;
 pub use super::autopilot::slip::Slip;
+use super::bias::PointingErrors;
 use super::geometry::Geometry;
 pub use super::traps::Traps;
 
@@ -118,6 +120,10 @@ pub struct VehicleConfig {
     pub wind: WindConfig,
     /// What the estimator gets wrong.
     pub sensors: SensorConfig,
+    /// What nobody aboard can know, drawn once a flight.
+    pub errors: PointingErrors,
+    /// What it radiates with.
+    pub antenna: Antenna,
     /// Battery.
     pub battery: BatteryConfig,
     /// Which manners of the firmware it has.
@@ -153,6 +159,8 @@ impl VehicleConfig {
             geometry: None,
             wind: WindConfig::default(),
             sensors: SensorConfig::default(),
+            errors: PointingErrors::default(),
+            antenna: Antenna::default(),
             battery: BatteryConfig::default(),
             traps: Traps::default(),
             slip: None,
@@ -193,6 +201,7 @@ impl VehicleConfig {
             ("sensors.lag_s", self.sensors.lag_s),
             ("battery.initial", self.battery.initial),
         ];
+        finite.extend(self.errors.deviations());
         finite.extend(self.home_enu_m.map(|v| ("home_enu_m", v)));
         finite.extend(self.local_origin_offset_enu_m.map(|v| ("local_origin_offset_enu_m", v)));
         finite.extend(self.wind.mean_enu_m_s.map(|v| ("wind.mean_enu_m_s", v)));
@@ -200,6 +209,9 @@ impl VehicleConfig {
         let drained =
             (!(endurance_s.is_finite() && endurance_s > 0.0)).then_some(("battery.endurance_s", endurance_s));
         let model = AirframeModel { airframe: self.airframe, body: self.body, geometry: self.rotors() };
-        drained.or_else(|| finite.into_iter().find(|(_, v)| !v.is_finite())).or_else(|| model.fault())
+        drained
+            .or_else(|| finite.into_iter().find(|(_, v)| !v.is_finite()))
+            .or_else(|| self.antenna.fault())
+            .or_else(|| model.fault())
     }
 }

@@ -7,6 +7,7 @@ use std::time::Duration;
 
 use nalgebra::{UnitQuaternion, Vector3};
 
+use super::bias::OwnFrame;
 use super::config::SensorConfig;
 use super::control::Estimate;
 use crate::random::{Noise, Purpose, decay};
@@ -26,6 +27,8 @@ const LONGEST_LAG_S: f64 = 1.0;
 #[derive(Debug, Clone)]
 pub(crate) struct Estimator {
     config: SensorConfig,
+    /// What it takes for the mission's frame.
+    frame: OwnFrame,
     noise: Noise,
     /// Errors of position (m), velocity (m/s) and attitude (rad).
     errors: [Vector3<f64>; 3],
@@ -42,10 +45,11 @@ pub(crate) struct Estimator {
 }
 
 impl Estimator {
-    pub fn new(config: SensorConfig, seed: u64, vehicle: usize, step_s: f64) -> Self {
+    pub fn new(config: SensorConfig, frame: OwnFrame, seed: u64, vehicle: usize, step_s: f64) -> Self {
         let delay_steps = (config.lag_s.clamp(0.0, LONGEST_LAG_S) / step_s).round() as usize;
         let mut made = Self {
             config,
+            frame,
             noise: Noise::new(seed, Purpose::Sensors, vehicle),
             errors: [Vector3::zeros(); 3],
             tilt: UnitQuaternion::identity(),
@@ -100,17 +104,20 @@ impl Estimator {
         };
         let seen = seen.unwrap_or(truth);
         Estimate {
-            position_enu_m: seen.position_enu_m + self.errors[0] + self.jump_m + self.drift_m,
+            position_enu_m: self.frame.position(&seen.position_enu_m)
+                + self.errors[0]
+                + self.jump_m
+                + self.drift_m,
             velocity_enu_m_s: seen.velocity_enu_m_s + self.errors[1] + self.drift_m_s,
-            attitude: seen.attitude * self.tilt,
+            attitude: self.reported(&seen.attitude),
             contact: truth.contact,
             ..seen
         }
     }
 
-    /// The error of the attitude, body axes: what is reported has it too.
-    pub fn tilt(&self) -> &UnitQuaternion<f64> {
-        &self.tilt
+    /// What is said of a body of this attitude.
+    pub fn reported(&self, truth: &UnitQuaternion<f64>) -> UnitQuaternion<f64> {
+        self.frame.attitude(truth) * self.tilt
     }
 
     /// By how far the estimate is off for a reason that nobody aboard can know, metres ENU.
@@ -148,6 +155,7 @@ impl Estimator {
 
 #[cfg(test)]
 mod tests {
+    use super::super::bias::Bias;
     use super::*;
 
     const DT: f64 = 0.0025;
@@ -169,7 +177,7 @@ mod tests {
         let (mut squares, mut n) = ([0.0; 3], 0.0);
         // Many short runs: the errors are slow.
         for seed in 0..800 {
-            let mut estimator = Estimator::new(config, seed, 0, DT);
+            let mut estimator = Estimator::new(config, OwnFrame::default(), seed, 0, DT);
             let mut last = truth(0.0);
             for _ in 0..80 {
                 last = estimator.step(truth(0.0), Duration::ZERO, DT);
@@ -188,7 +196,7 @@ mod tests {
     #[test]
     fn val_the_lag_is_its_length_and_contact_has_none() {
         let config = SensorConfig { lag_s: 0.05, ..SensorConfig::default() };
-        let mut estimator = Estimator::new(config, 1, 0, DT);
+        let mut estimator = Estimator::new(config, OwnFrame::default(), 1, 0, DT);
         for k in 0..200u32 {
             let x = f64::from(k) * DT;
             let seen = estimator.step(Estimate { contact: k == 150, ..truth(x) }, Duration::ZERO, DT);
@@ -199,7 +207,7 @@ mod tests {
 
     #[test]
     fn spec_without_gps_it_runs_away_and_jumps_back() {
-        let mut estimator = Estimator::new(SensorConfig::default(), 1, 0, DT);
+        let mut estimator = Estimator::new(SensorConfig::default(), OwnFrame::default(), 1, 0, DT);
         estimator.set_gps(true, Duration::ZERO);
         let mut last = truth(0.0);
         for k in 1..=1600u32 {
@@ -215,5 +223,20 @@ mod tests {
         estimator.reset(Vector3::new(0.0, 3.0, 0.0));
         let reset = estimator.step(truth(0.0), Duration::from_secs(6), DT);
         assert_eq!(reset.position_enu_m, Vector3::new(0.0, 3.0, 30.0));
+    }
+
+    #[test]
+    fn spec_a_bias_stays_and_shows_in_no_speed() {
+        let bias = Bias { heading_deg: 3.0, position_enu_m: [0.5, -0.25, 1.0], ..Bias::default() };
+        let mut estimator = Estimator::new(SensorConfig::default(), OwnFrame::from(bias), 1, 0, DT);
+        let moving = Estimate { velocity_enu_m_s: Vector3::new(2.0, 0.0, 0.0), ..truth(4.0) };
+        for _ in 0..100 {
+            let seen = estimator.step(moving, Duration::ZERO, DT);
+            assert_eq!(seen.position_enu_m, Vector3::new(3.5, 0.25, 29.0));
+            assert_eq!(seen.velocity_enu_m_s, moving.velocity_enu_m_s);
+            let turned = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), -3f64.to_radians());
+            assert!(seen.attitude.angle_to(&turned) < 1e-12);
+        }
+        assert_eq!(estimator.lie_m(), Vector3::zeros());
     }
 }

@@ -2,12 +2,14 @@
 
 pub mod airframe;
 pub mod airframe_file;
+pub mod antenna;
 pub mod autopilot;
+pub mod bias;
 mod companion_link;
 pub mod config;
 pub(crate) mod control;
 pub(crate) mod dynamics;
-mod estimator;
+pub(crate) mod estimator;
 mod faults;
 pub mod geometry;
 pub mod jitter;
@@ -19,7 +21,7 @@ mod router;
 mod signing;
 pub mod transmitter;
 pub mod traps;
-mod wind;
+pub(crate) mod wind;
 
 use std::time::Duration;
 
@@ -30,7 +32,9 @@ use crate::frames::Euler;
 use crate::geodesy::Origin;
 use crate::random::{Noise, Purpose};
 use crate::wire::WireCounters;
+use antenna::Pattern;
 use autopilot::{Autopilot, Guidance, Mode, Sensed, SetpointCounters, Traces};
+use bias::{Bias, OwnFrame};
 use companion_link::CompanionLink;
 use config::{Firmware, VehicleConfig};
 use control::{Controller, Estimate};
@@ -62,7 +66,7 @@ pub struct VehicleSnapshot {
     pub velocity_enu_m_s: [f64; 3],
     /// Where the controller has brought the body: w, x, y, z of body FLU to mission ENU.
     pub nominal_attitude_wxyz: [f64; 4],
-    /// The same with the injected jitter: the antenna's true attitude.
+    /// The same with the injected jitter.
     pub attitude_wxyz: [f64; 4],
     /// The mode, as the firmware's ground stations call it.
     pub mode: &'static str,
@@ -108,6 +112,9 @@ pub struct Vehicle {
     battery: f64,
     attitude: UnitQuaternion<f64>,
     estimator: Estimator,
+    bias: Bias,
+    frame: OwnFrame,
+    pattern: Pattern,
     /// What it says, as of the last step.
     estimate: Estimate,
     estimator_failed: bool,
@@ -134,6 +141,8 @@ impl Vehicle {
     ) -> Self {
         let index = config.role.index();
         let geometry = config.rotors();
+        let bias = config.errors.draw(seed, index);
+        let frame = OwnFrame::from(bias);
         let dynamics = Dynamics::new(config.body, &geometry, config.home(), config.heading_rad);
         Self {
             controller: Controller::new(config.body, config.airframe, &geometry),
@@ -150,7 +159,10 @@ impl Vehicle {
             router: Router::new(config.system_id, &[autopilot::COMPONENT, transmitter::COMPONENT]),
             battery: config.battery.initial.clamp(0.0, 1.0),
             attitude: dynamics.attitude,
-            estimator: Estimator::new(config.sensors, seed, index, TICK.as_secs_f64()),
+            estimator: Estimator::new(config.sensors, frame, seed, index, TICK.as_secs_f64()),
+            bias,
+            frame,
+            pattern: Pattern::new(&config.antenna),
             estimate: truth(&dynamics),
             estimator_failed: false,
             crippled: false,
@@ -214,7 +226,7 @@ impl Vehicle {
             now,
             position_enu_m: self.estimate.position_enu_m,
             velocity_enu_m_s: self.estimate.velocity_enu_m_s,
-            attitude: self.attitude * self.estimator.tilt(),
+            attitude: self.estimator.reported(&self.attitude),
             nominal: self.estimate.attitude,
             rates_flu_rad_s: self.estimate.rates_flu_rad_s,
             contact: self.dynamics.on_ground,
@@ -311,18 +323,43 @@ impl Vehicle {
         self.dynamics.position_enu_m
     }
 
-    /// Where the best-informed mind aboard takes it to be: the truth, and what the estimator makes up.
+    /// Where it is in the frame that it takes for the mission's.
+    pub(crate) fn own_position_enu_m(&self) -> Vector3<f64> {
+        self.frame.position(&self.dynamics.position_enu_m)
+    }
+
+    /// Its attitude in the frame that it takes for the mission's, without the jitter.
+    pub(crate) fn own_attitude(&self) -> UnitQuaternion<f64> {
+        self.frame.attitude(&self.dynamics.attitude)
+    }
+
+    /// Where the best-informed mind aboard takes it to be: the truth, and what its biases and its estimator make up.
     pub(crate) fn supposed_position_enu_m(&self) -> Vector3<f64> {
-        self.dynamics.position_enu_m + self.estimator.lie_m()
+        self.own_position_enu_m() + self.estimator.lie_m()
     }
 
     pub(crate) fn nominal_attitude(&self) -> &UnitQuaternion<f64> {
         &self.dynamics.attitude
     }
 
-    /// The antenna's true attitude, jitter included.
+    /// The body's true attitude, jitter included.
     pub(crate) fn attitude(&self) -> &UnitQuaternion<f64> {
         &self.attitude
+    }
+
+    /// The antenna's true axis, ENU, jitter and mounting included.
+    pub(crate) fn antenna_axis(&self) -> Vector3<f64> {
+        self.frame.antenna_axis(&self.attitude)
+    }
+
+    pub(crate) fn pattern(&self) -> &Pattern {
+        &self.pattern
+    }
+
+    /// By how much the truth is off what it believes, in this flight.
+    #[must_use]
+    pub fn bias(&self) -> Bias {
+        self.bias
     }
 
     pub(crate) fn airborne(&self) -> bool {
@@ -386,7 +423,7 @@ impl Vehicle {
 }
 
 /// The body's motion as it is.
-fn truth(body: &Dynamics) -> Estimate {
+pub(crate) fn truth(body: &Dynamics) -> Estimate {
     Estimate {
         position_enu_m: body.position_enu_m,
         velocity_enu_m_s: body.velocity_enu_m_s,

@@ -3,21 +3,14 @@
 use nalgebra::{UnitQuaternion, Vector3};
 use thiserror::Error;
 
+use super::scattering::Fading;
 use crate::frames::Euler;
 use crate::geodesy::Origin;
+use crate::vehicle::antenna::Antenna;
 use crate::vehicle::config::VehicleConfig;
 use crate::vehicle::jitter::JitterConfig;
 
-/// A receiver at a known place.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Node {
-    /// As in the mission.
-    pub name: String,
-    /// Mission ENU, metres.
-    pub position_enu_m: [f64; 3],
-}
-
-/// How well an eavesdropper's position is known. The truth is drawn once a flight, horizontally.
+/// How well a receiver's position is known. The truth is drawn once a flight, horizontally.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum Uncertainty {
     /// Exactly where the mission says.
@@ -35,12 +28,12 @@ pub enum Uncertainty {
     },
 }
 
-/// Somebody who listens.
+/// Somebody who listens, and shall or shall not.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Eavesdropper {
+pub struct Node {
     /// As in the mission.
     pub name: String,
-    /// The mission's estimate, ENU, metres.
+    /// Where the mission says, ENU, metres.
     pub position_enu_m: [f64; 3],
     /// How far the truth may be from it.
     pub uncertainty: Uncertainty,
@@ -200,9 +193,11 @@ pub struct WorldConfig {
     /// Users.
     pub users: Vec<Node>,
     /// Eavesdroppers.
-    pub eavesdroppers: Vec<Eavesdropper>,
+    pub eavesdroppers: Vec<Node>,
     /// The channel.
     pub radio: RadioConfig,
+    /// What the site scatters.
+    pub fading: Fading,
     /// Geofence, altitudes, separation.
     pub airspace: AirspaceConfig,
     /// The injected attitude jitter.
@@ -255,6 +250,9 @@ impl WorldConfig {
                 return Err(Error::Value { what: format!("vehicle {:?}: {what}", vehicle.role), value });
             }
         }
+        if let Some((what, value)) = self.fading.fault() {
+            return Err(Error::Value { what: what.to_owned(), value });
+        }
         for (what, value, positive) in self.numbers() {
             if !value.is_finite() || positive && value <= 0.0 {
                 return Err(Error::Value { what, value });
@@ -266,6 +264,16 @@ impl WorldConfig {
             }
         }
         Ok(())
+    }
+
+    /// The link is the paper's: dipoles with perfect nulls that point where they are told, on vehicles that know where they
+    /// are, no scattering, and users who are where they are said to be.
+    #[must_use]
+    pub fn has_ideal_link(&self) -> bool {
+        let ideal = |vehicle: &VehicleConfig| vehicle.antenna == Antenna::Dipole && vehicle.errors.is_none();
+        self.fading == Fading::default()
+            && self.vehicles.iter().all(ideal)
+            && self.users.iter().all(|user| user.uncertainty == Uncertainty::Exact)
     }
 
     fn numbers(&self) -> Vec<(String, f64, bool)> {
@@ -290,17 +298,13 @@ impl WorldConfig {
         ];
         let corners = self.airspace.area_enu_m.iter().flatten();
         all.extend(corners.map(|v| named("airspace.area_enu_m", *v, false)));
-        let places = self.users.iter().map(|u| (&u.name, &u.position_enu_m));
-        for (name, position) in places.chain(self.eavesdroppers.iter().map(|e| (&e.name, &e.position_enu_m)))
-        {
-            all.extend(position.map(|v| (format!("position of \"{name}\""), v, false)));
-        }
-        for e in &self.eavesdroppers {
-            let spread = match e.uncertainty {
+        for Node { name, position_enu_m, uncertainty } in self.users.iter().chain(&self.eavesdroppers) {
+            all.extend(position_enu_m.map(|v| (format!("position of \"{name}\""), v, false)));
+            let spread = match *uncertainty {
                 Uncertainty::Exact => 0.0,
                 Uncertainty::Disc { radius_m: s } | Uncertainty::Gaussian { std_m: s } => s,
             };
-            all.push((format!("uncertainty of \"{}\"", e.name), spread, false));
+            all.push((format!("uncertainty of \"{name}\""), spread, false));
         }
         for (k, slot) in self.slots.iter().enumerate() {
             for pose in &slot.poses {

@@ -6,18 +6,20 @@ pub mod excuse;
 pub mod fault;
 mod monitor;
 mod radio;
+mod receiver;
 pub mod record;
 pub mod report;
+pub mod scattering;
 mod score;
 mod trail;
 pub mod violation;
 
 use std::time::Duration;
 
-use nalgebra::Vector3;
 use serde::Serialize;
 
 use crate::vehicle::autopilot::Mode;
+use crate::vehicle::bias::Bias;
 use crate::vehicle::{TICKS_PER_SAMPLE, Vehicle, VehicleCounters, VehicleSnapshot, tick_time};
 use circumstances::{Circumstances, Passage};
 use config::{Error, Off, Reference, WorldConfig};
@@ -25,6 +27,7 @@ use excuse::Cause;
 use fault::Fault;
 use monitor::{Findings, Monitor, Seen};
 use radio::Emitter;
+use receiver::{Kind, Receiver};
 use report::FlightReport;
 use score::{PoseError, SlotScore};
 use trail::Trail;
@@ -56,8 +59,8 @@ pub struct Snapshot {
 pub struct World {
     config: WorldConfig,
     vehicles: [Vehicle; 2],
-    users: Vec<Vector3<f64>>,
-    eavesdroppers: Vec<Vector3<f64>>,
+    users: Vec<Receiver>,
+    eavesdroppers: Vec<Receiver>,
     /// I's and J's plan in each slot, and the index of the slot's user.
     plans: Vec<([Reference; 2], usize)>,
     scores: Vec<SlotScore>,
@@ -94,8 +97,13 @@ impl World {
             .collect();
         Ok(Self {
             vehicles: [vehicle(0), vehicle(1)],
-            users: config.users.iter().map(|u| Vector3::from(u.position_enu_m)).collect(),
-            eavesdroppers: radio::true_positions(&config.eavesdroppers, config.seed),
+            users: Receiver::all(&config.users, Kind::User, config.fading.user, config.seed),
+            eavesdroppers: Receiver::all(
+                &config.eavesdroppers,
+                Kind::Eavesdropper,
+                config.fading.eavesdropper,
+                config.seed,
+            ),
             plans,
             scores: vec![SlotScore::default(); config.slots.len()],
             outside_slots: [0; 2],
@@ -193,7 +201,7 @@ impl World {
                 self.monitor.radio_hop(k, vehicle.radio_hop_is_troubled());
             }
             Fault::GpsLoss { on, .. } => vehicle.lose_gps(on, self.now),
-            Fault::EstimatorReset { jump_enu_m, .. } => vehicle.reset_estimator(Vector3::from(jump_enu_m)),
+            Fault::EstimatorReset { jump_enu_m, .. } => vehicle.reset_estimator(jump_enu_m.into()),
             Fault::ClockJump { by_s, .. } => vehicle.jump_clock(by_s),
             Fault::ClockDrift { ppm, .. } => vehicle.let_clock_drift(ppm, self.now),
             Fault::TransmitterRestart { on, .. } => {
@@ -203,7 +211,7 @@ impl World {
             Fault::AutopilotRestart { .. } => vehicle.restart_autopilot(self.now),
             Fault::PilotMode { .. } => vehicle.pilot_takes_over(),
             Fault::EstimatorFailure { .. } => vehicle.fail_estimator(),
-            Fault::WindStep { mean_enu_m_s, .. } => vehicle.set_wind(Vector3::from(mean_enu_m_s)),
+            Fault::WindStep { mean_enu_m_s, .. } => vehicle.set_wind(mean_enu_m_s.into()),
             Fault::RotorLoss { rotor, .. } => vehicle.lose_rotor(rotor),
             Fault::BatteryLow { charge, .. } => vehicle.set_battery(charge),
             Fault::TransmitterIgnoresExpiry { .. } => vehicle.transmitter_mut().endless = true,
@@ -240,7 +248,8 @@ impl World {
         let plan = slot.map(|s| self.plans[s].0[k]);
         let mode = vehicle.mode();
         let power_w = vehicle.transmitter().power_w();
-        let off = plan.map_or(Off::Much, |p| self.config.tolerance.judge(&p, &supposed, attitude));
+        let own = vehicle.own_attitude();
+        let off = plan.map_or(Off::Much, |p| self.config.tolerance.judge(&p, &supposed, &own));
         let turns_on = power_w.is_some() && !self.monitor.radiated(k);
         Seen {
             power_w,
@@ -290,34 +299,45 @@ impl World {
         seen
     }
 
-    /// One radio sample: jitter, SINR, score.
+    /// One radio sample: jitter, scattering, SINR, score.
     fn sample(&mut self) {
         for k in 0..2 {
             // While it radiates in pose, the angles that the body is meant to have are the plan's.
             let meant = self.slot_of(k).map(|s| self.plans[s].0[k]).filter(|plan| {
                 let v = &self.vehicles[k];
-                self.config.tolerance.judge(plan, &v.position_enu_m(), v.nominal_attitude()) == Off::Nothing
+                let off = self.config.tolerance.judge(plan, &v.own_position_enu_m(), &v.own_attitude());
+                off == Off::Nothing
             });
             self.vehicles[k].sample(meant.map(|plan| plan.euler));
             let vehicle = &self.vehicles[k];
-            self.trails[k].keep(self.now, vehicle.supposed_position_enu_m(), *vehicle.nominal_attitude());
+            self.trails[k].keep(self.now, vehicle.supposed_position_enu_m(), vehicle.own_attitude());
         }
+        self.users.iter_mut().chain(&mut self.eavesdroppers).for_each(Receiver::advance);
         let seen = self.watch();
         for (k, vehicle) in seen.iter().enumerate().filter(|(_, v)| v.power_w.is_some()) {
             self.score_emitter(k, vehicle);
         }
         self.secrecy_rate_bps = None;
         let (Some(power_i), Some(slot)) = (seen[0].power_w, seen[0].slot) else { return };
-        let emitter = |k: usize, power_w: f64| {
-            Emitter::new(self.vehicles[k].position_enu_m(), self.vehicles[k].attitude(), power_w)
-        };
-        let (i, j) = (emitter(0, power_i), emitter(1, seen[1].power_w.unwrap_or(0.0)));
+        let (i, j) = (self.emitter(0, power_i), self.emitter(1, seen[1].power_w.unwrap_or(0.0)));
         let (_, user) = &self.plans[slot];
         let rate =
             radio::secrecy_rate_bps(&self.config.radio, &i, &j, &self.users[*user], &self.eavesdroppers);
         self.secrecy_rate_bps = Some(rate);
         let score = &mut self.scores[slot];
         score.rate.add(rate);
+    }
+
+    /// A vehicle as it radiates.
+    fn emitter(&self, k: usize, power_w: f64) -> Emitter<'_> {
+        let vehicle = &self.vehicles[k];
+        Emitter {
+            vehicle: k,
+            position_enu_m: vehicle.position_enu_m(),
+            axis: vehicle.antenna_axis(),
+            power_w,
+            pattern: vehicle.pattern(),
+        }
     }
 
     fn score_emitter(&mut self, k: usize, seen: &Seen) {
@@ -345,6 +365,12 @@ impl World {
             secrecy_rate_bps: self.secrecy_rate_bps,
             violations: self.monitor.violations.len(),
         }
+    }
+
+    /// By how much the truth is off what each vehicle believes, in this flight.
+    #[must_use]
+    pub fn biases(&self) -> [Bias; 2] {
+        self.vehicles.each_ref().map(Vehicle::bias)
     }
 
     /// What each vehicle has counted.

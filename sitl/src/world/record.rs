@@ -3,10 +3,10 @@
 
 use std::time::Duration;
 
-use nalgebra::Vector3;
 use serde::Serialize;
 
-use super::radio::{Emitter, sinr};
+use super::radio::sinr;
+use super::receiver::Receiver;
 use super::{Snapshot, World, WorldConfig};
 
 /// The world at one instant, with what its receivers hear.
@@ -84,18 +84,20 @@ impl World {
     /// Where the eavesdroppers truly are, mission ENU, metres, in the configuration's order.
     #[must_use]
     pub fn eavesdroppers_enu_m(&self) -> Vec<[f64; 3]> {
-        self.eavesdroppers.iter().map(|&position| position.into()).collect()
+        self.eavesdroppers.iter().map(|receiver| receiver.position_enu_m.into()).collect()
+    }
+
+    /// Where the users truly are, likewise.
+    #[must_use]
+    pub fn users_enu_m(&self) -> Vec<[f64; 3]> {
+        self.users.iter().map(|receiver| receiver.position_enu_m.into()).collect()
     }
 
     fn heard(&self) -> Option<Heard> {
         let slot = self.slot_of(0)?;
-        let emitter = |k: usize| {
-            let vehicle = &self.vehicles[k];
-            let power_w = vehicle.transmitter().power_w().unwrap_or(0.0);
-            Emitter::new(vehicle.position_enu_m(), vehicle.attitude(), power_w)
-        };
-        let (i, j) = (emitter(0), emitter(1));
-        let at = |receiver: &Vector3<f64>| sinr(&self.config.radio, &i, &j, receiver);
+        let power_w = |k: usize| self.vehicles[k].transmitter().power_w().unwrap_or(0.0);
+        let (i, j) = (self.emitter(0, power_w(0)), self.emitter(1, power_w(1)));
+        let at = |receiver: &Receiver| sinr(&self.config.radio, &i, &j, receiver);
         Some(Heard {
             user_sinr: at(&self.users[self.plans[slot].1]),
             eavesdropper_sinr: self.eavesdroppers.iter().map(at).collect(),

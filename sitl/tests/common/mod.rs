@@ -31,25 +31,15 @@ pub fn config() -> WorldConfig {
         origin: Origin { lat_deg: 50.0755, lon_deg: 14.4378, alt_amsl_m: 200.0 },
         utc_start_us: 1_790_000_000_000_000,
         vehicles: [i, j],
-        users: vec![Node { name: "alpha".into(), position_enu_m: [0.0; 3] }],
-        eavesdroppers: vec![
-            Eavesdropper {
-                name: "hill".into(),
-                position_enu_m: [120.0, -40.0, 0.0],
-                uncertainty: Uncertainty::Exact,
-            },
-            Eavesdropper {
-                name: "roof".into(),
-                position_enu_m: [-60.0, 100.0, 0.0],
-                uncertainty: Uncertainty::Exact,
-            },
-        ],
+        users: vec![exactly("alpha", [0.0; 3])],
+        eavesdroppers: vec![exactly("hill", [120.0, -40.0, 0.0]), exactly("roof", [-60.0, 100.0, 0.0])],
         radio: RadioConfig {
             bandwidth_hz: 1e6,
             noise_power_w: 1e-12,
             reference_gain: 1.0,
             max_power_w: [0.5, 0.5],
         },
+        fading: Fading::default(),
         airspace: AirspaceConfig {
             altitude_m: [20.0, 300.0],
             area_enu_m: vec![[-500.0, -500.0], [500.0, -500.0], [500.0, 500.0], [-500.0, 500.0]],
@@ -63,6 +53,11 @@ pub fn config() -> WorldConfig {
         }],
         tolerance: Tolerance::default(),
     }
+}
+
+/// A receiver where it is said to be.
+pub fn exactly(name: &str, position_enu_m: [f64; 3]) -> Node {
+    Node { name: name.into(), position_enu_m, uncertainty: Uncertainty::Exact }
 }
 
 /// A client of one vehicle on one link.

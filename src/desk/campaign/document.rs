@@ -1,4 +1,4 @@
-//! The campaign document (`veilwing-campaign/1`): one line a flight, and the totals made from the lines.
+//! The campaign document (`veilwing-campaign/1`): one line a flight (`line`), and the totals made from the lines.
 //!
 //! The totals are a function of the lines in the order of their numbers, so that neither threads nor shards change a
 //! bit of them, and any documents of one campaign can be merged.
@@ -8,9 +8,9 @@ use std::fmt::Write as _;
 
 use serde::{Deserialize, Serialize};
 
-use crate::desk::simulation::{Excused, Flown};
-
 use super::coverage::{self, Counts};
+use super::line::{Ending, ExcusedLine, FlightLine, UserLine, ViolationLine};
+use super::quantile::Quantile;
 
 /// The document's format.
 pub const FORMAT: &str = "veilwing-campaign/1";
@@ -34,127 +34,6 @@ pub struct Identity {
     pub campaign_runs: u64,
 }
 
-/// How a flight ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Ending {
-    /// Every slot flown by both, landed.
-    Completed,
-    /// Not so.
-    Aborted,
-}
-
-/// A violation, with the seed that replays it.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct ViolationLine {
-    /// Its number, such as `S1`.
-    pub invariant: String,
-    /// Of the flight.
-    pub seed: u64,
-    /// Flight time, seconds.
-    pub at_s: f64,
-    /// For how long, seconds; of unprotected emission the time that nothing excuses.
-    pub duration_s: f64,
-    /// What was seen.
-    pub detail: String,
-}
-
-/// A break of an invariant that no companion could have kept.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct ExcusedLine {
-    /// Its number, such as `S1`.
-    pub invariant: String,
-    /// Of the flight.
-    pub seed: u64,
-    /// Why, by its kind: one of the names of [`veilwing_sitl::Cause`].
-    pub cause: String,
-    /// For how long, seconds.
-    pub duration_s: f64,
-    /// Flight time, seconds.
-    pub at_s: f64,
-    /// What was seen.
-    pub detail: String,
-}
-
-/// A fault that came about.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct FaultLine {
-    /// Flight time, seconds.
-    pub at_s: f64,
-    /// As the fault file spells it.
-    pub kind: String,
-    /// To whom, how much, how long.
-    pub detail: String,
-}
-
-/// One flight.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct FlightLine {
-    /// Its number in the campaign, from 0.
-    pub run: u64,
-    /// Replays it.
-    pub seed: u64,
-    /// How it ended.
-    pub result: Ending,
-    /// Its length, seconds.
-    pub simulated_s: f64,
-    /// Over the time in which I radiated; `null` if it never did.
-    pub achieved_over_planned: Option<f64>,
-    /// I on without J on at its planned power and in its pose, seconds, whatever the cause.
-    pub unprotected_s: f64,
-    /// Either vehicle on out of its pose, or in no slot, seconds, whatever the cause.
-    pub emitted_out_of_pose_s: f64,
-    /// Faults that came about.
-    pub faults: Vec<FaultLine>,
-    /// How often each kind of state, news and refusal was reached.
-    pub coverage: Counts,
-    /// Violations that count.
-    pub violations: Vec<ViolationLine>,
-    /// What no companion could have kept.
-    pub excused: Vec<ExcusedLine>,
-}
-
-impl FlightLine {
-    /// The line of a flight that was flown.
-    #[must_use]
-    pub fn new(run: u64, seed: u64, flown: &Flown, coverage: Counts) -> Self {
-        let line = |v: &veilwing_sitl::Violation| ViolationLine {
-            invariant: v.invariant().name().to_owned(),
-            seed,
-            at_s: v.at.as_secs_f64(),
-            duration_s: v.lasted.as_secs_f64(),
-            detail: v.to_string(),
-        };
-        let excused = |excused: &Excused| ExcusedLine {
-            invariant: excused.violation.invariant().name().to_owned(),
-            seed,
-            cause: excused.cause.name().to_owned(),
-            duration_s: excused.violation.lasted.as_secs_f64(),
-            at_s: excused.violation.at.as_secs_f64(),
-            detail: excused.violation.to_string(),
-        };
-        let out_of_pose = flown.report.emitted_out_of_pose_s;
-        let faults = flown.faults.iter().map(|(at, fault)| FaultLine {
-            at_s: at.as_secs_f64(),
-            kind: fault.kind.name().to_owned(),
-            detail: fault.describe(),
-        });
-        Self {
-            run,
-            seed,
-            result: if flown.completed() { Ending::Completed } else { Ending::Aborted },
-            simulated_s: flown.report.flight_s,
-            achieved_over_planned: flown.achieved_over_planned(),
-            unprotected_s: flown.report.unprotected_s,
-            emitted_out_of_pose_s: out_of_pose.i + out_of_pose.j,
-            faults: faults.collect(),
-            coverage,
-            violations: flown.report.violations.iter().map(line).collect(),
-            excused: flown.excused.iter().map(excused).collect(),
-        }
-    }
-}
-
 /// Mean over flights and its standard error; `null` where there are too few.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Mean {
@@ -164,6 +43,9 @@ pub struct Mean {
     pub standard_error: Option<f64>,
     /// Flights in which I radiated.
     pub flights: u64,
+    /// What 95% of the flights exceed, where the link has imperfections that are drawn once a flight.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub quantile_5pct: Option<Quantile>,
 }
 
 impl Mean {
@@ -175,7 +57,43 @@ impl Mean {
             mean: (n > 0.0).then_some(mean),
             standard_error: (n > 1.0).then(|| (squares / (n - 1.0) / n).sqrt()),
             flights: values.len() as u64,
+            quantile_5pct: None,
         }
+    }
+
+    /// The same with the 5% quantile.
+    fn with_quantile(values: &[f64]) -> Self {
+        Self { quantile_5pct: Quantile::of(values, 0.05), ..Self::of(values) }
+    }
+}
+
+/// What the flights achieved for one user.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct UserTotal {
+    /// The user.
+    pub user: String,
+    /// The plan's expectation.
+    pub planned_secrecy_rate_bps: f64,
+    /// Over the flights in which the user was served.
+    pub achieved_secrecy_rate_bps: Mean,
+}
+
+impl UserTotal {
+    /// Of all users, in the order in which they come up.
+    fn all(flights: &[FlightLine]) -> Vec<Self> {
+        let mut found: Vec<(&UserLine, Vec<f64>)> = Vec::new();
+        for line in flights.iter().flat_map(|flight| &flight.users) {
+            match found.iter_mut().find(|(known, _)| known.user == line.user) {
+                None => found.push((line, vec![line.achieved_secrecy_rate_bps])),
+                Some((_, rates)) => rates.push(line.achieved_secrecy_rate_bps),
+            }
+        }
+        let total = |(line, rates): (&UserLine, Vec<f64>)| Self {
+            user: line.user.clone(),
+            planned_secrecy_rate_bps: line.planned_secrecy_rate_bps,
+            achieved_secrecy_rate_bps: Mean::with_quantile(&rates),
+        };
+        found.into_iter().map(total).collect()
     }
 }
 
@@ -238,6 +156,9 @@ pub struct CampaignDocument {
     pub cpu_s: f64,
     /// Achieved over planned secrecy rate.
     pub achieved_over_planned: Mean,
+    /// Where the link has imperfections that are drawn once a flight, what they left to each user.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub users: Vec<UserTotal>,
     /// How often each kind of fault came about.
     pub faults: BTreeMap<String, u64>,
     /// How often the companions came to each of their kinds of state, news and refusal, those never reached included.
@@ -273,6 +194,7 @@ impl CampaignDocument {
         let mut coverage = coverage::nothing();
         flights.iter().for_each(|flight| coverage::add(&mut coverage, &flight.coverage));
         let ratios: Vec<f64> = flights.iter().filter_map(|flight| flight.achieved_over_planned).collect();
+        let ideal = flights.iter().all(|flight| flight.users.is_empty());
         let count = |wanted: fn(&FlightLine) -> bool| flights.iter().filter(|f| wanted(f)).count() as u64;
         Self {
             format: FORMAT.to_owned(),
@@ -289,7 +211,8 @@ impl CampaignDocument {
             simulated_s: flights.iter().map(|f| f.simulated_s).sum(),
             wall_s: times.wall_s,
             cpu_s: times.cpu_s,
-            achieved_over_planned: Mean::of(&ratios),
+            achieved_over_planned: if ideal { Mean::of(&ratios) } else { Mean::with_quantile(&ratios) },
+            users: UserTotal::all(&flights),
             faults,
             coverage,
             flights,
@@ -334,6 +257,7 @@ impl CampaignDocument {
                 "achieved over planned secrecy rate: {mean:.5} +- {error:.5} (standard error over {flights} flights)"
             )?;
         }
+        self.write_users(text)?;
         for violation in &self.violations {
             let ViolationLine { invariant, seed, at_s, duration_s, detail } = violation;
             writeln!(
@@ -368,6 +292,24 @@ impl CampaignDocument {
             self.simulated_s / self.wall_s,
             self.simulated_s / self.cpu_s
         )
+    }
+
+    /// What 95% of the flights exceed, where that differs from flight to flight by what is stated of the link.
+    fn write_users(&self, text: &mut String) -> std::fmt::Result {
+        if let Some(Quantile { value, standard_error }) = self.achieved_over_planned.quantile_5pct {
+            let error = standard_error.map_or_else(String::new, |error| format!(" +- {error:.5}"));
+            writeln!(text, "  exceeded in 95% of the flights: {value:.5}{error}")?;
+        }
+        for UserTotal { user, planned_secrecy_rate_bps, achieved_secrecy_rate_bps } in &self.users {
+            let Mean { mean, quantile_5pct, .. } = achieved_secrecy_rate_bps;
+            let (Some(mean), Some(quantile)) = (mean, quantile_5pct) else { continue };
+            writeln!(
+                text,
+                "  {user:<16} {mean:.4e} bit/s of {planned_secrecy_rate_bps:.4e} planned; {:.4e} in 95%",
+                quantile.value
+            )?;
+        }
+        Ok(())
     }
 
     /// What no companion could have kept, by cause and invariant.

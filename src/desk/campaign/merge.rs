@@ -3,7 +3,8 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-use super::document::{CampaignDocument, FORMAT, FlightLine, Times};
+use super::document::{CampaignDocument, FORMAT, Times};
+use super::line::FlightLine;
 
 /// Why there is no one document.
 #[derive(Debug, thiserror::Error)]

@@ -2,12 +2,13 @@
 
 pub mod coverage;
 mod document;
+mod line;
 mod merge;
 mod pool;
+mod quantile;
 
-pub use document::{
-    CampaignDocument, Ending, ExcusedLine, Exposure, FORMAT, FaultLine, FlightLine, Identity, Mean, Times,
-    ViolationLine,
-};
+pub use document::{CampaignDocument, Exposure, FORMAT, Identity, Mean, Times, UserTotal};
+pub use line::{Ending, ExcusedLine, FaultLine, FlightLine, UserLine, ViolationLine};
 pub use merge::{MergeError, merge, part_file_name};
 pub use pool::{Done, fly_all};
+pub use quantile::Quantile;

@@ -53,7 +53,7 @@ pub fn timeline(
 
 fn scene(mission: &Mission, world: &sim::World) -> Scene {
     let config = world.config();
-    let truth = world.eavesdroppers_enu_m();
+    let (users, truth) = (world.users_enu_m(), world.eavesdroppers_enu_m());
     Scene {
         format: SCENE_FORMAT.to_owned(),
         source: Source::Simulation,
@@ -75,14 +75,15 @@ fn scene(mission: &Mission, world: &sim::World) -> Scene {
         users: config
             .users
             .iter()
-            .map(|user| Place { name: user.name.clone(), position_enu_m: user.position_enu_m })
+            .zip(users)
+            .map(|(user, position_enu_m)| Place { name: user.name.clone(), position_enu_m })
             .collect(),
         eavesdroppers: config.eavesdroppers.iter().zip(truth).map(|(e, truth)| listener(e, truth)).collect(),
         slots: config.slots.iter().map(slot).collect(),
     }
 }
 
-fn listener(eavesdropper: &sim::Eavesdropper, truth: [f64; 3]) -> Listener {
+fn listener(eavesdropper: &sim::Node, truth: [f64; 3]) -> Listener {
     let (radius_m, std_m) = match eavesdropper.uncertainty {
         sim::Uncertainty::Exact => (None, None),
         sim::Uncertainty::Disc { radius_m } => (Some(radius_m), None),

@@ -1,7 +1,7 @@
 //! The pair in the simulated world, in virtual time: two companions' own code, the world, and the links between them,
 //! with no socket, no sleep and no clock. Every message crosses as bytes.
 //!
-//! `world` tells the world of a mission and its plan; `path` is a link that may lose, delay, repeat and reorder;
+//! `world` tells the world of a mission and its plan, `imperfections` what the mission says of its link; `path` is a link that may lose, delay, repeat and reorder;
 //! `process` is one companion as its operating system would run it; `flight` moves all of them from event to event;
 //! `fault` draws what goes wrong; `supervisor` lets it befall the companions, and gives them up; `excuse` tells what does
 //! not count; `scenario` flies a mission again and again, each time with a seed and its faults.
@@ -10,6 +10,7 @@ mod disk;
 mod excuse;
 pub mod fault;
 mod flight;
+mod imperfections;
 mod observer;
 mod path;
 mod process;
@@ -22,6 +23,7 @@ mod world;
 pub use excuse::{Cause, Excused, Late, judge};
 pub use fault::{Change, Fault, FaultKind, Faults, Lengths, Order, Schedule, draw};
 pub use flight::{Flight, FlightError, Setup};
+pub use imperfections::{Imperfections, Towards};
 pub use observer::{Observer, Wire};
 pub use path::Path;
 pub(crate) use path::Pipe;

@@ -15,11 +15,13 @@ use crate::role::{PerVehicle, Role};
 use super::excuse::{Excused, judge};
 use super::fault::{Change, Fault, FaultKind, Lengths};
 use super::flight::{Flight, FlightError, Setup};
+use super::imperfections::Imperfections;
 use super::observer::Observer;
 use super::path::Path;
 use super::process::Given;
 use super::supervisor::{Host, Supervisor};
-use super::{index, vehicle_draft, world_config};
+use super::world::world_over;
+use super::{index, vehicle_draft};
 
 /// After being asked to stop, a companion has this long before it is killed.
 const STOP_WITHIN: Duration = Duration::from_secs(5);
@@ -117,6 +119,19 @@ impl Scenario {
     /// # Errors
     /// A plan that cannot be flown.
     pub fn new(mission: &Mission, plan: &Plan, actuation: Option<Actuation>) -> Result<Self, ScenarioError> {
+        Self::over(&Imperfections::of(mission), mission, plan, actuation)
+    }
+
+    /// The same over a link with other imperfections than the mission states: a plan in a world that it does not know.
+    ///
+    /// # Errors
+    /// A plan that cannot be flown.
+    pub fn over(
+        link: &Imperfections,
+        mission: &Mission,
+        plan: &Plan,
+        actuation: Option<Actuation>,
+    ) -> Result<Self, ScenarioError> {
         let mut given = Vec::new();
         for role in Role::BOTH {
             let mut draft = vehicle_draft(mission, role, [1, 2]);
@@ -124,7 +139,7 @@ impl Scenario {
             let vehicle = Vehicle::new(draft).map_err(|e| ScenarioError::World(e.to_string()))?;
             given.push(Arc::new(Given { mission: mission.clone(), plan: plan.clone(), vehicle }));
         }
-        let world = world_config(mission, plan).map_err(ScenarioError::World)?;
+        let world = world_over(link, mission, plan).map_err(ScenarioError::World)?;
         let given = PerVehicle::from_fn(|role| Arc::clone(&given[index(role)]));
         let lengths =
             Lengths { flight_s: LONGEST.as_secs_f64(), slot_s: mission.tdma.slot_s - mission.tdma.guard_s };

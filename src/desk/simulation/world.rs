@@ -6,13 +6,15 @@ use veilwing_sitl as sim;
 use crate::config::Mission;
 use crate::geo::Attitude;
 use crate::planner::plan::VehiclePlan;
-use crate::planner::problem::{self, Airframe, JitterAxes, JitterModel};
+use crate::planner::problem::{Airframe, JitterAxes, JitterModel};
 use crate::planner::slots::{Plan, PlannedSlot};
 use crate::role::{PerVehicle, Role};
 use crate::schedule::table::Table;
 use crate::schedule::trajectory::Start;
 use crate::schedule::transit::Router;
 use crate::units::{Dbm, Watts};
+
+use super::imperfections::{Imperfections, uncertainty};
 
 /// The air where nothing is said of it: its mean velocity, and the wind at 6 m that its turbulence belongs to.
 const BREEZE_ENU_M_S: [f64; 3] = [2.0, -1.0, 0.0];
@@ -25,12 +27,16 @@ const HOMES_APART_M: f64 = 20.0;
 /// # Errors
 /// A plan whose slots cannot be flown one after the other, or no room for two homes; in words.
 pub fn world_config(mission: &Mission, plan: &Plan) -> Result<sim::WorldConfig, String> {
+    world_over(&Imperfections::of(mission), mission, plan)
+}
+
+/// The same over a link with these imperfections, whatever the mission states.
+pub(super) fn world_over(
+    link: &Imperfections,
+    mission: &Mission,
+    plan: &Plan,
+) -> Result<sim::WorldConfig, String> {
     let homes = homes(mission)?;
-    let uncertainty = |u: problem::Uncertainty| match u {
-        problem::Uncertainty::None => sim::Uncertainty::Exact,
-        problem::Uncertainty::Disc { radius_m } => sim::Uncertainty::Disc { radius_m },
-        problem::Uncertainty::Gaussian { std_m } => sim::Uncertainty::Gaussian { std_m },
-    };
     Ok(sim::WorldConfig {
         seed: mission.seed,
         origin: sim::Origin {
@@ -40,16 +46,21 @@ pub fn world_config(mission: &Mission, plan: &Plan) -> Result<sim::WorldConfig, 
         },
         // A Saturday noon; any instant serves, as long as both vehicles are told the same.
         utc_start_us: 1_800_014_400_000_000,
-        vehicles: [vehicle(mission, Role::I, homes[0]), vehicle(mission, Role::J, homes[1])],
+        vehicles: [vehicle(mission, Role::I, homes[0], link), vehicle(mission, Role::J, homes[1], link)],
         users: mission
             .users
             .iter()
-            .map(|user| sim::Node { name: user.name.clone(), position_enu_m: user.position_enu_m.into() })
+            .enumerate()
+            .map(|(index, user)| sim::Node {
+                name: user.name.clone(),
+                position_enu_m: user.position_enu_m.into(),
+                uncertainty: link.user(index),
+            })
             .collect(),
         eavesdroppers: mission
             .eavesdroppers
             .iter()
-            .map(|e| sim::Eavesdropper {
+            .map(|e| sim::Node {
                 name: e.name.clone(),
                 position_enu_m: e.node.position_enu_m.into(),
                 uncertainty: uncertainty(e.node.uncertainty),
@@ -61,6 +72,7 @@ pub fn world_config(mission: &Mission, plan: &Plan) -> Result<sim::WorldConfig, 
             reference_gain: mission.radio.reference_gain,
             max_power_w: [mission.power_ceiling(Role::I).0, mission.power_ceiling(Role::J).0],
         },
+        fading: link.fading(),
         airspace: sim::AirspaceConfig {
             altitude_m: mission.airspace.altitude_m,
             area_enu_m: mission.airspace.area_enu_m.iter().map(|v| [v.x, v.y]).collect(),
@@ -117,7 +129,7 @@ fn pose(vehicle: &VehiclePlan) -> sim::PlannedPose {
     }
 }
 
-fn vehicle(mission: &Mission, role: Role, home: Vector2<f64>) -> sim::VehicleConfig {
+fn vehicle(mission: &Mission, role: Role, home: Vector2<f64>, link: &Imperfections) -> sim::VehicleConfig {
     let (sim_role, sign) = match role {
         Role::I => (sim::Role::I, 1.0),
         Role::J => (sim::Role::J, -1.0),
@@ -135,6 +147,8 @@ fn vehicle(mission: &Mission, role: Role, home: Vector2<f64>) -> sim::VehicleCon
         // A light breeze with its gusts, and an estimator that errs: a simulated flight is not flown in a vacuum.
         wind: sim::WindConfig { mean_enu_m_s: BREEZE_ENU_M_S, turbulence_m_s: TURBULENCE_M_S },
         sensors: sim::SensorConfig::typical(),
+        errors: link.errors[role],
+        antenna: link.antennas[role].clone(),
         transmitter_max_dbm: ceiling.max(30.0),
         ..sim::VehicleConfig::new(sim_role)
     }
