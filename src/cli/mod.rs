@@ -15,6 +15,8 @@ macro_rules! eprint {
 }
 
 #[cfg(feature = "desk")]
+mod calibrate;
+#[cfg(feature = "desk")]
 mod campaign;
 mod check;
 mod evaluate;
@@ -101,6 +103,8 @@ enum Command {
     Fly(fly::Args),
     #[cfg(feature = "desk")]
     Report(report::Args),
+    #[cfg(feature = "desk")]
+    Calibrate(calibrate::Args),
     Schema(schema::Args),
 }
 
@@ -123,6 +127,8 @@ pub fn main() -> ExitCode {
         Command::Fly(args) => fly::run(args),
         #[cfg(feature = "desk")]
         Command::Report(args) => report::run(args),
+        #[cfg(feature = "desk")]
+        Command::Calibrate(args) => calibrate::run(args),
         Command::Schema(args) => schema::run(args),
     };
     exit.into()

@@ -1,6 +1,7 @@
-//! What a desk needs and a vehicle does not: flights in the simulated world, campaigns of them, reports, the paper's
+//! What a desk needs and a vehicle does not: flights in the simulated world, campaigns of them, calibrations, reports, the paper's
 //! figures. The onboard build leaves the whole room out.
 
+pub mod calibration;
 pub mod campaign;
 mod csv_text;
 mod drawing;
