@@ -193,6 +193,14 @@ pub struct AntennasDraft {
     pub j: Option<AntennaDraft>,
 }
 
+impl AntennasDraft {
+    /// Each vehicle's.
+    #[must_use]
+    pub fn each(&self) -> PerVehicle<&AntennaDraft> {
+        PerVehicle { i: self.i.as_ref().unwrap_or(&self.both), j: self.j.as_ref().unwrap_or(&self.both) }
+    }
+}
+
 /// What is known of an antenna; nothing: an ideal dipole.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct AntennaDraft {

@@ -166,6 +166,12 @@ pub struct Difference {
 }
 
 impl Mission {
+    /// What the mission states of each vehicle's antenna, in its own terms; [`Settled::antennas`] is what is made of it.
+    #[must_use]
+    pub fn antennas_as_stated(&self) -> PerVehicle<&AntennaDraft> {
+        self.draft.antenna.each()
+    }
+
     /// Reads and validates a mission file.
     ///
     /// # Errors
@@ -397,8 +403,7 @@ fn in_si_units(draft: &MissionDraft) -> Settled {
 }
 
 fn patterns(antennas: &AntennasDraft) -> PerVehicle<Pattern> {
-    let pattern = |own: &Option<AntennaDraft>| {
-        let AntennaDraft { null_depth_db, pattern } = own.as_ref().unwrap_or(&antennas.both);
+    antennas.each().map(|AntennaDraft { null_depth_db, pattern }| {
         // Points that make no pattern were refused.
         let measured = pattern.as_ref().and_then(|points| Measured::new(points).ok());
         match (measured, null_depth_db) {
@@ -406,8 +411,7 @@ fn patterns(antennas: &AntennasDraft) -> PerVehicle<Pattern> {
             (None, Some(depth_db)) => Pattern::with_null_depth(*depth_db),
             (None, None) => Pattern::IDEAL,
         }
-    };
-    PerVehicle { i: pattern(&antennas.i), j: pattern(&antennas.j) }
+    })
 }
 
 fn pointing(draft: &PointingDraft) -> Pointing {

@@ -3,8 +3,9 @@
 
 use veilwing_sitl as sim;
 
-use crate::config::Mission;
+use crate::config::{AntennaDraft, Mission};
 use crate::planner::problem;
+use crate::radio::fading::Rician;
 use crate::role::PerVehicle;
 
 /// The link as it is, in the world's terms. The default is the ideal: perfect dipoles that point where they are told, no
@@ -34,10 +35,24 @@ pub struct Towards<T> {
 const COHERENCE_S: f64 = 0.05;
 
 impl Imperfections {
-    /// What `mission` states.
+    /// What `mission` states. Angles and decibels are taken as stated, so that the world makes its own patterns of them.
     #[must_use]
-    pub fn of(_mission: &Mission) -> Self {
-        Self::default()
+    pub fn of(mission: &Mission) -> Self {
+        let errors = sim::PointingErrors {
+            heading_std_deg: mission.pointing.heading_std_rad.to_degrees(),
+            mounting_std_deg: mission.pointing.mounting_std_rad.to_degrees(),
+            position_std_m: mission.pointing.position_std_m,
+        };
+        let k_db = |law: Rician| law.is_present().then(|| 10.0 * law.factor().log10());
+        Self {
+            antennas: mission.antennas_as_stated().map(antenna),
+            errors: PerVehicle { i: errors, j: errors },
+            rician_k_db: Towards {
+                user: k_db(mission.fading.user),
+                eavesdropper: k_db(mission.fading.eavesdropper),
+            },
+            users: mission.users.iter().map(|user| uncertainty(user.uncertainty)).collect(),
+        }
     }
 
     /// What the world scatters.
@@ -53,6 +68,15 @@ impl Imperfections {
     /// How well the position of this user is known.
     pub(super) fn user(&self, index: usize) -> sim::Uncertainty {
         self.users.get(index).copied().unwrap_or_default()
+    }
+}
+
+/// An antenna, in the world's terms.
+fn antenna(stated: &AntennaDraft) -> sim::Antenna {
+    match (&stated.pattern, stated.null_depth_db) {
+        (Some(points), _) => sim::Antenna::Measured { gain_db: points.clone() },
+        (None, Some(depth_db)) => sim::Antenna::NullDepth { depth_db },
+        (None, None) => sim::Antenna::Dipole,
     }
 }
 
