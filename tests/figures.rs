@@ -9,7 +9,7 @@ use std::path::Path;
 use std::process::Command;
 
 use nalgebra::Vector3;
-use veilwing::desk::figures::rates::{CurveRates, MAX_POWERS_W, Source, Study, measure, rate};
+use veilwing::desk::figures::rates::{CurveRates, MAX_POWERS_W, Source, Study, measure, score};
 use veilwing::desk::figures::scenario::{self, Conditions};
 use veilwing::desk::figures::{Failure, Settings, all, poses};
 use veilwing::geo::Pose;
@@ -116,24 +116,23 @@ fn val_figure_4_means_are_those_of_single_scenarios() {
     for study in Study::ALL {
         let rates = measure(study, &SETTINGS, &quiet).unwrap();
         let rows = rows(&rates.csv());
-        assert_eq!(rows.len(), study.curves().len() * MAX_POWERS_W.len());
-        let power = 2;
+        let abscissa = study.abscissa();
+        assert_eq!(rows.len(), study.curves().len() * abscissa.values.len());
+        let value = 2;
         for CurveRates { curve, rates: summaries, .. } in &rates.curves {
             let single: Vec<f64> = (0..SETTINGS.scenarios)
                 .map(|index| {
                     let seed = veilwing::planner::expectation::sobol::mix(SETTINGS.seed, index as u64);
-                    let problem = scenario::problem(
-                        &scenario::eavesdroppers(SETTINGS.seed, index),
-                        &study.conditions(MAX_POWERS_W[power]),
-                    );
-                    rate(curve.source, &problem, seed).unwrap()
+                    let eavesdroppers = scenario::eavesdroppers(SETTINGS.seed, index);
+                    let problem = study.problem(&eavesdroppers, abscissa.values[value]);
+                    score(curve.source, &problem, seed).unwrap().of(curve.statistic)
                 })
                 .collect();
             let mean = (single[0] + single[1]) / 2.0;
-            assert!((summaries[power].mean - mean).abs() < 1e-9, "{study:?} {}", curve.name);
+            assert!((summaries[value].mean - mean).abs() < 1e-9, "{study:?} {}", curve.name);
             let row = rows
                 .iter()
-                .find(|r| r["method"] == curve.name && number(r, "max_power_w") == MAX_POWERS_W[power])
+                .find(|r| r["method"] == curve.name && number(r, abscissa.name) == abscissa.values[value])
                 .unwrap();
             assert!((number(row, "mean_bit_s_hz") - mean).abs() < 1e-6);
             let error = (single[0] - single[1]).abs() / 2.0;
@@ -146,18 +145,18 @@ fn val_figure_4_means_are_those_of_single_scenarios() {
 #[test]
 fn val_a_plan_of_figure_4_is_scored_by_evaluate() {
     // Without anything random the evaluator is exact, so that the plan's own figure must be met.
-    let problem = scenario::problem(&scenario::eavesdroppers(1, 0), &Study::Plain.conditions(0.5));
+    let problem = Study::Plain.problem(&scenario::eavesdroppers(1, 0), 0.5);
     let options = veilwing::planner::Options { seed: 9, ..Default::default() };
     let plan = veilwing::planner::plan_slot(&problem, &options).unwrap();
-    let drawn = rate(Source::Planned(options.method), &problem, 9).unwrap();
+    let drawn = score(Source::Planned(options.method), &problem, 9).unwrap().mean;
     assert!((drawn - scenario::per_hz(plan.secrecy_rate_bps)).abs() < 1e-9);
     // With jitter and uncertain positions, within the errors of both.
-    let problem = scenario::problem(&scenario::eavesdroppers(1, 0), &Study::Uncertain.conditions(0.5));
+    let problem = Study::Uncertain.problem(&scenario::eavesdroppers(1, 0), 0.5);
     let plan = veilwing::planner::plan_slot(&problem, &options).unwrap();
-    let drawn = rate(Source::Planned(options.method), &problem, 9).unwrap();
+    let drawn = score(Source::Planned(options.method), &problem, 9).unwrap().mean;
     let scoring = EvaluateOptions { samples: 65_536, seed: 4, sequence: Sequence::Sobol };
     let score = evaluate(&problem, &plan.vehicles, &scoring).unwrap();
-    // `rate` scores on an eighth of the samples.
+    // `score` scores on an eighth of the samples.
     let error = scenario::per_hz(score.standard_error_bps) * (1.0 + 8f64.sqrt());
     assert!((drawn - scenario::per_hz(score.secrecy_rate_bps)).abs() < 5.0 * error, "{drawn}");
 }
@@ -174,8 +173,28 @@ fn val_order_of_figure_4a_is_the_papers() {
     for power in MAX_POWERS_W {
         let ordered = ["cap", "veilwing", "paper", "interior-point", "conventional"].map(|m| mean(m, power));
         assert!(ordered.is_sorted_by(|a, b| a > b), "{power} W: {ordered:?}");
-        let problem = scenario::problem(&scenario::eavesdroppers(1, 0), &Study::Plain.conditions(power));
+        let problem = Study::Plain.problem(&scenario::eavesdroppers(1, 0), power);
         assert!((mean("cap", power) - scenario::per_hz(cap(&problem).unwrap())).abs() < 1e-6);
+    }
+}
+
+#[test]
+fn val_who_knows_of_floors_and_scattering_is_ahead_of_who_does_not() {
+    let settings = Settings { scenarios: 8, ..SETTINGS };
+    for study in [Study::NullDepth, Study::Scattering] {
+        let rates = measure(study, &settings, &quiet).unwrap();
+        let means = |name: &str| -> Vec<f64> {
+            let curve = rates.curves.iter().find(|curve| curve.curve.name == name).unwrap();
+            curve.rates.iter().map(|summary| summary.mean).collect()
+        };
+        let [knowing, quantile] = ["knowing", "knowing-5pct"].map(means);
+        let [unknowing, unknowing_quantile] = ["unknowing", "unknowing-5pct"].map(means);
+        // The better the hardware and the site, the more both get; the worse, the more it is worth to know.
+        assert!(knowing.is_sorted() && unknowing.is_sorted(), "{knowing:?} {unknowing:?}");
+        let ahead: Vec<f64> = knowing.iter().zip(&unknowing).map(|(k, u)| k - u).collect();
+        assert!(ahead.iter().all(|ahead| *ahead > -0.01) && ahead[0] > 0.3, "{study:?}: {ahead:?}");
+        assert!(knowing.iter().zip(&quantile).all(|(mean, quantile)| quantile < mean));
+        assert!(unknowing.iter().zip(&unknowing_quantile).all(|(mean, quantile)| quantile < mean));
     }
 }
 
@@ -183,7 +202,10 @@ fn val_order_of_figure_4a_is_the_papers() {
 fn spec_figures_do_not_depend_on_threads_and_are_sound() {
     let one = all(&Settings { threads: 1, ..SETTINGS }, &quiet).unwrap();
     let names: Vec<&str> = one.iter().map(|figure| figure.name).collect();
-    assert_eq!(names, ["figure-3", "figure-4a", "figure-4b", "figure-4c"]);
+    assert_eq!(
+        names,
+        ["figure-3", "figure-4a", "figure-4b", "figure-4c", "figure-null-depth", "figure-rician-k"]
+    );
     assert_eq!(one, all(&Settings { threads: 3, ..SETTINGS }, &quiet).unwrap());
     for figure in &one {
         let counts = elements(&figure.svg);
@@ -214,7 +236,7 @@ fn spec_command_writes_all_files_and_refuses_bad_arguments() {
     assert_eq!(done.status.code(), Some(0), "{}", String::from_utf8_lossy(&done.stderr));
     let stdout = String::from_utf8(done.stdout).unwrap();
     let files: Vec<&str> = stdout.lines().collect();
-    assert_eq!(files.len(), 8, "{stdout}");
+    assert_eq!(files.len(), 12, "{stdout}");
     let expected = all(&SETTINGS, &quiet).unwrap();
     for figure in &expected {
         for (extension, text) in [("svg", &figure.svg), ("csv", &figure.csv)] {

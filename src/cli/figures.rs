@@ -1,4 +1,4 @@
-//! `veilwing figures`: the paper's figures from the running planner.
+//! `veilwing figures`: the paper's figures, and two of what it leaves out, from the running planner.
 
 use std::fmt::Write as _;
 use std::io::IsTerminal as _;
@@ -11,7 +11,8 @@ use crate::link::clock::Clock;
 
 use super::{Exit, print_text, progress};
 
-/// Draw the paper's figures 3 and 4a to 4c from the running planner, as SVG and CSV.
+/// Draw the paper's figures 3 and 4a to 4c, and rates over null depth and Rician factor, from the running planner, as SVG and
+/// CSV.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example: veilwing figures --out figures --scenarios 100 --threads 2")]
 pub(super) struct Args {

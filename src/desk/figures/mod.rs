@@ -1,4 +1,4 @@
-//! The paper's figures from the running planner: what [`planner::plan_slot`](crate::planner::plan_slot) and
+//! The paper's figures, and two of what it leaves out, from the running planner: what [`planner::plan_slot`](crate::planner::plan_slot) and
 //! [`planner::evaluate`](crate::planner::evaluate) answer, as SVG and CSV.
 //!
 //! | figure | shows | method |
@@ -7,6 +7,8 @@
 //! | 4a | mean rate over maximum power, no jitter | [`rates`] |
 //! | 4b | the same with attitude jitter | [`rates`] |
 //! | 4c | the same with jitter and uncertain eavesdropper positions | [`rates`] |
+//! | null depth | plans that know of the antennas' floors against plans that do not: mean and 5% quantile | [`rates`] |
+//! | Rician K | the same of scattering | [`rates`] |
 //!
 //! Scenarios are drawn as in the paper: two eavesdroppers uniform in a square of a kilometre about the user. A figure
 //! depends on the seed and the number of scenarios, never on the number of threads.

@@ -1,6 +1,6 @@
-//! The drawing of figures 4a to 4c, at the width of a printed column.
+//! The drawing of all figures of rates, at the width of a printed column.
 
-use super::rates::{Curve, JITTER_DEG, MAX_POWERS_W, Rates, Study, UNCERTAINTY_M};
+use super::rates::{Curve, HEADING_DEG, JITTER_DEG, Rates, Study, UNCERTAINTY_M};
 use super::scenario::Summary;
 use crate::desk::drawing::axes::{Axes, step, ticks};
 use crate::desk::drawing::svg::{Anchor, At, Marker, Stroke, Svg, TEXT_PT, text_width};
@@ -37,6 +37,10 @@ fn style(curve: &Curve) -> Style {
     match curve.name {
         "cap" => style("upper bound (cap)", "#000000", 0.8, "6 1.5", None),
         "veilwing" => style("veilwing", "#0b5394", 1.5, "", Some(Marker::Disc)),
+        "knowing" => style("plan that knows, mean", "#0b5394", 1.5, "", Some(Marker::Disc)),
+        "knowing-5pct" => style("its 5% quantile", "#3d9bd9", 1.2, "1.5 1.5", Some(Marker::Circle)),
+        "unknowing" => style("ideal plan, mean", "#c8500a", 1.2, "5 2", Some(Marker::OpenSquare)),
+        "unknowing-5pct" => style("its 5% quantile", "#7d7d7d", 1.2, "1.2 1.6", Some(Marker::Diamond)),
         "veilwing-on-estimates" => {
             style("veilwing, on estimates", "#3d9bd9", 1.2, "1.5 1.5", Some(Marker::Circle))
         }
@@ -54,7 +58,8 @@ pub fn draw(rates: &Rates) -> String {
     let legend = legend_rows(rates);
     let top = 6.0 + LEGEND_ROW * (lines.len() + legend.len()) as f64 + 3.0;
     let height = top + PLOT_HEIGHT + GAP_SPACE + GAP_HEIGHT + FOOT;
-    let title = format!("Secrecy rate over maximum transmit power ({})", rates.study.name());
+    let abscissa = rates.study.abscissa();
+    let title = format!("Secrecy rate over {} ({})", abscissa.title, rates.study.name());
     let mut svg = Svg::new(WIDTH, height, &title, &lines.join(" "));
     for (row, line) in lines.iter().enumerate() {
         svg.text((MARGIN, 7.0 + LEGEND_ROW * row as f64), Anchor::Start, line);
@@ -62,25 +67,29 @@ pub fn draw(rates: &Rates) -> String {
     draw_legend(&mut svg, &legend, 7.0 + LEGEND_ROW * lines.len() as f64);
 
     let width = WIDTH - LEFT - MARGIN;
+    let values = abscissa.values;
+    let (first, last) = (values[0], values[values.len() - 1]);
+    // Free beyond the first and the last value, as a share of what lies between them.
+    let free = 0.05 * (last - first);
     let axes = |top: f64, height: f64, y: [f64; 2]| Axes {
         corner: (LEFT, top),
         size: (width, height),
-        x: [0.05, 1.15],
+        x: [first - free, last + free],
         y,
     };
     let means = rates.curves.iter().map(|c| Line::new(&c.curve, &c.rates)).collect::<Vec<_>>();
     let gaps = rates.curves.iter().map(|c| Line::new(&c.curve, &c.gaps)).collect::<Vec<_>>();
     let above = axes(top, PLOT_HEIGHT, range(&means, 6.0));
-    panel(&mut svg, &above, &means, false, 6.0);
-    svg.text_upwards((7.5, top + PLOT_HEIGHT / 2.0), "mean secrecy rate (bit/s/Hz)");
+    panel(&mut svg, &above, &values, &means, false, 6.0);
+    svg.text_upwards((7.5, top + PLOT_HEIGHT / 2.0), "secrecy rate (bit/s/Hz)");
     let below = axes(above.bottom() + GAP_SPACE, GAP_HEIGHT, range(&gaps, 3.0));
-    panel(&mut svg, &below, &gaps, true, 3.0);
+    panel(&mut svg, &below, &values, &gaps, true, 3.0);
     svg.text_upwards((7.5, below.corner.1 + GAP_HEIGHT / 2.0), &format!("below {}", rates.study.gap_to()));
-    svg.text((LEFT + width / 2.0, height - 7.0), Anchor::Middle, "maximum transmit power (W)");
+    svg.text((LEFT + width / 2.0, height - 7.0), Anchor::Middle, abscissa.title);
     svg.finish()
 }
 
-/// A curve in a panel: value and half width of its band by power.
+/// A curve in a panel: value and half width of its band by the value of the abscissa.
 struct Line {
     style: Style,
     points: Vec<(f64, f64)>,
@@ -108,15 +117,18 @@ fn caption(rates: &Rates) -> Vec<String> {
         Study::Uncertain => {
             format!("Jitter {JITTER_DEG}\u{b0}, eavesdroppers within {UNCERTAINTY_M} m of their estimates")
         }
+        Study::NullDepth | Study::Scattering => {
+            format!("Jitter {JITTER_DEG}\u{b0}, headings wrong by {HEADING_DEG}\u{b0} rms, 0.5 W")
+        }
     };
     vec![what, format!("Mean of {} scenarios (bit/s/Hz); band: \u{b1} standard error", rates.scenarios)]
 }
 
-fn panel(svg: &mut Svg, axes: &Axes, lines: &[Line], lettered: bool, most_ticks: f64) {
+fn panel(svg: &mut Svg, axes: &Axes, values: &[f64], lines: &[Line], lettered: bool, most_ticks: f64) {
     let ys = ticks(axes.y, step(axes.y[1] - axes.y[0], most_ticks));
     axes.grid(svg, &[], &ys);
-    let at = |values: &mut dyn Iterator<Item = f64>| -> Vec<At> {
-        MAX_POWERS_W.iter().zip(values).map(|(power, v)| axes.at(*power, v)).collect()
+    let at = |rates: &mut dyn Iterator<Item = f64>| -> Vec<At> {
+        values.iter().zip(rates).map(|(value, rate)| axes.at(*value, rate)).collect()
     };
     svg.clipped(axes.corner, axes.size, |svg| {
         for line in lines.iter().filter(|line| line.style.marker.is_some()) {
@@ -135,7 +147,7 @@ fn panel(svg: &mut Svg, axes: &Axes, lines: &[Line], lettered: bool, most_ticks:
             svg.marker(place, marker, line.style.stroke.colour, MARKER_PT);
         }
     }
-    axes.frame(svg, &MAX_POWERS_W, &ys, [lettered, true]);
+    axes.frame(svg, values, &ys, [lettered, true]);
 }
 
 /// The legend in rows of two.

@@ -1,19 +1,29 @@
-//! Figures 4a to 4c: mean secrecy rate over maximum transmit power.
+//! Figures 4a to 4c: mean secrecy rate over maximum transmit power; and the same over how deep the antennas' nulls are and over
+//! how little is scattered.
+
+use nalgebra::Vector3;
 
 use super::scenario::{self, Conditions, Summary, per_hz};
 use super::{Failure, Progress, Settings, Work};
 use crate::desk::csv_text::CsvText;
 use crate::planner::expectation::samples::Sequence;
 use crate::planner::expectation::sobol::mix;
-use crate::planner::problem::{Method, Problem};
+use crate::planner::problem::{Fading, Method, Objective, Pattern, Problem, Rician};
 use crate::planner::{EvaluateOptions, Options, PlanError, cap, evaluate, parallel, plan_slot};
+use crate::role::PerVehicle;
 
 /// The maximum transmit powers in W, both vehicles'.
 pub const MAX_POWERS_W: [f64; 6] = [0.1, 0.3, 0.5, 0.7, 0.9, 1.1];
+/// The null depths in dB, both vehicles'.
+pub const NULL_DEPTHS_DB: [f64; 6] = [15.0, 20.0, 25.0, 30.0, 35.0, 40.0];
+/// The Rician factors in dB, of all receivers.
+pub const RICIAN_KS_DB: [f64; 6] = [5.0, 10.0, 15.0, 20.0, 25.0, 30.0];
+/// Maximum transmit power where something else is varied, W.
+const MAX_POWER_W: f64 = 0.5;
 /// Samples by which every plan is scored.
 const SCORE_SAMPLES: usize = 8192;
 
-/// One of the three figures.
+/// One of the figures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Study {
     /// 4a: desired attitudes are held exactly, eavesdroppers are where they are thought to be.
@@ -22,16 +32,34 @@ pub enum Study {
     Jitter,
     /// 4c: jitter, and eavesdroppers anywhere within [`UNCERTAINTY_M`] of their estimates.
     Uncertain,
+    /// Jitter, headings that are wrong by [`HEADING_DEG`], and antennas whose nulls have a floor.
+    NullDepth,
+    /// Jitter, the same headings, and scattering about all receivers.
+    Scattering,
 }
 
-/// Standard deviation of roll and pitch in figures 4b and 4c, in degrees.
+/// Standard deviation of roll and pitch in all figures but 4a, in degrees.
 pub const JITTER_DEG: f64 = 2.0;
 /// Radius of the discs of figure 4c in metres.
 pub const UNCERTAINTY_M: f64 = 50.0;
+/// Standard deviation of the headings over null depth and Rician factor, in degrees.
+pub const HEADING_DEG: f64 = 2.0;
+
+/// What a figure varies.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Abscissa {
+    /// Its name in the CSV file.
+    pub name: &'static str,
+    /// For a reader, with its unit.
+    pub title: &'static str,
+    /// The values, rising.
+    pub values: [f64; 6],
+}
 
 impl Study {
-    /// All three.
-    pub const ALL: [Self; 3] = [Self::Plain, Self::Jitter, Self::Uncertain];
+    /// All of them.
+    pub const ALL: [Self; 5] =
+        [Self::Plain, Self::Jitter, Self::Uncertain, Self::NullDepth, Self::Scattering];
 
     /// File name without extension.
     pub fn name(self) -> &'static str {
@@ -39,17 +67,49 @@ impl Study {
             Self::Plain => "figure-4a",
             Self::Jitter => "figure-4b",
             Self::Uncertain => "figure-4c",
+            Self::NullDepth => "figure-null-depth",
+            Self::Scattering => "figure-rician-k",
         }
     }
 
-    /// What holds at a maximum power.
-    pub fn conditions(self, max_power_w: f64) -> Conditions {
-        let (jitter_deg, uncertainty_m) = match self {
-            Self::Plain => (0.0, 0.0),
-            Self::Jitter => (JITTER_DEG, 0.0),
-            Self::Uncertain => (JITTER_DEG, UNCERTAINTY_M),
+    /// What it varies.
+    pub fn abscissa(self) -> Abscissa {
+        let (name, title, values) = match self {
+            Self::Plain | Self::Jitter | Self::Uncertain => {
+                ("max_power_w", "maximum transmit power (W)", MAX_POWERS_W)
+            }
+            Self::NullDepth => ("null_depth_db", "depth of the antennas' nulls (dB)", NULL_DEPTHS_DB),
+            Self::Scattering => ("rician_k_db", "Rician factor K (dB)", RICIAN_KS_DB),
         };
-        Conditions { max_power_w, jitter_std_rad: f64::to_radians(jitter_deg), uncertainty_m }
+        Abscissa { name, title, values }
+    }
+
+    /// What holds between these eavesdroppers at a value of [`Study::abscissa`].
+    pub fn problem(self, eavesdroppers: &[Vector3<f64>], value: f64) -> Problem {
+        let varies_power = self.abscissa().name == "max_power_w";
+        let mut problem = scenario::problem(
+            eavesdroppers,
+            &Conditions {
+                max_power_w: if varies_power { value } else { MAX_POWER_W },
+                jitter_std_rad: if self == Self::Plain { 0.0 } else { f64::to_radians(JITTER_DEG) },
+                uncertainty_m: if self == Self::Uncertain { UNCERTAINTY_M } else { 0.0 },
+            },
+        );
+        if !varies_power {
+            problem.pointing.heading_std_rad = f64::to_radians(HEADING_DEG);
+        }
+        match self {
+            Self::Plain | Self::Jitter | Self::Uncertain => {}
+            Self::NullDepth => {
+                let floored = Pattern::with_null_depth(value);
+                problem.antennas = PerVehicle { i: floored.clone(), j: floored };
+            }
+            Self::Scattering => {
+                problem.fading =
+                    Fading { user: Rician::from_db(value), eavesdropper: Rician::from_db(value) };
+            }
+        }
+        problem
     }
 
     /// Against what the curves that lie close together are compared in a panel of their own, by name.
@@ -57,6 +117,7 @@ impl Study {
         match self {
             Self::Plain => "cap",
             Self::Jitter | Self::Uncertain => "veilwing",
+            Self::NullDepth | Self::Scattering => "knowing",
         }
     }
 
@@ -65,21 +126,32 @@ impl Study {
         match self {
             Self::Plain => matches!(curve.name, "veilwing" | "paper"),
             Self::Jitter | Self::Uncertain => !matches!(curve.name, "cap" | "veilwing" | "conventional"),
+            Self::NullDepth | Self::Scattering => curve.name == "unknowing",
         }
     }
 
     /// Its curves, best first.
     pub fn curves(self) -> Vec<Curve> {
+        let mean = |name, source| Curve { name, source, statistic: Statistic::Mean };
+        if matches!(self, Self::NullDepth | Self::Scattering) {
+            let quantile = |name, source| Curve { name, source, statistic: Statistic::Quantile };
+            let [knowing, unknowing] = [Source::Planned(Method::Veilwing), Source::OnIdeal(Method::Veilwing)];
+            return vec![
+                mean("knowing", knowing),
+                quantile("knowing-5pct", knowing),
+                mean("unknowing", unknowing),
+                quantile("unknowing-5pct", unknowing),
+            ];
+        }
         let mut curves = vec![
-            Curve { name: "cap", source: Source::Cap },
-            Curve { name: "veilwing", source: Source::Planned(Method::Veilwing) },
-            Curve { name: "paper", source: Source::OnEstimates(Method::Paper) },
-            Curve { name: "interior-point", source: Source::OnEstimates(Method::InteriorPoint) },
-            Curve { name: "conventional", source: Source::OnEstimates(Method::Conventional) },
+            mean("cap", Source::Cap),
+            mean("veilwing", Source::Planned(Method::Veilwing)),
+            mean("paper", Source::OnEstimates(Method::Paper)),
+            mean("interior-point", Source::OnEstimates(Method::InteriorPoint)),
+            mean("conventional", Source::OnEstimates(Method::Conventional)),
         ];
         if self == Self::Uncertain {
-            let on_estimates = Source::OnEstimates(Method::Veilwing);
-            curves.insert(2, Curve { name: "veilwing-on-estimates", source: on_estimates });
+            curves.insert(2, mean("veilwing-on-estimates", Source::OnEstimates(Method::Veilwing)));
         }
         curves
     }
@@ -92,20 +164,33 @@ pub struct Curve {
     pub name: &'static str,
     /// Where its rates come from.
     pub source: Source,
+    /// Which of them.
+    pub statistic: Statistic,
 }
 
-/// Where rates come from. Every plan is scored under the figure's jitter and position uncertainty.
+/// Which rate of a plan.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Statistic {
+    /// Over everything that is random.
+    Mean,
+    /// What nineteen slots in twenty exceed.
+    Quantile,
+}
+
+/// Where rates come from. Every plan is scored under all that holds in the figure.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Source {
     /// What no configuration exceeds.
     Cap,
-    /// A plan that knows how uncertain the positions are, and maximises the mean.
+    /// A plan that knows all that holds, and maximises the mean.
     Planned(Method),
     /// A plan that takes the estimated positions for true.
     OnEstimates(Method),
+    /// A plan that knows of the jitter and takes all else for ideal.
+    OnIdeal(Method),
 }
 
-/// A figure's numbers: one row a curve and power, in the order of [`Study::curves`], then [`MAX_POWERS_W`].
+/// A figure's numbers: one row a curve and value, in the order of [`Study::curves`], then [`Study::abscissa`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rates {
     /// Which figure.
@@ -116,7 +201,7 @@ pub struct Rates {
     pub curves: Vec<CurveRates>,
 }
 
-/// One curve's numbers by power, in bit/s/Hz.
+/// One curve's numbers by the value of the abscissa, in bit/s/Hz.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CurveRates {
     /// Which curve.
@@ -127,33 +212,31 @@ pub struct CurveRates {
     pub gaps: Vec<Summary>,
 }
 
-/// Plans and scores every scenario, power and method of a figure.
+/// Plans and scores every scenario, value of the abscissa and method of a figure.
 ///
 /// # Errors
 /// [`Failure`] if the planner refuses a problem.
 pub fn measure(study: Study, settings: &Settings, progress: &Progress) -> Result<Rates, Failure> {
     let curves = study.curves();
-    let powers = MAX_POWERS_W.len();
-    let count = settings.scenarios * powers;
+    let values = study.abscissa().values;
+    let count = settings.scenarios * values.len();
     let work = Work::new(study.name(), count, progress);
     let cells = parallel::map(settings.threads, count, |_: &mut (), cell| {
-        let (index, power) = (cell / powers, cell % powers);
+        let (index, value) = (cell / values.len(), cell % values.len());
         let eavesdroppers = scenario::eavesdroppers(settings.seed, index);
-        let problem = scenario::problem(&eavesdroppers, &study.conditions(MAX_POWERS_W[power]));
-        let seed = mix(settings.seed, index as u64);
-        let rates: Result<Vec<f64>, PlanError> =
-            curves.iter().map(|curve| rate(curve.source, &problem, seed)).collect();
+        let problem = study.problem(&eavesdroppers, values[value]);
+        let rates = rates(&curves, &problem, mix(settings.seed, index as u64));
         work.one_done();
         rates.map_err(|error| Failure::Plan { figure: study.name(), scenario: index, error })
     });
     let cells: Vec<Vec<f64>> = cells.into_iter().collect::<Result<_, _>>()?;
-    let summaries = |value: &dyn Fn(&[f64]) -> f64| {
-        let at = |power: usize| {
-            let values: Vec<f64> =
-                cells.iter().skip(power).step_by(powers).map(|rates| value(rates)).collect();
-            Summary::new(&values).ok_or(Failure::NoScenarios)
+    let summaries = |of: &dyn Fn(&[f64]) -> f64| {
+        let at = |value: usize| {
+            let all: Vec<f64> =
+                cells.iter().skip(value).step_by(values.len()).map(|rates| of(rates)).collect();
+            Summary::new(&all).ok_or(Failure::NoScenarios)
         };
-        (0..powers).map(at).collect::<Result<Vec<_>, _>>()
+        (0..values.len()).map(at).collect::<Result<Vec<_>, _>>()
     };
     let reference = curves.iter().position(|curve| curve.name == study.gap_to());
     let curves = curves.iter().enumerate().map(|(k, curve)| {
@@ -167,29 +250,68 @@ pub fn measure(study: Study, settings: &Settings, progress: &Progress) -> Result
     Ok(Rates { study, scenarios: settings.scenarios, curves })
 }
 
-/// The rate of one source in bit/s/Hz.
+/// The rates of all curves; one plan serves those that follow each other with the same source.
+fn rates(curves: &[Curve], problem: &Problem, seed: u64) -> Result<Vec<f64>, PlanError> {
+    let mut last = None;
+    let rates = curves.iter().map(|curve| {
+        let known = last.filter(|(source, _)| *source == curve.source);
+        let score = known.map_or_else(|| score(curve.source, problem, seed), |(_, score)| Ok(score))?;
+        last = Some((curve.source, score));
+        Ok(score.of(curve.statistic))
+    });
+    rates.collect()
+}
+
+/// What a plan is worth, in bit/s/Hz.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Score {
+    /// [`Statistic::Mean`].
+    pub mean: f64,
+    /// [`Statistic::Quantile`]; the mean where nothing stays wrong during a slot.
+    pub quantile: f64,
+}
+
+impl Score {
+    /// One of them.
+    pub fn of(self, statistic: Statistic) -> f64 {
+        match statistic {
+            Statistic::Mean => self.mean,
+            Statistic::Quantile => self.quantile,
+        }
+    }
+}
+
+/// What one source's plan is worth.
 ///
 /// # Errors
 /// [`PlanError`] of the planner.
-pub fn rate(source: Source, problem: &Problem, seed: u64) -> Result<f64, PlanError> {
+pub fn score(source: Source, problem: &Problem, seed: u64) -> Result<Score, PlanError> {
     let options = |method| Options { method, seed, ..Options::default() };
     let plan = match source {
-        Source::Cap => return cap(problem).map(per_hz),
+        Source::Cap => return cap(problem).map(per_hz).map(|cap| Score { mean: cap, quantile: cap }),
         Source::Planned(method) => plan_slot(problem, &options(method))?,
         Source::OnEstimates(method) => plan_slot(&scenario::on_estimates(problem), &options(method))?,
+        Source::OnIdeal(method) => plan_slot(&scenario::on_ideal(problem), &options(method))?,
     };
     let scoring =
         EvaluateOptions { samples: SCORE_SAMPLES, seed: mix(seed, 0x0f19), sequence: Sequence::Sobol };
-    Ok(per_hz(evaluate(problem, &plan.vehicles, &scoring)?.secrecy_rate_bps))
+    let mean = evaluate(problem, &plan.vehicles, &scoring)?.secrecy_rate_bps;
+    let quantile = if problem.pointing.is_present() {
+        let over_slots = Problem { objective: Objective::Quantile, ..problem.clone() };
+        evaluate(&over_slots, &plan.vehicles, &scoring)?.objective_rate_bps
+    } else {
+        mean
+    };
+    Ok(Score { mean: per_hz(mean), quantile: per_hz(quantile) })
 }
 
 impl Rates {
-    /// Every number of the figure. Rates in bit/s/Hz, powers in W; the gap is that to [`Study::gap_to`].
+    /// Every number of the figure. Rates in bit/s/Hz; the gap is that to [`Study::gap_to`].
     pub fn csv(&self) -> String {
         let below = |what: &str| format!("below_{}_{what}", self.study.gap_to());
         let names = [
             "method",
-            "max_power_w",
+            self.study.abscissa().name,
             "scenarios",
             "mean_bit_s_hz",
             "standard_error_bit_s_hz",
@@ -200,9 +322,9 @@ impl Rates {
         let gap = [below("mean_bit_s_hz"), below("standard_error_bit_s_hz")];
         let mut text = CsvText::new(names.map(str::to_owned).into_iter().chain(gap));
         for CurveRates { curve, rates, gaps } in &self.curves {
-            for (k, (power, s)) in MAX_POWERS_W.iter().zip(rates).enumerate() {
+            for (k, (value, s)) in self.study.abscissa().values.iter().zip(rates).enumerate() {
                 let [lower, median, upper] = s.quartiles;
-                let mut cells = vec![curve.name.to_owned(), power.to_string(), self.scenarios.to_string()];
+                let mut cells = vec![curve.name.to_owned(), value.to_string(), self.scenarios.to_string()];
                 let all = [s.mean, s.standard_error, lower, median, upper];
                 cells.extend(all.map(|rate| format!("{rate:.6}")));
                 cells.extend(match gaps.get(k) {

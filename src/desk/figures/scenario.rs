@@ -5,7 +5,8 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use crate::planner::expectation::sobol::mix;
-use crate::planner::problem::{Problem, Uncertainty};
+use crate::planner::problem::{Fading, Pattern, Pointing, Problem, Uncertainty};
+use crate::role::PerVehicle;
 
 /// Half the side of the square of vehicles and eavesdroppers, about the user, in metres.
 pub const REACH_M: f64 = 500.0;
@@ -54,6 +55,13 @@ pub fn on_estimates(problem: &Problem) -> Problem {
         eavesdropper.uncertainty = Uncertainty::None;
     }
     believed
+}
+
+/// The same problem for a planner that knows of the jitter and takes all else for ideal.
+pub fn on_ideal(problem: &Problem) -> Problem {
+    let antennas = PerVehicle { i: Pattern::IDEAL, j: Pattern::IDEAL };
+    let believed = on_estimates(problem);
+    Problem { antennas, fading: Fading::default(), pointing: Pointing::default(), ..believed }
 }
 
 /// A rate in bit/s as spectral efficiency, bit/s/Hz.
