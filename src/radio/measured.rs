@@ -116,9 +116,11 @@ impl Measured {
         let slopes = slopes(&angles, &gains);
         let knots: Vec<[f64; 3]> = (0..points.len()).map(|k| [angles[k], gains[k], slopes[k]]).collect();
         let mirrored = |k: usize| (points[k], points[points.len() - 1 - k]);
+        // Of points that were computed the last digits differ.
+        let alike = |a: f64, b: f64| (a - b).abs() < 1e-9;
         let is_symmetric = (0..points.len()).all(|k| {
             let ([deg, db], [other_deg, other_db]) = mirrored(k);
-            deg == 180.0 - other_deg && db == other_db
+            alike(deg, 180.0 - other_deg) && alike(db, other_db)
         });
         let mut pattern = Self { knots, mean: 0.0, is_symmetric };
         pattern.mean = pattern.integrate();
@@ -260,7 +262,7 @@ mod tests {
             (3.0, 0.020_495_767_420_891_656),
             (10.0, 0.058_455_930_225_906_39),
             (45.0, 0.459_161_319_794_714),
-            (100.0, 0.947_765_686_577_579_3),
+            (100.0, 0.947_765_686_575_779_3),
             (149.0, 0.166_214_274_852_335_2),
             (151.0, 0.151_255_767_290_931_38),
             (170.0, 0.036_001_826_359_753_21),

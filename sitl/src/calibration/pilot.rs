@@ -1,6 +1,6 @@
-//! The script that flies a calibration: out to the circle, then round and round, turning as it goes.
+//! The script that flies a calibration: out to the circle, then round and back, turning as it goes.
 
-use std::f64::consts::{FRAC_PI_2, TAU};
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::time::Duration;
 
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
@@ -16,7 +16,8 @@ use crate::vehicle::jitter::Jitter;
 use crate::vehicle::wind::Wind;
 use crate::vehicle::{SAMPLE, TICK, TICKS_PER_SAMPLE, tick_time, truth};
 
-/// Along the circle.
+/// Along the circle, at most. It goes round and back again: a position that is told late is off to one side all the way round,
+/// which nothing tells from a heading that is off.
 const SPEED_M_S: f64 = 2.0;
 /// Heights above the receiver between which it goes up and down as it goes round, over the radius.
 const HEIGHTS: [f64; 2] = [0.3, 0.9];
@@ -124,14 +125,16 @@ impl Pilot {
     fn script(&self, at_s: f64) -> Target {
         let [climb, angle, side, spin] = PERIODS_S.map(|period_s| TAU * at_s / period_s);
         let [low, high] = HEIGHTS.map(|of| of * self.radius_m);
-        let around = SPEED_M_S / self.radius_m * at_s;
+        // Once round and back, with its largest speed on the far side.
+        let (turn_s, turn_c) = (SPEED_M_S / (PI * self.radius_m) * at_s).sin_cos();
+        let (speed_m_s, around) = (SPEED_M_S * turn_s, PI * (1.0 - turn_c));
         let (s, c) = around.sin_cos();
         let height_m = (low + high) / 2.0 - (high - low) / 2.0 * climb.cos();
         let offset = Vector3::new(self.radius_m * c, self.radius_m * s, height_m);
         let climb_m_s = (high - low) / 2.0 * (TAU / PERIODS_S[0]) * climb.sin();
         Target {
             position_enu_m: <[f64; 3]>::from(self.receiver_enu_m + offset).map(Some),
-            velocity_enu_m_s: [-SPEED_M_S * s, SPEED_M_S * c, climb_m_s].map(Some),
+            velocity_enu_m_s: [-speed_m_s * s, speed_m_s * c, climb_m_s].map(Some),
             attitude: facing(&-offset, FRAC_PI_2 * (1.0 - angle.cos()), side, spin),
         }
     }

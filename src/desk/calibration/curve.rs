@@ -8,6 +8,8 @@ use super::model::{Parameters, View};
 
 /// From one angle to the next, degrees.
 const STEP_DEG: f64 = 5.0;
+/// A reading counts for an angle within this: further off, the pattern may be another, most of all next to a null.
+const NEAR_DEG: f64 = STEP_DEG / 4.0;
 /// Fewer readings are no mean.
 const FEWEST: usize = 5;
 
@@ -22,7 +24,7 @@ pub struct PatternPoint {
     pub standard_error_db: Option<f64>,
     /// By how much it is above the dipole with the floor found, dB.
     pub above_dipole_db: f64,
-    /// Readings within half a step.
+    /// Readings within a quarter of a step.
     pub readings: usize,
 }
 
@@ -39,11 +41,16 @@ pub(super) fn pattern(
 ) -> Vec<PatternPoint> {
     let steps = (180.0 / STEP_DEG) as usize;
     let mut sums = vec![(0usize, 0.0); steps + 1];
-    let bin = |view: &View| ((view.angle / PI * steps as f64).round() as usize).min(steps);
+    let bin = |view: &View| {
+        let bin = ((view.angle / PI * steps as f64).round() as usize).min(steps);
+        ((view.angle.to_degrees() - bin as f64 * STEP_DEG).abs() <= NEAR_DEG).then_some(bin)
+    };
     for (view, off) in views.iter().zip(offs) {
-        let (count, sum) = &mut sums[bin(view)];
-        *count += 1;
-        *sum -= off;
+        if let Some(bin) = bin(view) {
+            let (count, sum) = &mut sums[bin];
+            *count += 1;
+            *sum -= off;
+        }
     }
     let means: Vec<f64> =
         sums.iter().map(|&(count, sum)| if count < FEWEST { 0.0 } else { sum / count as f64 }).collect();
@@ -53,7 +60,9 @@ pub(super) fn pattern(
     for (views, offs) in views.chunks(length).zip(offs.chunks(length)) {
         let mut block = vec![0.0; steps + 1];
         for (view, off) in views.iter().zip(offs) {
-            block[bin(view)] -= off + means[bin(view)];
+            if let Some(bin) = bin(view) {
+                block[bin] -= off + means[bin];
+            }
         }
         squares.iter_mut().zip(block).for_each(|(square, sum)| *square += sum * sum);
     }

@@ -130,8 +130,9 @@ mod tests {
                 let angle = rng.random_range(0.0..std::f64::consts::PI);
                 let [gain, slope] = antenna.gain(&[-angle.cos(); LANES]).map(|lane| lane[0]);
                 let (exact, by_angle) = measured.gain_and_slope(angle);
-                assert!((gain - exact).abs() < 3e-6, "{angle}: {gain} {exact}");
-                assert!((slope * angle.sin() - by_angle).abs() < 3e-3, "{angle}: {slope} {by_angle}");
+                // The interpolant's curvature jumps at a measured point; the table's does not within a cell.
+                assert!((gain - exact).abs() < 1e-5, "{angle}: {gain} {exact}");
+                assert!((slope * angle.sin() - by_angle).abs() < 2e-2, "{angle}: {slope} {by_angle}");
             }
         }
     }
