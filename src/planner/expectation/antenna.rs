@@ -132,7 +132,7 @@ mod tests {
                 let (exact, by_angle) = measured.gain_and_slope(angle);
                 // The interpolant's curvature jumps at a measured point; the table's does not within a cell.
                 assert!((gain - exact).abs() < 1e-5, "{angle}: {gain} {exact}");
-                assert!((slope * angle.sin() - by_angle).abs() < 2e-2, "{angle}: {slope} {by_angle}");
+                assert!((slope * angle.sin() - by_angle).abs() < 5e-2, "{angle}: {slope} {by_angle}");
             }
         }
     }
