@@ -59,7 +59,7 @@ impl Pattern {
     #[must_use]
     pub fn gain(&self, direction: &Vector3<f64>, axis: &Vector3<f64>) -> f64 {
         let square = direction.norm_squared();
-        if !(square > 0.0) {
+        if square == 0.0 {
             return 0.0;
         }
         // The cross product keeps its relative accuracy near the null, where 1 - <u, Y>^2 cancels.

@@ -140,7 +140,7 @@ mod tests {
             pattern: &pattern,
         });
         let n = 20_000;
-        let mut sums = vec![0.0; 6];
+        let mut sums = [0.0; 6];
         let mut products = vec![0.0; 36];
         for _ in 0..n {
             receivers.iter_mut().for_each(Receiver::advance);

@@ -12,6 +12,9 @@ use super::samples::{LANES, Lane, Samples};
 /// Both antennas of a configuration at every sample of a shared set: what a search over a node's position needs.
 #[derive(Debug, Clone)]
 pub struct Beams {
+    /// By block and vehicle.
+    axes: Vec<[[Lane; 3]; 2]>,
+    /// What is wrong and scattered in each block.
     blocks: Vec<Block>,
     raw: Raw,
     scene: Scene,
@@ -19,10 +22,9 @@ pub struct Beams {
     depths: Option<[f64; 2]>,
 }
 
-/// One block's antennas, and what is wrong and scattered in it.
+/// What is wrong and scattered in one block.
 #[derive(Debug, Clone)]
 struct Block {
-    axes: [[Lane; 3]; 2],
     errors: Option<Errors>,
     waves: Vec<[Lane; 2]>,
 }
@@ -32,31 +34,34 @@ impl Beams {
     #[must_use]
     pub fn new(scene: &Scene, samples: &Samples, raw: &Raw) -> Self {
         let desired = [Desired::new(&raw[ANGLES..]), Desired::new(&raw[VEHICLE + ANGLES..])];
-        let first = samples.draws().next();
-        let blocks = first.iter().flat_map(|blocks| {
-            blocks.noise.iter().enumerate().map(|(index, noise)| {
-                let errors = blocks.errors(index);
-                let axes = [0, 1].map(|v: usize| match errors {
-                    Some(errors) => desired[v].axes_with(&noise[v], &errors.vehicles[v]).y,
-                    None => desired[v].axes(&noise[v]).y,
+        let (mut axes, mut blocks) = (Vec::new(), Vec::new());
+        if let Some(first) = samples.draws().next() {
+            for (index, [i, j]) in first.noise.iter().enumerate() {
+                let errors = first.errors(index);
+                axes.push(match errors {
+                    Some(errors) => [
+                        desired[0].axes_with(i, &errors.vehicles[0]).y,
+                        desired[1].axes_with(j, &errors.vehicles[1]).y,
+                    ],
+                    None => [desired[0].axes(i).y, desired[1].axes(j).y],
                 });
-                Block { axes, errors: errors.cloned(), waves: blocks.waves(index).to_vec() }
-            })
-        });
+                blocks.push(Block { errors: errors.cloned(), waves: first.waves(index).to_vec() });
+            }
+        }
         let depths = scene.depths().filter(|_| samples.is_plain());
-        Self { blocks: blocks.collect(), raw: *raw, scene: scene.clone(), depths }
+        Self { axes, blocks, raw: *raw, scene: scene.clone(), depths }
     }
 
     /// Number of samples.
     #[must_use]
     pub fn len(&self) -> usize {
-        self.blocks.len() * LANES
+        self.axes.len() * LANES
     }
 
     /// Whether there are none.
     #[must_use]
     pub fn is_empty(&self) -> bool {
-        self.blocks.is_empty()
+        self.axes.is_empty()
     }
 
     /// Appends the SINR of eavesdropper `index`, were it at `position`, for every sample.
@@ -70,18 +75,19 @@ impl Beams {
         let budgets_m2 = parts.map(|part| self.scene.budget_m2_w * part[POWER].max(0.0));
         if let Some(depths) = self.depths {
             let links = [0, 1].map(|v: usize| Link::new(parts[v], &position, budgets_m2[v]));
-            for Block { axes, .. } in &self.blocks {
-                push_sinr([0, 1].map(|v: usize| power(&links[v], depths[v], &axes[v])), out);
+            for axes in &self.axes {
+                let a = power(&links[0], depths[0], &axes[0]);
+                push_sinr([a, power(&links[1], depths[1], &axes[1])], out);
             }
             return;
         }
-        for block in &self.blocks {
+        for (block, axes) in self.blocks.iter().zip(&self.axes) {
             let errors = block.errors.as_ref();
             let shift = errors.and_then(|errors| errors.nodes_m.get(node));
             let powers = [0, 1].map(|v: usize| {
                 let offset = errors.map(|errors| &errors.vehicles[v].offset_m);
                 let link = link(parts[v], budgets_m2[v], offset, &position, shift);
-                received(&self.scene, v, node, &link, &block.axes[v], block.waves.get(2 * node + v))
+                received(&self.scene, v, node, &link, &axes[v], block.waves.get(2 * node + v))
             });
             push_sinr(powers, out);
         }
@@ -99,5 +105,9 @@ impl Beams {
 }
 
 fn push_sinr([a, b]: [Lane; 2], out: &mut Vec<f64>) {
-    out.extend((0..LANES).map(|l| a[l] / (1.0 + b[l])));
+    let mut sinr = [0.0; LANES];
+    for l in 0..LANES {
+        sinr[l] = a[l] / (1.0 + b[l]);
+    }
+    out.extend_from_slice(&sinr);
 }

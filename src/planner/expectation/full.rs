@@ -16,7 +16,7 @@ use super::attitude::{Axes, Desired};
 use super::errors::Errors;
 use super::logarithm::LogSum;
 use super::parts::{
-    LinkLanes, POWER, Raw, Scene, Sums, VEHICLE, add, ratio, ratio_and_slopes, strongest, turn,
+    LinkLanes, POWER, Raw, Scene, Strongest, Sums, VEHICLE, add, ratio, ratio_and_slopes, turn,
 };
 use super::samples::{Blocks, LANES, Lane};
 use crate::radio::fading::Rician;
@@ -86,21 +86,33 @@ impl Block<'_> {
 
     #[inline(always)]
     fn cosines(&self, link: &LinkLanes, vehicle: usize) -> Lane {
-        std::array::from_fn(|l| link.cosine(&self.axes[vehicle].y, l))
+        let mut t = [0.0; LANES];
+        for l in 0..LANES {
+            t[l] = link.cosine(&self.axes[vehicle].y, l);
+        }
+        t
+    }
+
+    /// What the user receives, and the strongest eavesdropper.
+    #[inline(always)]
+    fn user_and_strongest(&self) -> ([Lane; 2], Strongest) {
+        let mut best = Strongest::NONE;
+        for node in 1..self.links.len() {
+            best.heed(node - 1, &self.received(node, 0), self.received(node, 1));
+        }
+        ([self.received(0, 0), self.received(0, 1)], best)
     }
 
     #[inline(always)]
     fn ratio(&self, clip: bool) -> Lane {
-        let user = [self.received(0, 0), self.received(0, 1)];
-        let best = strongest(self.links.len() - 1, |m| [self.received(m + 1, 0), self.received(m + 1, 1)]);
+        let (user, best) = self.user_and_strongest();
         ratio(&user, &best, clip)
     }
 
     /// exp f per sample, adding its logarithm's gradient to `sums`.
     #[inline(always)]
     fn gradient(&self, clip: bool, sums: &mut [Sums; 2]) -> Lane {
-        let user = [self.received(0, 0), self.received(0, 1)];
-        let best = strongest(self.links.len() - 1, |m| [self.received(m + 1, 0), self.received(m + 1, 1)]);
+        let (user, best) = self.user_and_strongest();
         let (ratio, c) = ratio_and_slopes(&user, &best, clip);
         for vehicle in 0..2 {
             let mut force = [[0.0; LANES]; 3];
@@ -165,13 +177,15 @@ impl Links {
         mut sums: Option<&mut [Sums; 2]>,
     ) -> f64 {
         let mut total = LogSum::default();
-        self.blocks(scene, raw, desired, blocks, |block| {
+        let sizes = sizes(scene);
+        for index in 0..blocks.noise.len() {
+            let block = self.block(scene, raw, desired, blocks, index, sizes);
             let ratio = match sums.as_deref_mut() {
                 Some(sums) => block.gradient(clip, sums),
                 None => block.ratio(clip),
             };
             total.push(ratio.iter().product::<f64>());
-        });
+        }
         total.value()
     }
 
@@ -184,31 +198,35 @@ impl Links {
         blocks: &Blocks<'_>,
         mut visit: impl FnMut(Lane),
     ) {
-        self.blocks(scene, raw, desired, blocks, |block| visit(block.ratio(false)));
+        let sizes = sizes(scene);
+        for index in 0..blocks.noise.len() {
+            visit(self.block(scene, raw, desired, blocks, index, sizes).ratio(false));
+        }
     }
 
+    /// A draw's block by its index; asked for in order.
     #[inline(always)]
-    fn blocks(
-        &mut self,
-        scene: &Scene,
+    fn block<'a>(
+        &'a mut self,
+        scene: &'a Scene,
         raw: &Raw,
         desired: &[Desired; 2],
-        blocks: &Blocks<'_>,
-        mut visit: impl FnMut(&Block<'_>),
-    ) {
-        let kinds = [scene.fading.user, scene.fading.eavesdropper];
-        let sizes = kinds.map(|rician| [0, 1].map(|v: usize| Waves::new(rician, &scene.antennas[v])));
-        for (index, noise) in blocks.noise.iter().enumerate() {
-            let errors = blocks.errors(index);
-            if index == 0 || !blocks.errs_alike() {
-                self.place(scene, blocks, errors, raw);
-            }
-            let axes = [0, 1].map(|v: usize| match errors {
-                Some(errors) => desired[v].axes_with(&noise[v], &errors.vehicles[v]),
-                None => desired[v].axes(&noise[v]),
-            });
-            visit(&Block { scene, links: &self.0, axes, waves: blocks.waves(index), sizes });
+        blocks: &Blocks<'a>,
+        index: usize,
+        sizes: [[Waves; 2]; 2],
+    ) -> Block<'a> {
+        let errors = blocks.errors(index);
+        if index == 0 || !blocks.errs_alike() {
+            self.place(scene, blocks, errors, raw);
         }
+        let [i, j] = &blocks.noise[index];
+        let axes = match errors {
+            Some(errors) => {
+                [desired[0].axes_with(i, &errors.vehicles[0]), desired[1].axes_with(j, &errors.vehicles[1])]
+            }
+            None => [desired[0].axes(i), desired[1].axes(j)],
+        };
+        Block { scene, links: &self.0, axes, waves: blocks.waves(index), sizes }
     }
 
     #[inline(always)]
@@ -224,6 +242,12 @@ impl Links {
             })
         }));
     }
+}
+
+/// By kind of node (the user, an eavesdropper) and vehicle.
+fn sizes(scene: &Scene) -> [[Waves; 2]; 2] {
+    let [i, j] = &scene.antennas;
+    [scene.fading.user, scene.fading.eavesdropper].map(|law| [Waves::new(law, i), Waves::new(law, j)])
 }
 
 /// The link of a vehicle, held at `vehicle` and `offset` from there, to a node, held to be at `node` and `shift` from there.

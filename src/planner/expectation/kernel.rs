@@ -50,7 +50,7 @@ fn reduce(sums: &[Sums; 2], scale: f64, out: &mut Raw) {
     }
 }
 
-/// One of the two kernels.
+/// One of the kernels.
 trait Kernel: Copy {
     /// Adds a draw's blocks to `sums` (if the gradient is wanted) and returns its total in nats per hertz.
     fn draw(
@@ -81,13 +81,13 @@ impl At<'_> {
 
 /// Dipoles of these depths.
 #[derive(Clone, Copy)]
-struct Plain([f64; 2]);
+struct Plain<D>(D);
 
 /// Everything that the link may hold.
 #[derive(Clone, Copy)]
 struct Full;
 
-impl Kernel for Plain {
+impl<D: plain::Depths> Kernel for Plain<D> {
     #[inline(always)]
     fn draw(
         self,
@@ -189,6 +189,9 @@ impl Workspace {
         // The widest vectors of this machine: the same operations in the same order on any.
         let arch = pulp::Arch::new();
         match at.depths() {
+            Some([1.0, 1.0]) => {
+                arch.dispatch(Mean { kernel: Plain(plain::Ideal), workspace: self, at, gradient })
+            }
             Some(depths) => arch.dispatch(Mean { kernel: Plain(depths), workspace: self, at, gradient }),
             None => arch.dispatch(Mean { kernel: Full, workspace: self, at, gradient }),
         }
@@ -206,6 +209,9 @@ impl Workspace {
         let at = At { scene, samples, raw, clip };
         let arch = pulp::Arch::new();
         match at.depths() {
+            Some([1.0, 1.0]) => {
+                arch.dispatch(MeanOfDraws { kernel: Plain(plain::Ideal), workspace: self, at, visit });
+            }
             Some(depths) => arch.dispatch(MeanOfDraws { kernel: Plain(depths), workspace: self, at, visit }),
             None => arch.dispatch(MeanOfDraws { kernel: Full, workspace: self, at, visit }),
         }

@@ -142,28 +142,29 @@ pub(super) struct Strongest {
     pub(super) node: Lane,
 }
 
-/// The strongest of so many eavesdroppers, by what each receives from I and from J.
-#[inline(always)]
-pub(super) fn strongest(nodes: usize, received: impl Fn(usize) -> [Lane; 2]) -> Strongest {
-    let mut best = Strongest { a: [-1.0; LANES], b: [1.0; LANES], node: [0.0; LANES] };
-    for index in 0..nodes {
-        let [a, mut b] = received(index);
+impl Strongest {
+    /// Of none.
+    pub(super) const NONE: Self = Self { a: [-1.0; LANES], b: [1.0; LANES], node: [0.0; LANES] };
+
+    /// Of these and one more, by what it receives from I and from J. No closure asks for that: one that is not inlined
+    /// would leave the caller's vectors.
+    #[inline(always)]
+    pub(super) fn heed(&mut self, index: usize, a: &Lane, mut b: Lane) {
         let mut stronger = [false; LANES];
         for l in 0..LANES {
             b[l] += 1.0;
-            stronger[l] = a[l] * best.b[l] > best.a[l] * b[l];
+            stronger[l] = a[l] * self.b[l] > self.a[l] * b[l];
         }
         for l in 0..LANES {
-            best.a[l] = if stronger[l] { a[l] } else { best.a[l] };
+            self.a[l] = if stronger[l] { a[l] } else { self.a[l] };
         }
         for l in 0..LANES {
-            best.b[l] = if stronger[l] { b[l] } else { best.b[l] };
+            self.b[l] = if stronger[l] { b[l] } else { self.b[l] };
         }
         for l in 0..LANES {
-            best.node[l] = if stronger[l] { index as f64 } else { best.node[l] };
+            self.node[l] = if stronger[l] { index as f64 } else { self.node[l] };
         }
     }
-    best
 }
 
 /// exp f per sample, from what the user receives from I and from J; with `clip`, of max(f, 0).

@@ -5,8 +5,7 @@ use nalgebra::Vector3;
 use super::attitude::{Axes, Desired};
 use super::logarithm::LogSum;
 use super::parts::{
-    Link, LinkLanes, POWER, Raw, Scene, Strongest, Sums, VEHICLE, add, ratio, ratio_and_slopes, strongest,
-    turn,
+    Link, LinkLanes, POWER, Raw, Scene, Strongest, Sums, VEHICLE, add, ratio, ratio_and_slopes, turn,
 };
 use super::samples::{Blocks, LANES, Lane};
 
@@ -15,6 +14,30 @@ use super::samples::{Blocks, LANES, Lane};
 struct Node {
     /// To I and to J.
     link: [Link; 2],
+}
+
+/// How deep both dipoles are.
+pub(super) trait Depths: Copy {
+    /// `1 - f` of I (0) or J (1).
+    fn of(self, vehicle: usize) -> f64;
+}
+
+/// Dipoles without a floor: a depth that the compiler knows costs nothing.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Ideal;
+
+impl Depths for Ideal {
+    #[inline(always)]
+    fn of(self, _vehicle: usize) -> f64 {
+        1.0
+    }
+}
+
+impl Depths for [f64; 2] {
+    #[inline(always)]
+    fn of(self, vehicle: usize) -> f64 {
+        self[vehicle]
+    }
 }
 
 /// Links of the user (first) and of every eavesdropper; reusable memory.
@@ -54,7 +77,7 @@ impl Links {
     pub(super) fn draw(
         &mut self,
         scene: &Scene,
-        depths: [f64; 2],
+        depths: impl Depths,
         raw: &Raw,
         desired: &[Desired; 2],
         blocks: &Blocks<'_>,
@@ -79,7 +102,7 @@ impl Links {
     pub(super) fn each(
         &mut self,
         scene: &Scene,
-        depths: [f64; 2],
+        depths: impl Depths,
         raw: &Raw,
         desired: &[Desired; 2],
         blocks: &Blocks<'_>,
@@ -109,25 +132,32 @@ impl Links {
 
     /// What the user receives, and the strongest eavesdropper.
     #[inline(always)]
-    fn received(&self, axes: &[Axes; 2], depths: [f64; 2]) -> ([Lane; 2], Strongest) {
-        let (user, eavesdroppers) = (&self.nodes[0], &self.nodes[1..]);
-        let at = |node: &Node| {
-            [power(&node.link[0], depths[0], &axes[0].y), power(&node.link[1], depths[1], &axes[1].y)]
-        };
-        let best = strongest(eavesdroppers.len(), |index| at(&eavesdroppers[index]));
-        (at(user), best)
+    fn received(&self, axes: &[Axes; 2], depths: impl Depths) -> ([Lane; 2], Strongest) {
+        let mut best = Strongest::NONE;
+        for (index, node) in self.nodes[1..].iter().enumerate() {
+            let a = power(&node.link[0], depths.of(0), &axes[0].y);
+            best.heed(index, &a, power(&node.link[1], depths.of(1), &axes[1].y));
+        }
+        let [i, j] = &self.nodes[0].link;
+        ([power(i, depths.of(0), &axes[0].y), power(j, depths.of(1), &axes[1].y)], best)
     }
 
     /// exp f per sample.
     #[inline(always)]
-    fn block(&self, axes: &[Axes; 2], depths: [f64; 2], clip: bool) -> Lane {
+    fn block(&self, axes: &[Axes; 2], depths: impl Depths, clip: bool) -> Lane {
         let (user, best) = self.received(axes, depths);
         ratio(&user, &best, clip)
     }
 
     /// exp f per sample, adding its logarithm's gradient to `sums`.
     #[inline(always)]
-    fn block_gradient(&self, axes: &[Axes; 2], depths: [f64; 2], clip: bool, sums: &mut [Sums; 2]) -> Lane {
+    fn block_gradient(
+        &self,
+        axes: &[Axes; 2],
+        depths: impl Depths,
+        clip: bool,
+        sums: &mut [Sums; 2],
+    ) -> Lane {
         let (user, best) = self.received(axes, depths);
         let (ratio, c) = ratio_and_slopes(&user, &best, clip);
         let (user, eavesdroppers) = (&self.nodes[0], &self.nodes[1..]);
@@ -142,7 +172,7 @@ impl Links {
                 m.k[l] = link.k;
                 m.inverse_m[l] = link.inverse_m;
             }
-            let (y, depth) = (&axes[vehicle].y, depths[vehicle]);
+            let (y, depth) = (&axes[vehicle].y, depths.of(vehicle));
             let sums = &mut sums[vehicle];
             accumulate(sums, &mut force, y, &LinkLanes::splat(&user.link[vehicle]), depth, &c[vehicle]);
             accumulate(sums, &mut force, y, &m, depth, &c[2 + vehicle]);

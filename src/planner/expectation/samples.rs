@@ -50,11 +50,11 @@ pub struct Blocks<'a> {
     errors: &'a [Errors],
 }
 
-impl Blocks<'_> {
+impl<'a> Blocks<'a> {
     /// What is wrong in a block beside the eavesdroppers' positions.
     #[must_use]
     #[inline(always)]
-    pub fn errors(&self, block: usize) -> Option<&Errors> {
+    pub fn errors(&self, block: usize) -> Option<&'a Errors> {
         self.errors.get(block.min(self.errors.len().saturating_sub(1)))
     }
 
@@ -67,7 +67,7 @@ impl Blocks<'_> {
     /// The scattered waves of a block, by node (the user first) and vehicle; none where nothing is scattered.
     #[must_use]
     #[inline(always)]
-    pub fn waves(&self, block: usize) -> &[[Lane; 2]] {
+    pub fn waves(&self, block: usize) -> &'a [[Lane; 2]] {
         let from = block * self.waves_per_block;
         &self.waves[from..from + self.waves_per_block]
     }
