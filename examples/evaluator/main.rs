@@ -67,8 +67,10 @@ fn lopsided(depth_db: f64) -> Option<Pattern> {
     Measured::new(&points).ok().map(|measured| Pattern::Measured(Arc::new(measured)))
 }
 
-/// The ideal missions and their plans.
-fn bases() -> Result<[(&'static str, Problem, PerVehicle<VehiclePlan>); 2], PlanError> {
+/// An ideal mission by name, with its plan.
+type Base = (&'static str, Problem, PerVehicle<VehiclePlan>);
+
+fn bases() -> Result<[Base; 2], PlanError> {
     let steady = Problem::paper([[21.4, 103.8], [-29.1, -296.8]], 0.5, 0.0);
     let mut jittered = Problem::paper([[120.0, -40.0], [-300.0, 210.0], [50.0, 400.0]], 0.5, 2.0 * DEG);
     jittered.jitter.model = JitterModel::Body;
