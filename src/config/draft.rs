@@ -171,6 +171,38 @@ impl Default for PlannedVehicleDraft {
     }
 }
 
+impl MissionDraft {
+    /// The largest power in W a vehicle may be planned with, and the limit that binds.
+    #[must_use]
+    pub fn power_ceiling(&self, role: Role) -> (f64, PowerLimit) {
+        let radio_w = self.radio.max_power_w[role];
+        match &self.emission {
+            Some(emission) if emission.max_power_w < radio_w => (emission.max_power_w, PowerLimit::Emission),
+            _ => (radio_w, PowerLimit::Radio),
+        }
+    }
+}
+
+/// Which limit holds a transmitter's power down.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum PowerLimit {
+    /// `radio.max_power_w`.
+    Radio,
+    /// `emission.max_power_w`.
+    Emission,
+}
+
+impl PowerLimit {
+    /// The setting's name in the mission file.
+    #[must_use]
+    pub fn key(self) -> &'static str {
+        match self {
+            Self::Radio => "radio.max_power_w",
+            Self::Emission => "emission.max_power_w",
+        }
+    }
+}
+
 /// How steadily the vehicles hold their attitude.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct JitterDraft {

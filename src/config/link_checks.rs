@@ -23,11 +23,8 @@ fn powers(draft: &MissionDraft, role: Role, file: &mut Document) {
         return;
     }
     let PlannedVehicleDraft { min_power_w, power_levels_w, .. } = &draft.vehicles[role];
-    let radio_w = draft.radio.max_power_w[role];
-    let (ceiling_w, ceiling) = match &draft.emission {
-        Some(emission) if emission.max_power_w < radio_w => (emission.max_power_w, "emission.max_power_w"),
-        _ => (radio_w, "radio.max_power_w"),
-    };
+    let (ceiling_w, limit) = draft.power_ceiling(role);
+    let ceiling = limit.key();
     if let Some(least_w) = min_power_w
         && *least_w > ceiling_w
     {

@@ -13,7 +13,7 @@ use super::diagnostic::{Diagnostics, Severity};
 use super::document::Document;
 use super::draft::{
     AntennaDraft, AntennasDraft, Emission, MissionDraft, NodeDraft, PlannedVehicleDraft, PlannerSettings,
-    PointingDraft, RadioDraft, Tdma,
+    PointingDraft, PowerLimit, RadioDraft, Tdma,
 };
 use super::file::{MAX_BYTES, read_text};
 use super::mission_file::NOWHERE;
@@ -132,26 +132,6 @@ pub struct NamedEavesdropper {
     pub name: String,
     /// What the planner knows of it.
     pub node: Eavesdropper,
-}
-
-/// Which limit holds a transmitter's power down.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum PowerLimit {
-    /// `radio.max_power_w`.
-    Radio,
-    /// `emission.max_power_w`.
-    Emission,
-}
-
-impl PowerLimit {
-    /// The setting's name in the mission file.
-    #[must_use]
-    pub fn key(self) -> &'static str {
-        match self {
-            Self::Radio => "radio.max_power_w",
-            Self::Emission => "emission.max_power_w",
-        }
-    }
 }
 
 /// A setting that differs between two missions.
@@ -287,11 +267,7 @@ impl Mission {
     /// The largest power in W a vehicle may be planned with, and the limit that binds.
     #[must_use]
     pub fn power_ceiling(&self, role: Role) -> (f64, PowerLimit) {
-        let radio_w = self.radio.max_power_w[role];
-        match &self.emission {
-            Some(emission) if emission.max_power_w < radio_w => (emission.max_power_w, PowerLimit::Emission),
-            _ => (radio_w, PowerLimit::Radio),
-        }
+        self.draft.power_ceiling(role)
     }
 
     /// What the slot table demands of each vehicle.

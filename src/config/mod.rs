@@ -25,10 +25,10 @@ mod vehicle_links;
 pub use diagnostic::{Diagnostic, Diagnostics, Severity};
 pub use draft::{
     AntennaDraft, AntennasDraft, Autopilot, Emission, FadingDraft, JitterDraft, Limits, MissionDraft,
-    NodeDraft, PerReceiver, PlannedVehicleDraft, PlannerSettings, PointingDraft, RadioDraft, Tdma,
-    Transmitter, VehicleDraft,
+    NodeDraft, PerReceiver, PlannedVehicleDraft, PlannerSettings, PointingDraft, PowerLimit, RadioDraft,
+    Tdma, Transmitter, VehicleDraft,
 };
-pub use mission::{Difference, Mission, NamedEavesdropper, PowerLimit, Settled, User, VehicleSettings};
+pub use mission::{Difference, Mission, NamedEavesdropper, Settled, User, VehicleSettings};
 pub use mission_file::METHODS;
 pub use plan_file::plan_of_text;
 pub use schema::schema;

@@ -6,5 +6,6 @@ pub mod campaign;
 mod csv_text;
 mod drawing;
 pub mod figures;
+mod quantile;
 pub mod report;
 pub mod simulation;

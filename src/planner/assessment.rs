@@ -119,8 +119,11 @@ pub fn assess(
         losses_bps.push((cause, rate_bps(&without, vehicles, options)? - mean_bps));
         ideal = cause.removed_from(&ideal);
     }
-    let loss_to_ideal_bps =
-        if losses_bps.is_empty() { 0.0 } else { rate_bps(&ideal, vehicles, options)? - mean_bps };
+    let loss_to_ideal_bps = match losses_bps[..] {
+        [] => 0.0,
+        [(_, alone)] => alone,
+        _ => rate_bps(&ideal, vehicles, options)? - mean_bps,
+    };
     Ok(Assessment {
         quantile_5pct_bps: rates.quantile_bps(),
         miss_probability: target_bps.map(|target_bps| rates.below(target_bps)),

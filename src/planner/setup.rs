@@ -255,20 +255,17 @@ fn check_numbers(problem: &Problem) -> Result<(), PlanError> {
         return Err(PlanError::NoEavesdropper);
     }
     let place = |what, p: &Vector3<f64>| p.iter().try_for_each(|c| within(what, *c, -FARTHEST_M, FARTHEST_M));
+    let spread = |[radius, std]: [&'static str; 2], uncertainty| match uncertainty {
+        Uncertainty::None => Ok(()),
+        Uncertainty::Disc { radius_m } => within(radius, radius_m, 0.0, FARTHEST_M),
+        Uncertainty::Gaussian { std_m } => within(std, std_m, 0.0, FARTHEST_M),
+    };
     place("user position in m", &problem.user_enu_m)?;
     for eavesdropper in &problem.eavesdroppers {
         place("eavesdropper position in m", &eavesdropper.position_enu_m)?;
-        match eavesdropper.uncertainty {
-            Uncertainty::None => {}
-            Uncertainty::Disc { radius_m } => within("eavesdropper radius in m", radius_m, 0.0, FARTHEST_M)?,
-            Uncertainty::Gaussian { std_m } => within("eavesdropper std in m", std_m, 0.0, FARTHEST_M)?,
-        }
+        spread(["eavesdropper radius in m", "eavesdropper std in m"], eavesdropper.uncertainty)?;
     }
-    match problem.user_uncertainty {
-        Uncertainty::None => {}
-        Uncertainty::Disc { radius_m } => within("user radius in m", radius_m, 0.0, FARTHEST_M)?,
-        Uncertainty::Gaussian { std_m } => within("user std in m", std_m, 0.0, FARTHEST_M)?,
-    }
+    spread(["user radius in m", "user std in m"], problem.user_uncertainty)?;
     for antenna in [&problem.antennas.i, &problem.antennas.j] {
         if let Pattern::Dipole { floor } = antenna {
             within("gain in an antenna's null", *floor, 0.0, 1.0)?;

@@ -8,9 +8,9 @@ use std::fmt::Write as _;
 
 use serde::{Deserialize, Serialize};
 
+use super::Quantile;
 use super::coverage::{self, Counts};
 use super::line::{Ending, ExcusedLine, FlightLine, UserLine, ViolationLine};
-use super::quantile::Quantile;
 
 /// The document's format.
 pub const FORMAT: &str = "veilwing-campaign/1";

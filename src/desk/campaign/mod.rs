@@ -5,10 +5,9 @@ mod document;
 mod line;
 mod merge;
 mod pool;
-mod quantile;
 
+pub use super::quantile::Quantile;
 pub use document::{CampaignDocument, Exposure, FORMAT, Identity, Mean, Times, UserTotal};
 pub use line::{Ending, ExcusedLine, FaultLine, FlightLine, UserLine, ViolationLine};
 pub use merge::{MergeError, merge, part_file_name};
 pub use pool::{Done, fly_all};
-pub use quantile::Quantile;

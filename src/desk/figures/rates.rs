@@ -72,6 +72,11 @@ impl Study {
         }
     }
 
+    /// Whether it varies the link instead of the power.
+    fn varies_link(self) -> bool {
+        matches!(self, Self::NullDepth | Self::Scattering)
+    }
+
     /// What it varies.
     pub fn abscissa(self) -> Abscissa {
         let (name, title, values) = match self {
@@ -86,16 +91,15 @@ impl Study {
 
     /// What holds between these eavesdroppers at a value of [`Study::abscissa`].
     pub fn problem(self, eavesdroppers: &[Vector3<f64>], value: f64) -> Problem {
-        let varies_power = self.abscissa().name == "max_power_w";
         let mut problem = scenario::problem(
             eavesdroppers,
             &Conditions {
-                max_power_w: if varies_power { value } else { MAX_POWER_W },
+                max_power_w: if self.varies_link() { MAX_POWER_W } else { value },
                 jitter_std_rad: if self == Self::Plain { 0.0 } else { f64::to_radians(JITTER_DEG) },
                 uncertainty_m: if self == Self::Uncertain { UNCERTAINTY_M } else { 0.0 },
             },
         );
-        if !varies_power {
+        if self.varies_link() {
             problem.pointing.heading_std_rad = f64::to_radians(HEADING_DEG);
         }
         match self {
@@ -133,7 +137,7 @@ impl Study {
     /// Its curves, best first.
     pub fn curves(self) -> Vec<Curve> {
         let mean = |name, source| Curve { name, source, statistic: Statistic::Mean };
-        if matches!(self, Self::NullDepth | Self::Scattering) {
+        if self.varies_link() {
             let quantile = |name, source| Curve { name, source, statistic: Statistic::Quantile };
             let [knowing, unknowing] = [Source::Planned(Method::Veilwing), Source::OnIdeal(Method::Veilwing)];
             return vec![
@@ -267,7 +271,7 @@ fn rates(curves: &[Curve], problem: &Problem, seed: u64) -> Result<Vec<f64>, Pla
 pub struct Score {
     /// [`Statistic::Mean`].
     pub mean: f64,
-    /// [`Statistic::Quantile`]; the mean where nothing stays wrong during a slot.
+    /// [`Statistic::Quantile`]; the mean where every heading is right.
     pub quantile: f64,
 }
 
@@ -295,14 +299,10 @@ pub fn score(source: Source, problem: &Problem, seed: u64) -> Result<Score, Plan
     };
     let scoring =
         EvaluateOptions { samples: SCORE_SAMPLES, seed: mix(seed, 0x0f19), sequence: Sequence::Sobol };
-    let mean = evaluate(problem, &plan.vehicles, &scoring)?.secrecy_rate_bps;
-    let quantile = if problem.pointing.is_present() {
-        let over_slots = Problem { objective: Objective::Quantile, ..problem.clone() };
-        evaluate(&over_slots, &plan.vehicles, &scoring)?.objective_rate_bps
-    } else {
-        mean
-    };
-    Ok(Score { mean: per_hz(mean), quantile: per_hz(quantile) })
+    // Planned for the mean; scored by the quantile beside it, where a figure draws one.
+    let objective = if problem.pointing.is_present() { Objective::Quantile } else { problem.objective };
+    let scored = evaluate(&Problem { objective, ..problem.clone() }, &plan.vehicles, &scoring)?;
+    Ok(Score { mean: per_hz(scored.secrecy_rate_bps), quantile: per_hz(scored.objective_rate_bps) })
 }
 
 impl Rates {

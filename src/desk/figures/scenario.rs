@@ -4,6 +4,7 @@ use nalgebra::Vector3;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+use crate::desk::quantile::Quantile;
 use crate::planner::expectation::sobol::mix;
 use crate::planner::problem::{Fading, Pattern, Pointing, Problem, Uncertainty};
 use crate::role::PerVehicle;
@@ -84,18 +85,11 @@ impl Summary {
     /// `None` for no values.
     pub fn new(values: &[f64]) -> Option<Self> {
         let n = values.len() as f64;
-        let mut sorted = values.to_vec();
-        sorted.sort_by(f64::total_cmp);
-        let last = sorted.len().checked_sub(1)?;
+        let [lower, median, upper] = [0.25, 0.5, 0.75].map(|share| Quantile::of(values, share));
+        let quartiles = [lower?.value, median?.value, upper?.value];
         let mean = values.iter().sum::<f64>() / n;
         let square: f64 = values.iter().map(|v| (v - mean) * (v - mean)).sum();
-        let standard_error = if last == 0 { 0.0 } else { (square / (n * (n - 1.0))).sqrt() };
-        let quartiles = [0.25, 0.5, 0.75].map(|q| {
-            let rank = q * last as f64;
-            let below = rank.floor() as usize;
-            let above = (below + 1).min(last);
-            sorted[below] + (rank - below as f64) * (sorted[above] - sorted[below])
-        });
+        let standard_error = if values.len() == 1 { 0.0 } else { (square / (n * (n - 1.0))).sqrt() };
         Some(Self { mean, standard_error, quartiles })
     }
 }

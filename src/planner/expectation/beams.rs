@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 use super::attitude::Desired;
 use super::errors::Errors;
-use super::full::{link, received};
+use super::full::{link, received, sizes};
 use super::kernel::{ANGLES, Link, POWER, Raw, Scene, VEHICLE, power};
 use super::logarithm::LogSum;
 use super::samples::{LANES, Lane, Samples};
@@ -81,13 +81,14 @@ impl Beams {
             }
             return;
         }
+        let sizes = sizes(&self.scene)[node.min(1)];
         for (block, axes) in self.blocks.iter().zip(&self.axes) {
             let errors = block.errors.as_ref();
             let shift = errors.and_then(|errors| errors.nodes_m.get(node));
             let powers = [0, 1].map(|v: usize| {
                 let offset = errors.map(|errors| &errors.vehicles[v].offset_m);
                 let link = link(parts[v], budgets_m2[v], offset, &position, shift);
-                received(&self.scene, v, node, &link, &axes[v], block.waves.get(2 * node + v))
+                received(&self.scene.antennas[v], sizes[v], &link, &axes[v], block.waves.get(2 * node + v))
             });
             push_sinr(powers, out);
         }

@@ -30,8 +30,8 @@ const LEAST_GAIN: f64 = 1e-24;
 pub(super) struct Links(Vec<[LinkLanes; 2]>);
 
 /// A wave's parts and what share of the received power is direct.
-#[derive(Clone, Copy)]
-struct Waves {
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Waves {
     direct: f64,
     /// s.
     size: f64,
@@ -74,23 +74,9 @@ impl Block<'_> {
     /// What a node (0 the user) receives from a vehicle.
     #[inline(always)]
     fn received(&self, node: usize, vehicle: usize) -> Lane {
-        let link = &self.links[node][vehicle];
-        let t = self.cosines(link, vehicle);
+        let (antenna, sizes) = (&self.scene.antennas[vehicle], self.sizes[node.min(1)][vehicle]);
         let wave = self.waves.get(2 * node + vehicle);
-        let [mut h, _] = response(&self.scene.antennas[vehicle], self.sizes[node.min(1)][vehicle], &t, wave);
-        for l in 0..LANES {
-            h[l] *= link.k[l];
-        }
-        h
-    }
-
-    #[inline(always)]
-    fn cosines(&self, link: &LinkLanes, vehicle: usize) -> Lane {
-        let mut t = [0.0; LANES];
-        for l in 0..LANES {
-            t[l] = link.cosine(&self.axes[vehicle].y, l);
-        }
-        t
+        received(antenna, sizes, &self.links[node][vehicle], &self.axes[vehicle].y, wave)
     }
 
     /// What the user receives, and the strongest eavesdropper.
@@ -155,7 +141,7 @@ impl Block<'_> {
         wave: Option<&[Lane; 2]>,
         c: &Lane,
     ) {
-        let t = self.cosines(link, vehicle);
+        let t = cosines(link, &self.axes[vehicle].y);
         let [h, slope] = response(&self.scene.antennas[vehicle], self.sizes[kind][vehicle], &t, wave);
         for l in 0..LANES {
             let scale = c[l] * link.k[l];
@@ -245,7 +231,7 @@ impl Links {
 }
 
 /// By kind of node (the user, an eavesdropper) and vehicle.
-fn sizes(scene: &Scene) -> [[Waves; 2]; 2] {
+pub(super) fn sizes(scene: &Scene) -> [[Waves; 2]; 2] {
     let [i, j] = &scene.antennas;
     [scene.fading.user, scene.fading.eavesdropper].map(|law| [Waves::new(law, i), Waves::new(law, j)])
 }
@@ -285,20 +271,26 @@ pub(super) fn link(
     out
 }
 
-/// What a node (0 the user) receives from a vehicle in a block: for searches over a node's position.
+/// `<u, Y>` per lane.
+#[inline(always)]
+fn cosines(link: &LinkLanes, y: &[Lane; 3]) -> Lane {
+    let mut t = [0.0; LANES];
+    for l in 0..LANES {
+        t[l] = link.cosine(y, l);
+    }
+    t
+}
+
+/// What a node receives from a vehicle in a block.
 #[inline(always)]
 pub(super) fn received(
-    scene: &Scene,
-    vehicle: usize,
-    node: usize,
+    antenna: &Antenna,
+    waves: Waves,
     link: &LinkLanes,
     y: &[Lane; 3],
     wave: Option<&[Lane; 2]>,
 ) -> Lane {
-    let rician = if node == 0 { scene.fading.user } else { scene.fading.eavesdropper };
-    let antenna = &scene.antennas[vehicle];
-    let t = std::array::from_fn(|l| link.cosine(y, l));
-    let [mut h, _] = response(antenna, Waves::new(rician, antenna), &t, wave);
+    let [mut h, _] = response(antenna, waves, &cosines(link, y), wave);
     for l in 0..LANES {
         h[l] *= link.k[l];
     }

@@ -149,8 +149,8 @@ impl Samples {
     #[must_use]
     pub fn first(&self, count: usize) -> Self {
         let blocks = count.div_ceil(LANES).clamp(1, self.noise.len());
-        let draws = if self.draws.len() == 1 { 1 } else { blocks.div_ceil(self.per_draw) };
         let per_draw = if self.draws.len() == 1 { blocks } else { self.per_draw };
+        let draws = blocks.div_ceil(per_draw);
         let blocks = draws * per_draw;
         Self {
             noise: self.noise[..blocks].to_vec(),

@@ -94,6 +94,11 @@ impl Side {
         taken.filter(|taken| !(taken.disarmed && self.started_at.is_some_and(|at| at > taken.at)))
     }
 
+    /// For how long a command may outlast the off that should have ended it: what holds up or loses off leaves the expiry.
+    fn expiry(&self) -> Duration {
+        if self.radio_hop_troubled { LEASE } else { Duration::ZERO }
+    }
+
     /// Runs, is reached by its vehicle and hears its peer.
     fn is_well(&self) -> bool {
         !self.unreached && !self.radio_hop_troubled && self.told.from_peer == Passage::Good
@@ -147,13 +152,11 @@ impl Monitor {
     }
 
     /// How much later than on good ways the sign of what befalls a vehicle and the command that answers it may arrive:
-    /// state that is older is used for nothing, and a command that is later has expired. A troubled hop to the radio may
-    /// hold off up or lose it; the expiry of what was commanded before does arrive.
+    /// state that is older is used for nothing, and a command that is later has expired.
     pub(super) fn sign_and_command(&self, v: usize, now: Duration) -> Duration {
         let side = &self.sides[v];
         let way = side.vehicle_way.longest(now).saturating_sub(GOOD_WAY);
-        let command = if side.radio_hop_troubled { LEASE } else { way.min(LEASE) };
-        way.min(STATE_LIMIT) + command
+        way.min(STATE_LIMIT) + way.min(LEASE).max(side.expiry())
     }
 
     /// The companion is gone, or nothing passes between it and its vehicle.
@@ -212,8 +215,7 @@ impl Monitor {
         let state_late = of(state, state_reaction);
         let link_cut = of(side.cut_since, CUT);
         // Of a companion that is gone, S5 says how long.
-        let expiry = if side.radio_hop_troubled { LEASE } else { Duration::ZERO };
-        let allowed = LEASED + under_way + expiry;
+        let allowed = LEASED + under_way + side.expiry();
         let unheard = of(side.unheard_since.filter(|_| side.gone_since.is_none()), allowed);
         self.lasting(now, Some(v), out_of_control, |after| Breach::OutOfControl { after });
         self.lasting(now, Some(v), bad_estimate, |after| Breach::BadEstimate { after });
