@@ -236,7 +236,7 @@ fn spec_command_writes_all_files_and_refuses_bad_arguments() {
     assert_eq!(done.status.code(), Some(0), "{}", String::from_utf8_lossy(&done.stderr));
     let stdout = String::from_utf8(done.stdout).unwrap();
     let files: Vec<&str> = stdout.lines().collect();
-    assert_eq!(files.len(), 12, "{stdout}");
+    assert_eq!(files.len(), 14, "{stdout}");
     let expected = all(&SETTINGS, &quiet).unwrap();
     for figure in &expected {
         for (extension, text) in [("svg", &figure.svg), ("csv", &figure.csv)] {
@@ -245,7 +245,25 @@ fn spec_command_writes_all_files_and_refuses_bad_arguments() {
             assert_eq!(&std::fs::read_to_string(path).unwrap(), text);
         }
     }
-    for arguments in [&["--scenarios", "1"][..], &["--threads", "0"], &["--scenarios", "many"]] {
+    // What the imperfections of the demo cost, and what they leave: the floor by far the most by itself.
+    let broken_down = std::fs::read_to_string(out.join("figure-breakdown.csv")).unwrap();
+    let rows = rows(&broken_down);
+    for user in ["alpha", "bravo"] {
+        let loss = |cause: &str| {
+            let row = rows.iter().find(|row| row["user"] == user && row["cause"] == cause).unwrap();
+            number(row, "loss_bit_s_hz")
+        };
+        let alone = ["heading", "jitter", "mounting", "position", "user"].map(loss);
+        assert!(alone.iter().all(|alone| (0.0..loss("antenna")).contains(alone)), "{broken_down}");
+        assert!(loss("all") > loss("antenna") + alone.iter().sum::<f64>(), "{broken_down}");
+    }
+    assert_eq!(elements(&std::fs::read_to_string(out.join("figure-breakdown.svg")).unwrap())["svg"], 1);
+    for arguments in [
+        &["--mission", "no-such-mission.toml"][..],
+        &["--scenarios", "1"],
+        &["--threads", "0"],
+        &["--scenarios", "many"],
+    ] {
         assert_eq!(run(arguments).status.code(), Some(2), "{arguments:?}");
     }
 }

@@ -1,18 +1,23 @@
-//! `veilwing figures`: the paper's figures, and two of what it leaves out, from the running planner.
+//! `veilwing figures`: the paper's figures, and three of what it leaves out, from the running planner.
 
+use std::error::Error;
 use std::fmt::Write as _;
 use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
+use crate::config::Mission;
 use crate::config::file::{usable_directory, write_whole};
+use crate::desk::figures::breakdown::{self, Slot};
 use crate::desk::figures::{self, Figure, Settings};
 use crate::link::clock::Clock;
+use crate::planning::options;
 
-use super::{Exit, print_text, progress};
+use super::planning::plan_mission;
+use super::{Exit, load_mission, print_text, progress};
 
-/// Draw the paper's figures 3 and 4a to 4c, and rates over null depth and Rician factor, from the running planner, as SVG and
-/// CSV.
+/// Draw the paper's figures 3 and 4a to 4c, rates over null depth and Rician factor, and what each imperfection costs a
+/// mission, from the running planner, as SVG and CSV.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example: veilwing figures --out figures --scenarios 100 --threads 2")]
 pub(super) struct Args {
@@ -28,7 +33,13 @@ pub(super) struct Args {
     /// Seed of the scenarios and of the planner.
     #[arg(long, value_name = "N", default_value_t = 6, allow_negative_numbers = true)]
     seed: u64,
+    /// Mission file whose imperfections are broken down; by default the demo.
+    #[arg(long, value_name = "MISSION")]
+    mission: Option<PathBuf>,
 }
+
+/// The demo, as it was when this program was built.
+const DEMO: &str = include_str!("../../config/mission.toml");
 
 pub(super) fn run(args: &Args) -> Exit {
     let clock = Clock::real();
@@ -36,13 +47,24 @@ pub(super) fn run(args: &Args) -> Exit {
     let elapsed_s = || clock.now().saturating_since(started).as_secs_f64();
     let settings =
         Settings { scenarios: args.scenarios as usize, threads: args.threads.into(), seed: args.seed };
+    let mission = match &args.mission {
+        Some(path) => load_mission(path),
+        None => Mission::parse("config/mission.toml", DEMO).map_err(|errors| {
+            eprint!("{errors}");
+            Exit::Unusable
+        }),
+    };
+    let mission = match mission {
+        Ok(mission) => mission,
+        Err(exit) => return exit,
+    };
     // Before the work, not after it, is the time to learn that the directory cannot be written.
     if let Err(error) = usable_directory(&args.out) {
         eprintln!("error: {error}");
         return Exit::Unusable;
     }
     let line = ProgressLine::default();
-    let figures = match figures::all(&settings, &|figure, done, count| line.show(figure, done, count)) {
+    let figures = match all(&mission, &settings, &line) {
         Ok(figures) => figures,
         Err(error) => {
             eprintln!("error: {error}");
@@ -61,6 +83,16 @@ pub(super) fn run(args: &Args) -> Exit {
     }
     progress(&format!("{} scenarios, seed {}, {:.0} s", args.scenarios, args.seed, elapsed_s()));
     print_text(&text)
+}
+
+fn all(mission: &Mission, settings: &Settings, line: &ProgressLine) -> Result<Vec<Figure>, Box<dyn Error>> {
+    let mut figures = figures::all(settings, &|figure, done, count| line.show(figure, done, count))?;
+    let planned = plan_mission(mission, &options(mission))?;
+    let slots = planned.plan.slots.iter().zip(&planned.assessments).map(|(slot, assessment)| {
+        Slot::new(&slot.user, slot.plan.secrecy_rate_bps, assessment, mission.radio.bandwidth_hz)
+    });
+    figures.push(breakdown::figure(&mission.name, &slots.collect::<Vec<_>>()));
+    Ok(figures)
 }
 
 fn write(out: &Path, figure: &Figure) -> Result<[PathBuf; 2], Exit> {

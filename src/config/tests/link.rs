@@ -161,10 +161,10 @@ fn spec_what_makes_no_link_is_refused_by_line_key_value_and_remedy() {
 /// What a mission does not say is not in its digest: missions of before are themselves.
 #[test]
 fn spec_an_ideal_mission_says_nothing_of_its_link() {
-    let demo = mission(DEMO);
-    assert!(demo.problem(0).unwrap().has_ideal_link());
-    let empty = mission(&format!("{DEMO}\n[antenna]\n[fading]\n[pointing]\n"));
-    assert_eq!(empty.digest(), demo.digest());
-    let with = mission(&format!("{DEMO}\n[pointing]\nheading_std_deg = 0\n"));
-    assert_ne!(with.digest(), demo.digest());
+    let ideal = mission(PAPER);
+    assert!(ideal.problem(0).unwrap().has_ideal_link());
+    let empty = mission(&format!("{PAPER}\n[antenna]\n[fading]\n[pointing]\n"));
+    assert_eq!(empty.digest(), ideal.digest());
+    let with = mission(&format!("{PAPER}\n[pointing]\nheading_std_deg = 0\n"));
+    assert_ne!(with.digest(), ideal.digest());
 }

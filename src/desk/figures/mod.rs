@@ -1,4 +1,4 @@
-//! The paper's figures, and two of what it leaves out, from the running planner: what [`planner::plan_slot`](crate::planner::plan_slot) and
+//! The paper's figures, and three of what it leaves out, from the running planner: what [`planner::plan_slot`](crate::planner::plan_slot) and
 //! [`planner::evaluate`](crate::planner::evaluate) answer, as SVG and CSV.
 //!
 //! | figure | shows | method |
@@ -9,10 +9,12 @@
 //! | 4c | the same with jitter and uncertain eavesdropper positions | [`rates`] |
 //! | null depth | plans that know of the antennas' floors against plans that do not: mean and 5% quantile | [`rates`] |
 //! | Rician K | the same of scattering | [`rates`] |
+//! | breakdown | what each imperfection that a mission states costs its plan | [`breakdown`] |
 //!
 //! Scenarios are drawn as in the paper: two eavesdroppers uniform in a square of a kilometre about the user. A figure
 //! depends on the seed and the number of scenarios, never on the number of threads.
 
+pub mod breakdown;
 mod pose_chart;
 pub mod poses;
 mod rate_chart;
@@ -66,7 +68,7 @@ pub struct Figure {
 /// Hears, from any thread, of parts done: figure, parts done, parts in all.
 pub type Progress<'a> = dyn Fn(&str, usize, usize) + Sync + 'a;
 
-/// Makes all figures.
+/// Makes all figures of random scenarios; [`breakdown`] is of a mission.
 ///
 /// # Errors
 /// [`Failure`] for no scenarios, or if the planner refuses one.
