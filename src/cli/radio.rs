@@ -21,6 +21,7 @@ use crate::transmitter::wire::WHOLE;
 #[derive(Debug, clap::Args)]
 #[command(
     args_conflicts_with_subcommands = true,
+    subcommand_negates_reqs = true,
     after_help = "Example: veilwing radio config/radio.toml\nA radio file to start from: config/radio.toml"
 )]
 pub(super) struct Args {
@@ -66,6 +67,9 @@ fn host(file: &Path) -> Exit {
         Err(error) => unusable(&error.to_string()),
     }
 }
+
+/// What is said where somebody may be about to radiate unawares.
+const RADIATES: &str = "this radiates: with a dummy load or a power meter on, say --radiate";
 
 fn unusable(error: &str) -> Exit {
     eprintln!("error: {error}");

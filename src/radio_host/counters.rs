@@ -1,5 +1,7 @@
 //! What became of all commands, for the log and for tests.
 
+use crate::transmitter::wire::VeilwingRadioResult as Result;
+
 /// How many, since the start. What a signed link turns away (forged, unsigned, recorded and sent again) is counted by the
 /// link, and never comes here.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -26,6 +28,26 @@ pub struct Counters {
     pub ran_out: u64,
     /// Outcomes of orders that the device was no longer wanted to carry out.
     pub stale_outcomes: u64,
+}
+
+impl Counters {
+    /// Counts what became of a power command.
+    pub(super) fn count(&mut self, result: Result) {
+        let counter = match result {
+            Result::VEILWING_RADIO_RESULT_ACCEPTED => &mut self.accepted,
+            Result::VEILWING_RADIO_RESULT_NOT_NEWER => &mut self.not_newer,
+            Result::VEILWING_RADIO_RESULT_OTHER_SERIES => &mut self.other_series,
+            Result::VEILWING_RADIO_RESULT_EXPIRED => &mut self.expired,
+            Result::VEILWING_RADIO_RESULT_DENIED => &mut self.denied,
+            Result::VEILWING_RADIO_RESULT_NOT_NOW => &mut self.not_now,
+            Result::VEILWING_RADIO_RESULT_TOO_LOW => &mut self.too_low,
+            Result::VEILWING_RADIO_RESULT_FAILED
+            | Result::VEILWING_RADIO_RESULT_DEVICE_LATE
+            | Result::VEILWING_RADIO_RESULT_DEVICE_ERROR
+            | Result::VEILWING_RADIO_RESULT_OTHER_POWER => &mut self.failed,
+        };
+        *counter += 1;
+    }
 }
 
 impl std::fmt::Display for Counters {

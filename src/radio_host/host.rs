@@ -5,8 +5,8 @@ use std::time::Duration;
 
 use mavlink::MavHeader;
 use mavlink::dialects::ardupilotmega::{
-    COMMAND_INT_DATA, HEARTBEAT_DATA, MavAutopilot, MavCmd, MavMessage, MavModeFlag, MavResult, MavState,
-    MavType, STATUSTEXT_DATA, TIMESYNC_DATA,
+    COMMAND_INT_DATA, HEARTBEAT_DATA, MavAutopilot, MavMessage, MavModeFlag, MavResult, MavState, MavType,
+    STATUSTEXT_DATA,
 };
 
 use super::Said;
@@ -16,7 +16,6 @@ use super::counters::Counters;
 use super::facts::Facts;
 use super::kill::{Kill, acknowledgement};
 use super::notice::Notice;
-use super::parameters;
 use super::rig::{Fault, Order, OrderId, Outcome, Rig, Times, Turn};
 use super::scale::Scale;
 use super::series::{Place, Series, Standing};
@@ -34,6 +33,9 @@ const REPORT_EVERY: Duration = Duration::from_millis(150);
 const HEARTBEAT_EVERY: Duration = Duration::from_secs(1);
 /// A stranger is told of once in this time.
 const STRANGER_EVERY: Duration = Duration::from_secs(10);
+
+/// The largest power is declared in single precision, and asked for in thousandths of a dB.
+const LIMIT_SLACK_DB: f64 = 1e-3;
 
 /// What a host is told.
 #[derive(Debug, Clone)]
@@ -74,12 +76,12 @@ struct Lease {
 /// The state machine.
 #[derive(Debug, Clone)]
 pub struct Host {
-    settings: Settings,
+    pub(super) settings: Settings,
     clock: RadioClock,
     series: Series,
-    rig: Rig,
+    pub(super) rig: Rig,
     lease: Option<Lease>,
-    kill: Kill,
+    pub(super) kill: Kill,
     answers: Answers,
     stopping: bool,
     was_silent: bool,
@@ -310,59 +312,6 @@ impl Host {
         }
     }
 
-    /// A command other than power.
-    fn handle_command(
-        &mut self,
-        sender: (u8, u8),
-        target: (u8, u8),
-        command: MavCmd,
-        param1: f32,
-        now: Instant,
-    ) {
-        let own = self.settings.own;
-        if command == MavCmd::MAV_CMD_USER_2 {
-            let to_all = [0, own.0].contains(&target.0) && [0, own.1].contains(&target.1);
-            let lifts = param1 == 1.0;
-            if target == own || to_all && !lifts {
-                self.handle_kill(sender, lifts, now);
-            }
-        } else if target == own {
-            let power = u32::from(self.settings.command) == command as u32;
-            let only_int = if power {
-                MavResult::MAV_RESULT_COMMAND_INT_ONLY
-            } else {
-                MavResult::MAV_RESULT_UNSUPPORTED
-            };
-            self.say(acknowledgement(sender, command, only_int));
-        }
-    }
-
-    /// The kill is obeyed from whoever may, at once; it is lifted where the radio is off.
-    fn handle_kill(&mut self, sender: (u8, u8), lifts: bool, now: Instant) {
-        let own_system = sender.0 == self.settings.own.0;
-        let result = if !(self.settings.signed || own_system || self.settings.operators.contains(&sender.0)) {
-            self.is_stranger(sender, now);
-            MavResult::MAV_RESULT_DENIED
-        } else if !lifts {
-            if self.kill.latch(sender) {
-                self.tell(Notice::Killed);
-            }
-            self.silence(now);
-            if !self.rig.is_off() {
-                self.say(acknowledgement(sender, MavCmd::MAV_CMD_USER_2, MavResult::MAV_RESULT_IN_PROGRESS));
-            }
-            return self.answer_settled(now);
-        } else if self.rig.is_off() {
-            if self.kill.lift() {
-                self.tell(Notice::Lifted);
-            }
-            MavResult::MAV_RESULT_ACCEPTED
-        } else {
-            MavResult::MAV_RESULT_DENIED
-        };
-        self.say(acknowledgement(sender, MavCmd::MAV_CMD_USER_2, result));
-    }
-
     /// The end of the lease, by the radio's clock.
     fn run_out(&mut self, now: Instant) {
         if self.lease.is_none_or(|lease| now < lease.ends_at) {
@@ -375,7 +324,7 @@ impl Host {
         self.silence(now);
     }
 
-    fn silence(&mut self, now: Instant) {
+    pub(super) fn silence(&mut self, now: Instant) {
         self.lease = None;
         self.rig.want_off(now);
         // What was to be radiated is not any more.
@@ -406,7 +355,7 @@ impl Host {
     }
 
     /// Answers what waited for the device to be where it is.
-    fn answer_settled(&mut self, now: Instant) {
+    pub(super) fn answer_settled(&mut self, now: Instant) {
         let (reached, off) = (self.rig.is_reached(), self.rig.was_off());
         for waiting in self.answers.take(|waiting| reached || off && waiting.off) {
             self.answer(waiting, Result::VEILWING_RADIO_RESULT_ACCEPTED, now);
@@ -419,7 +368,7 @@ impl Host {
     }
 
     fn answer(&mut self, command: Waiting, result: Result, now: Instant) {
-        self.count(result);
+        self.counters.count(result);
         let report = self.report(now);
         self.out.push_back(Said::Report(VEILWING_RADIO_DATA {
             answers_boot: command.boot,
@@ -429,55 +378,11 @@ impl Host {
         }));
     }
 
-    fn count(&mut self, result: Result) {
-        let counters = &mut self.counters;
-        let counter = match result {
-            Result::VEILWING_RADIO_RESULT_ACCEPTED => &mut counters.accepted,
-            Result::VEILWING_RADIO_RESULT_NOT_NEWER => &mut counters.not_newer,
-            Result::VEILWING_RADIO_RESULT_OTHER_SERIES => &mut counters.other_series,
-            Result::VEILWING_RADIO_RESULT_EXPIRED => &mut counters.expired,
-            Result::VEILWING_RADIO_RESULT_DENIED => &mut counters.denied,
-            Result::VEILWING_RADIO_RESULT_NOT_NOW => &mut counters.not_now,
-            Result::VEILWING_RADIO_RESULT_TOO_LOW => &mut counters.too_low,
-            Result::VEILWING_RADIO_RESULT_FAILED
-            | Result::VEILWING_RADIO_RESULT_DEVICE_LATE
-            | Result::VEILWING_RADIO_RESULT_DEVICE_ERROR
-            | Result::VEILWING_RADIO_RESULT_OTHER_POWER => &mut counters.failed,
-        };
-        *counter += 1;
-    }
-
-    fn is_stranger(&mut self, (system, component): (u8, u8), now: Instant) {
+    pub(super) fn is_stranger(&mut self, (system, component): (u8, u8), now: Instant) {
         self.counters.strangers += 1;
         if self.stranger_told_at.is_none_or(|at| at + STRANGER_EVERY <= now) {
             self.stranger_told_at = Some(now);
             self.tell(Notice::Stranger { system, component });
-        }
-    }
-
-    fn answer_parameters(&mut self, target: (u8, u8), message: &MavMessage) {
-        let own = self.settings.own;
-        if [0, own.0].contains(&target.0) && [0, own.1].contains(&target.1) {
-            for answer in parameters::answers(&self.settings.facts, message) {
-                self.say(answer);
-            }
-        }
-    }
-
-    /// A signed link's other end asks this way whether we are alive, and there.
-    fn answer_time(&mut self, sender: (u8, u8), question: &TIMESYNC_DATA, now: Instant) {
-        let own = self.settings.own;
-        let for_us =
-            [0, own.0].contains(&question.target_system) && [0, own.1].contains(&question.target_component);
-        if for_us {
-            let nanoseconds = i64::try_from(now.since_start().as_nanos()).unwrap_or(i64::MAX).max(1);
-            let (target_system, target_component) = sender;
-            self.say(MavMessage::TIMESYNC(TIMESYNC_DATA {
-                tc1: nanoseconds,
-                ts1: question.ts1,
-                target_system,
-                target_component,
-            }));
         }
     }
 
@@ -497,7 +402,7 @@ impl Host {
         })
     }
 
-    fn tell(&mut self, notice: Notice) {
+    pub(super) fn tell(&mut self, notice: Notice) {
         let text = notice.to_string();
         self.say(MavMessage::STATUSTEXT(STATUSTEXT_DATA {
             severity: notice.severity(),
@@ -507,13 +412,10 @@ impl Host {
         self.notices.push_back(notice);
     }
 
-    fn say(&mut self, message: MavMessage) {
+    pub(super) fn say(&mut self, message: MavMessage) {
         self.out.push_back(Said::Common(Box::new(message)));
     }
 }
-
-/// The largest power is declared in single precision, and asked for in thousandths of a dB.
-const LIMIT_SLACK_DB: f64 = 1e-3;
 
 fn result_of(fault: Fault) -> Result {
     match fault {

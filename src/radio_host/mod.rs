@@ -20,6 +20,7 @@ mod host;
 mod kill;
 mod notice;
 mod parameters;
+mod requests;
 mod rig;
 mod scale;
 mod series;

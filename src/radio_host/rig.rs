@@ -139,6 +139,8 @@ pub(super) struct Rig {
     flight: Option<Flight>,
     /// Stands until off is confirmed.
     fault: Option<Fault>,
+    /// An off was not confirmed when it should have been.
+    in_doubt: bool,
     off_again_at: Option<Instant>,
     /// An off that was told before this proves nothing: an order that was cut short may follow it.
     settled_from: Instant,
@@ -158,6 +160,7 @@ impl Rig {
             known: Known::Unsure { at_most_dbm },
             flight: None,
             fault: None,
+            in_doubt: false,
             off_again_at: None,
             settled_from: now,
             orders: VecDeque::new(),
@@ -229,8 +232,7 @@ impl Rig {
             }
             Order::Off => {
                 self.flight = Some(Flight { late: true, ..flight });
-                let first = self.fault.replace(Fault::Late) != Some(Fault::Late);
-                if first { Turn::Failed(Fault::Late) } else { Turn::Nothing }
+                self.doubt(Fault::Late)
             }
         }
     }
@@ -319,7 +321,7 @@ impl Rig {
             self.off_again_at = Some(self.settled_from.max(now));
             return Turn::Nothing;
         }
-        (self.known, self.fault) = (Known::Off, None);
+        (self.known, self.fault, self.in_doubt) = (Known::Off, None, false);
         self.go_on(now);
         Turn::Silent
     }
@@ -328,8 +330,14 @@ impl Rig {
         self.known = Known::Unsure { at_most_dbm: self.known.at_most_dbm().max(self.scale.least_dbm()) };
         self.wanted = None;
         self.off_again_at = Some(now + OFF_AGAIN);
-        let first = self.fault.replace(fault) != Some(fault);
-        if first { Turn::Failed(fault) } else { Turn::Nothing }
+        self.doubt(fault)
+    }
+
+    /// An off is not confirmed: told once, and again when it is for another reason.
+    fn doubt(&mut self, fault: Fault) -> Turn {
+        let same = self.fault.replace(fault) == Some(fault);
+        let first = !std::mem::replace(&mut self.in_doubt, true);
+        if first || !same { Turn::Failed(fault) } else { Turn::Nothing }
     }
 
     fn is_set(&mut self, setting: Setting, read_back: Option<f64>, now: Instant) -> Turn {

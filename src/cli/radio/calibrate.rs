@@ -4,7 +4,7 @@ use std::fmt::Write;
 use std::path::PathBuf;
 
 use super::bench::{Bench, BenchError, end, runtime};
-use super::{load, unusable};
+use super::{RADIATES, load, unusable};
 use crate::cli::{Exit, interrupt};
 use crate::config::RadioFile;
 use crate::config::file::write_whole;
@@ -14,12 +14,13 @@ use crate::radio_host::{Point, Scale};
 ///
 /// Radiates. Writes [calibration] file, and never over one that is there.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Example: veilwing radio calibrate radio.toml --radiate --points 21")]
 pub(super) struct Args {
     /// The radio file.
     #[arg(value_name = "RADIO.toml")]
     file: PathBuf,
     /// A power meter behind an attenuator is on, and it may radiate now.
-    #[arg(long, required = true)]
+    #[arg(long)]
     radiate: bool,
     /// At how many settings, the least and the largest among them.
     #[arg(long, default_value_t = 11, value_parser = clap::value_parser!(u32).range(2..=1000))]
@@ -28,6 +29,9 @@ pub(super) struct Args {
 
 /// Asks, measures, writes.
 pub(super) fn run(args: &Args) -> Exit {
+    if !args.radiate {
+        return unusable(RADIATES);
+    }
     let Ok(radio) = load(RadioFile::load_uncalibrated(&args.file)) else { return Exit::Unusable };
     let Some(file) = &radio.calibration_file else {
         return unusable("[calibration] has no `file`: give the path that is to be written");
@@ -52,6 +56,8 @@ pub(super) fn run(args: &Args) -> Exit {
     let mut measured = Vec::new();
     let done = runtime.block_on(ask(&mut bench, &values, frequency_hz, &mut measured));
     let left = runtime.block_on(bench.leave());
+    // A line that nobody types is not waited for.
+    runtime.shutdown_background();
     let complete = measured.len() == values.len();
     if done.is_ok()
         && complete

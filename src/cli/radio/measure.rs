@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use super::bench::{Bench, BenchError, end, runtime};
-use super::{load, unusable};
+use super::{RADIATES, load, unusable};
 use crate::cli::{Exit, print_text};
 use crate::config::RadioFile;
 
@@ -13,12 +13,13 @@ use crate::config::RadioFile;
 ///
 /// Radiates. The two lines that it prints below the table are for [device], rounded up.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Example: veilwing radio measure radio.toml --radiate")]
 pub(super) struct Args {
     /// The radio file.
     #[arg(value_name = "RADIO.toml")]
     file: PathBuf,
     /// The antenna, or a dummy load, is on, and it may radiate now.
-    #[arg(long, required = true)]
+    #[arg(long)]
     radiate: bool,
     /// How often.
     #[arg(long, default_value_t = 100, value_parser = clap::value_parser!(u32).range(2..=10_000))]
@@ -30,6 +31,9 @@ pub(super) struct Args {
 
 /// Measures, and prints the table.
 pub(super) fn run(args: &Args) -> Exit {
+    if !args.radiate {
+        return unusable(RADIATES);
+    }
     let Ok(radio) = load(RadioFile::load(&args.file)) else { return Exit::Unusable };
     let between = match args.between.as_deref() {
         Some([first, second]) => [*first, *second],

@@ -69,6 +69,7 @@ fn spec_a_device_that_does_not_answer_is_late_at_its_declared_time_and_told_off_
     assert!(stand.orders[told..].iter().all(|(_, order)| *order == Order::Off));
     assert_ne!(stand.power(), OFF);
     assert!(stand.notices.contains(&Notice::Fault(Fault::Late)));
+    assert!(stand.notices.contains(&Notice::MayRadiate(Fault::Late)));
     assert!(stand.notices.len() < 6, "and said once: {:?}", stand.notices);
     stand.outcome(Outcome::Off);
     assert_eq!(stand.power(), OFF);
