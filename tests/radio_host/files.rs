@@ -25,14 +25,14 @@ fn val_an_attenuator_gives_what_enters_it_less_what_it_takes() {
 #[test]
 fn spec_a_file_that_cannot_be_used_is_refused_with_its_line_and_a_remedy() {
     let cases = [
-        (("off_ms = 20\n", ""), 6, "`off_ms`", "add"),
-        (("off_db = 90", "off_dp = 90"), 14, "unknown key", "did you mean `off_db`"),
-        (("source_dbm = 27\n", ""), 7, "what power an attenuation gives", "source_dbm"),
-        (("kind = \"attenuator\"", "kind = \"at\""), 7, "no [at] table", "add [at]"),
-        (("least = 0\nmost = 30", "least = 30\nmost = 0"), 8, "above `most`", "swap"),
-        (("most = 30\n", ""), 8, "without", "belong together"),
+        (("off_ms = 20\n", ""), 5, "`off_ms`", "add"),
+        (("off_db = 90", "off_dp = 90"), 15, "unknown key", "did you mean `off_db`"),
+        (("source_dbm = 27\n", ""), 6, "what power an attenuation gives", "source_dbm"),
+        (("kind = \"attenuator\"", "kind = \"at\""), 6, "no [at] table", "add [at]"),
+        (("least = 0\nmost = 30", "least = 30\nmost = 0"), 7, "above `most`", "swap"),
+        (("most = 30\n", ""), 7, "without", "belong together"),
         (("udpin:127.0.0.1:14570", "udp:127.0.0.1:14570"), 4, "scheme", "udpin"),
-        (("tcpout:10.0.0.9:23", "udpin:10.0.0.9:23"), 13, "is called", "tcpout"),
+        (("tcpout:10.0.0.9:23", "udpin:10.0.0.9:23"), 14, "is called", "tcpout"),
         (("change_ms = 20", "change_ms = 0"), 12, "more than 0", "ms"),
     ];
     for ((this, by), line, says, help) in cases {

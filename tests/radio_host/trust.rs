@@ -58,19 +58,20 @@ async fn spec_forged_replayed_and_unsigned_leases_change_nothing_and_are_counted
     );
     let forged = companion.command(30.0, 4500);
 
-    // Unsigned, from elsewhere; with another key; and everything that was said so far, once more.
+    // Unsigned, signed with another key, and everything that was said so far once more: from elsewhere, and on the
+    // companion's own way.
+    let recorded = heard.lock().unwrap().clone();
     let stranger = UdpSocket::bind("127.0.0.1:0").unwrap();
     let unsigned =
         Encoder::default().encode(COMPANION, &Aboard::Common(MavMessage::COMMAND_INT(forged.clone())));
-    let mut other = Companion::new(program.port, 5, Some(key(8, path.join("other.signing")))).await;
+    let mut other = Companion::new(port, 5, Some(key(8, path.join("other.signing")))).await;
     for _ in 0..20 {
         stranger.send_to(unsigned.raw_bytes(), ("127.0.0.1", program.port)).unwrap();
+        way.send_to(unsigned.raw_bytes(), ("127.0.0.1", program.port)).await.unwrap();
         other.say(MavMessage::COMMAND_INT(forged.clone()));
     }
-    let recorded = heard.lock().unwrap().clone();
     for frame in &recorded {
         stranger.send_to(frame, ("127.0.0.1", program.port)).unwrap();
-        // And from where the companion is.
         way.send_to(frame, ("127.0.0.1", program.port)).await.unwrap();
     }
     // Answered, so that all of it was taken before.

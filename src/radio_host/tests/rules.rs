@@ -129,7 +129,7 @@ fn spec_a_power_is_rounded_down_and_below_the_least_it_stays_off_and_says_so() {
         );
     }
     let answer = stand.on(-0.5, 500).unwrap();
-    assert_eq!((answer.result, answer.power_mdbm), (Is::VEILWING_RADIO_RESULT_TOO_LOW, OFF));
+    assert_eq!((answer.result, stand.power()), (Is::VEILWING_RADIO_RESULT_TOO_LOW, OFF));
 }
 
 #[test]
