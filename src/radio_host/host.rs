@@ -123,10 +123,11 @@ impl Host {
         let sender = (system, header.component_id);
         self.run_out(now);
         match message {
-            MavMessage::COMMAND_INT(c) if u32::from(self.settings.command) == c.command as u32 => {
-                if (c.target_system, c.target_component) == self.settings.own {
-                    self.handle_power(sender, c, now);
-                }
+            MavMessage::COMMAND_INT(c)
+                if u32::from(self.settings.command) == c.command as u32
+                    && (c.target_system, c.target_component) == self.settings.own =>
+            {
+                self.handle_power(sender, c, now);
             }
             MavMessage::COMMAND_INT(c) => {
                 self.handle_command(sender, (c.target_system, c.target_component), c.command, c.param1, now);
