@@ -33,6 +33,12 @@ pub mod planning;
 #[cfg(feature = "companion")]
 pub mod preflight;
 #[cfg(feature = "companion")]
+pub mod radio_device;
+#[cfg(feature = "companion")]
+pub mod radio_host;
+#[cfg(feature = "companion")]
+pub mod radio_loop;
+#[cfg(feature = "companion")]
 pub mod service;
 #[cfg(feature = "companion")]
 pub mod transmitter;

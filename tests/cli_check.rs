@@ -145,11 +145,14 @@ fn spec_errors_of_mission_and_vehicles_are_all_printed() {
 }
 
 #[test]
-fn spec_the_schema_is_one_json_document_with_both_files() {
+fn spec_the_schema_is_one_json_document_with_all_files_or_that_of_one() {
     let output = veilwing(&["schema"]).output().unwrap();
     assert_eq!(output.status.code(), Some(0));
     let schema: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
-    for file in ["mission", "vehicle"] {
+    for file in ["mission", "vehicle", "radio"] {
         assert!(schema["$defs"][file]["properties"].is_object(), "{file}");
+        let one = veilwing(&["schema", file]).output().unwrap();
+        let one: serde_json::Value = serde_json::from_slice(&one.stdout).unwrap();
+        assert_eq!(one["properties"], schema["$defs"][file]["properties"]);
     }
 }

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// From the ground up; what shares a row does not know each other.
-const LAYERS: [&[&str]; 14] = [
+const LAYERS: [&[&str]; 15] = [
     &["role", "time", "units", "durable"],
     // A pose knows its antenna's axis: `geo` uses `radio::pattern` and nothing else of it.
     &["geo", "radio"],
@@ -17,12 +17,13 @@ const LAYERS: [&[&str]; 14] = [
     &["schedule"],
     &["preflight"],
     &["pair", "autopilot", "transmitter"],
-    &["service"],
+    &["service", "radio_host"],
     &["mission"],
     &["link"],
+    &["radio_device"],
     &["config"],
     &["planning"],
-    &["companion"],
+    &["companion", "radio_loop"],
     &["desk"],
     &["cli"],
 ];

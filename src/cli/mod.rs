@@ -26,6 +26,7 @@ mod fly;
 mod interrupt;
 mod plan;
 mod planning;
+mod radio;
 #[cfg(feature = "desk")]
 mod report;
 mod schema;
@@ -101,6 +102,7 @@ enum Command {
     #[cfg(feature = "desk")]
     Campaign(campaign::Args),
     Fly(fly::Args),
+    Radio(radio::Args),
     #[cfg(feature = "desk")]
     Report(report::Args),
     #[cfg(feature = "desk")]
@@ -125,6 +127,7 @@ pub fn main() -> ExitCode {
         #[cfg(feature = "desk")]
         Command::Campaign(args) => campaign::run(args),
         Command::Fly(args) => fly::run(args),
+        Command::Radio(args) => radio::run(args),
         #[cfg(feature = "desk")]
         Command::Report(args) => report::run(args),
         #[cfg(feature = "desk")]

@@ -1,6 +1,6 @@
-//! Mission and vehicle files: TOML to validated settings, or every error with line, column and remedy.
+//! Mission, vehicle and radio files: TOML to validated settings, or every error with line, column and remedy.
 //!
-//! Each setting is declared once (`mission_file`, `vehicle_file`): key, kind, range, unit, default, sentence. Reading, range
+//! Each setting is declared once (`mission_file`, `vehicle_file`, `radio_file`): key, kind, range, unit, default, sentence. Reading, range
 //! checks, defaults, the JSON Schema and the digest all follow from the declaration. `reading`, `reader` and `kind` serve
 //! other files of this form too.
 
@@ -15,6 +15,9 @@ mod mission;
 mod mission_checks;
 mod mission_file;
 mod plan_file;
+mod radio;
+mod radio_draft;
+mod radio_file;
 pub(crate) mod reader;
 pub(crate) mod reading;
 mod schema;
@@ -31,7 +34,11 @@ pub use draft::{
 pub use mission::{Difference, Mission, NamedEavesdropper, Settled, User, VehicleSettings};
 pub use mission_file::METHODS;
 pub use plan_file::plan_of_text;
-pub use schema::schema;
+pub use radio::RadioFile;
+pub use radio_draft::{
+    AtDraft, AttenuatorDraft, CommandDraft, DeviceDraft, DeviceKind, JsonRpcDraft, RadioHostDraft,
+};
+pub use schema::{Part, schema, schema_of};
 pub use vehicle::Vehicle;
 pub use vehicle_links::ExposedLink;
 

@@ -25,6 +25,7 @@ const DEMO: &str = include_str!("../../config/mission.toml");
 const PAPER: &str = include_str!("../../config/paper.toml");
 const VEHICLE_I: &str = include_str!("../../config/vehicle-i.toml");
 const VEHICLE_J: &str = include_str!("../../config/vehicle-j.toml");
+const RADIO: &str = include_str!("../../config/radio.toml");
 const LEAST: &str = "[mission]\n[[user]]\nenu_m = [0, 0, 0]\n[[eavesdropper]]\nenu_m = [120, -40, 0]\n";
 const ORIGIN: &str = "origin = { lat_deg = 50.0, lon_deg = 14.0, alt_amsl_m = 200.0 }\n";
 

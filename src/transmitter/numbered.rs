@@ -279,6 +279,11 @@ impl Numbered {
             | Is::VEILWING_RADIO_RESULT_FAILED => {
                 self.commands.refused(sent.number);
             }
+            // Not as it was before: it is off, or told to be.
+            Is::VEILWING_RADIO_RESULT_TOO_LOW
+            | Is::VEILWING_RADIO_RESULT_DEVICE_LATE
+            | Is::VEILWING_RADIO_RESULT_DEVICE_ERROR
+            | Is::VEILWING_RADIO_RESULT_OTHER_POWER => self.in_force = None,
             // A copy of one that was taken is not newer either: that it is not in force does not follow.
             Is::VEILWING_RADIO_RESULT_NOT_NEWER
             | Is::VEILWING_RADIO_RESULT_OTHER_SERIES

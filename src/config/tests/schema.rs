@@ -11,6 +11,7 @@ fn spec_every_shipped_file_is_valid_under_the_schema() {
         ("mission", LEAST),
         ("vehicle", VEHICLE_I),
         ("vehicle", VEHICLE_J),
+        ("radio", RADIO),
     ] {
         assert_eq!(validate(&schema, &schema["$defs"][part], &as_json(text)), Ok(()));
         assert_eq!(validate(&schema, &schema, &as_json(text)), Ok(()));
@@ -69,7 +70,9 @@ fn documented(text: &str) -> Vec<(String, Option<Json>)> {
 
 #[test]
 fn spec_the_examples_explain_every_setting_with_its_default() {
-    for (schema, text) in [(Mission::schema(), DEMO), (Vehicle::schema(), VEHICLE_I)] {
+    for (schema, text) in
+        [(Mission::schema(), DEMO), (Vehicle::schema(), VEHICLE_I), (RadioFile::schema(), RADIO)]
+    {
         let mut wanted = Vec::new();
         settings(&schema, "", &mut wanted);
         let given = documented(text);

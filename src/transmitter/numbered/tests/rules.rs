@@ -225,3 +225,55 @@ fn spec_strangers_and_words_to_others_change_nothing() {
     assert_eq!(world.transmitter.supports_expiry(), None);
     assert_eq!(world.command(0.1, 1, 300), Err(NotReady::NotHeard));
 }
+
+#[test]
+fn spec_a_radio_whose_device_failed_vouches_for_nothing() {
+    use crate::transmitter::wire::VeilwingRadioResult as Is;
+    for result in [
+        Is::VEILWING_RADIO_RESULT_TOO_LOW,
+        Is::VEILWING_RADIO_RESULT_DEVICE_LATE,
+        Is::VEILWING_RADIO_RESULT_DEVICE_ERROR,
+        Is::VEILWING_RADIO_RESULT_OTHER_POWER,
+    ] {
+        let mut world = World::settled(10);
+        assert_eq!(world.command(0.1, 9, 400), Ok(()));
+        world.run(ms(25));
+        assert_eq!(world.command(0.1, 9, 400), Ok(()));
+        assert!(world.vouched().is_some());
+        let number = world.radio.received.last().unwrap().param2 as u32 + 1;
+        // What it may radiate is not what it certainly radiates.
+        let report = VEILWING_RADIO_DATA {
+            time_ms: world.radio.clock_ms(world.now),
+            boot: 78,
+            newest: number,
+            answers_boot: 78,
+            answers: number,
+            series: world.radio.series,
+            expires_ms: world.radio.clock_ms(world.now + ms(400)),
+            power_mdbm: 20_000,
+            result,
+        };
+        let header = mavlink::MavHeader { system_id: RADIO.0.into(), component_id: RADIO.1, sequence: 0 };
+        let message = crate::transmitter::wire::MavMessage::VEILWING_RADIO(report);
+        world.transmitter.handle_radio(header, &message, world.now);
+        assert_eq!(world.vouched(), None, "{result:?}");
+    }
+}
+
+#[test]
+fn spec_a_radio_that_asks_whether_we_are_there_is_answered() {
+    use mavlink::dialects::ardupilotmega::TIMESYNC_DATA;
+    let mut world = World::settled(10);
+    while world.transmitter.poll_transmit().is_some() {}
+    let ask = |component_id, tc1| {
+        let header = mavlink::MavHeader { system_id: RADIO.0.into(), component_id, sequence: 0 };
+        (header, MavMessage::TIMESYNC(TIMESYNC_DATA { tc1, ts1: 4711, ..TIMESYNC_DATA::default() }))
+    };
+    for (component, tc1, answered) in [(RADIO.1, 0, true), (RADIO.1, 5, false), (1, 0, false)] {
+        let (header, message) = ask(component, tc1);
+        world.transmitter.handle_message(header, &message, world.now);
+        let answer = world.transmitter.poll_transmit();
+        let is_answer = matches!(&answer, Some(MavMessage::TIMESYNC(m)) if m.ts1 == 4711 && m.tc1 > 0);
+        assert_eq!(is_answer, answered, "{answer:?}");
+    }
+}

@@ -1,0 +1,138 @@
+//! `veilwing radio`: the radio host beside a transmitter, its calibration, and its times.
+
+mod bench;
+mod calibrate;
+mod measure;
+
+use std::path::{Path, PathBuf};
+
+use super::{Exit, interrupt};
+use crate::config::RadioFile;
+use crate::config::file::usable_directory;
+use crate::link::{Clock, Form, Key, LinkConfig, SigningConfig, TlogWriter};
+use crate::radio_device::AnyDevice;
+use crate::radio_host::Settings;
+use crate::radio_loop::{RadioProcess, Stopped, kept_kill};
+use crate::transmitter::wire::WHOLE;
+
+/// Set a transmitter's power by lease: the radio's side, as a small process beside it.
+///
+/// Silent at the start, at the end, and whenever the companion's lease runs out.
+#[derive(Debug, clap::Args)]
+#[command(
+    args_conflicts_with_subcommands = true,
+    subcommand_negates_reqs = true,
+    after_help = "Example: veilwing radio config/radio.toml\nA radio file to start from: config/radio.toml"
+)]
+pub(super) struct Args {
+    #[command(subcommand)]
+    command: Option<Command>,
+    /// The radio file.
+    #[arg(required = true, value_name = "RADIO.toml")]
+    file: Option<PathBuf>,
+}
+
+#[derive(Debug, clap::Subcommand)]
+enum Command {
+    Measure(measure::Args),
+    Calibrate(calibrate::Args),
+}
+
+/// Runs it.
+pub(super) fn run(args: &Args) -> Exit {
+    match (&args.command, &args.file) {
+        (Some(Command::Measure(args)), _) => measure::run(args),
+        (Some(Command::Calibrate(args)), _) => calibrate::run(args),
+        (None, Some(file)) => host(file),
+        (None, None) => Exit::Unusable,
+    }
+}
+
+fn host(file: &Path) -> Exit {
+    let Ok(radio) = load(RadioFile::load(file)) else { return Exit::Unusable };
+    let (runtime, clock) = match bench::runtime() {
+        Ok(runtime) => (runtime, Clock::real()),
+        Err(error) => return unusable(&error),
+    };
+    let process = match process(&radio, &clock) {
+        Ok(process) => process,
+        Err(error) => return unusable(&error),
+    };
+    match runtime.block_on(process.run(clock, interrupt::requested())) {
+        Ok(Stopped::Off) => Exit::Interrupted,
+        Ok(Stopped::MayRadiate) => {
+            eprintln!("error: the device was not read back off: it may radiate; cut its supply");
+            Exit::Bad
+        }
+        Err(error) => unusable(&error.to_string()),
+    }
+}
+
+/// What is said where somebody may be about to radiate unawares.
+const RADIATES: &str = "this radiates: with a dummy load or a power meter on, say --radiate";
+
+fn unusable(error: &str) -> Exit {
+    eprintln!("error: {error}");
+    Exit::Unusable
+}
+
+/// Says what is to be said of a file.
+fn load(loaded: Result<RadioFile, crate::config::Diagnostics>) -> Result<RadioFile, Exit> {
+    match loaded {
+        Ok(radio) => {
+            eprint!("{}", radio.warnings);
+            Ok(radio)
+        }
+        Err(errors) => {
+            eprint!("{errors}");
+            Err(Exit::Unusable)
+        }
+    }
+}
+
+fn process(radio: &RadioFile, clock: &Clock) -> Result<RadioProcess<AnyDevice>, String> {
+    usable_directory(&radio.log_dir).map_err(|error| format!("[log] dir: {error}"))?;
+    let kill_file = radio.log_dir.join("radio.kill");
+    let killed = kept_kill(&kill_file).map_err(|error| error.to_string())?;
+    if killed {
+        eprintln!("a radio kill holds: lift it by 31011 with param1 = 1 to this component");
+    }
+    let signing = match &radio.key_file {
+        None => None,
+        Some(path) => Some(SigningConfig {
+            key: Key::load(path).map_err(|error| error.to_string())?,
+            // The companion's end of this link has 2 (one key, another stream).
+            link_id: 3,
+            state_file: radio.log_dir.join("radio.signing"),
+            unsigned_allowed: Vec::new(),
+        }),
+    };
+    let tlog = TlogWriter::create(&radio.log_dir.join("radio.tlog")).map_err(|error| error.to_string())?;
+    let signed = signing.is_some();
+    let link = LinkConfig {
+        name: "radio".to_owned(),
+        peer_system: Some(radio.system_id),
+        // An operator's kill comes the same way.
+        accept_foreign: true,
+        signing,
+        tlog: Some(tlog),
+    };
+    // Microseconds since 1970: no two starts have the same.
+    let seed = clock.utc().unix_us;
+    let settings = Settings {
+        own: (radio.system_id, radio.component_id),
+        commanders: radio.commanders.clone(),
+        operators: radio.operators.clone(),
+        signed,
+        command: radio.command,
+        facts: radio.facts(),
+        scale: radio.scale.clone(),
+        below_db: radio.device.tolerance_db,
+        killed,
+        seed,
+        clock_began_ms: u32::try_from(seed / 1000 % u64::from(WHOLE)).unwrap_or_default(),
+    };
+    let device = radio.device().ok_or("the file names no device")?;
+    let form = if radio.tunnel { Form::Tunnel { to_system: 0 } } else { Form::Plain };
+    Ok(RadioProcess { link: (radio.address.clone(), link), form, settings, device, kill_file })
+}

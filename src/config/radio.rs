@@ -1,0 +1,369 @@
+//! The radio file: what the radio host must know of its link and its device.
+
+use std::ops::Deref;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use serde_json::Value as Json;
+
+use super::diagnostic::{Diagnostics, Severity};
+use super::document::Document;
+use super::file::{MAX_BYTES, read_text};
+use super::radio_draft::{CommandDraft, DeviceKind, JsonRpcDraft, RadioHostDraft};
+use super::radio_file;
+use super::reader::Section;
+use super::reading;
+use super::vehicle_links::key_file_fault;
+use crate::link::{HostPort, LinkAddress};
+use crate::radio_device::{AnyDevice, Reading, at, attenuator, command, json_rpc};
+use crate::radio_host::{Facts, MOST_SETTINGS, Point, Scale, ScaleError, points_of_csv};
+
+/// A validated radio file: its settings, which are read as its own fields ([`RadioHostDraft`]), and the scale of its device.
+#[derive(Debug, Clone)]
+pub struct RadioFile {
+    draft: RadioHostDraft,
+    /// Its settings and their powers; by the calibration, where there is one.
+    pub scale: Scale,
+    /// What the operator should know although the file can be used. No errors.
+    pub warnings: Diagnostics,
+}
+
+impl Deref for RadioFile {
+    type Target = RadioHostDraft;
+
+    fn deref(&self) -> &RadioHostDraft {
+        &self.draft
+    }
+}
+
+impl RadioFile {
+    /// Reads and validates a radio file, its calibration, and the mode of its key file.
+    ///
+    /// # Errors
+    /// Everything that is wrong with them, each with its place and remedy.
+    pub fn load(path: &Path) -> Result<Self, Diagnostics> {
+        let (mut draft, document, findings) =
+            Self::read(&path.display().to_string(), &read_text(path, MAX_BYTES)?)?;
+        let beside = |file: &mut Option<PathBuf>| {
+            *file = file.take().map(|file| path.parent().unwrap_or(Path::new("")).join(file));
+        };
+        beside(&mut draft.key_file);
+        beside(&mut draft.calibration_file);
+        if let Some((message, help)) = draft.key_file.as_deref().and_then(key_file_fault) {
+            return Err(fault(&document, "link.key_file", message, help));
+        }
+        let scale = match &draft.calibration_file {
+            None => linear(&draft).map_err(|error| at_device(&document, &error))?,
+            Some(file) => measured(&draft, file, &read_text(file, MAX_BYTES)?)?,
+        };
+        Ok(Self { draft, scale, warnings: findings })
+    }
+
+    /// The same for a calibration that is yet to be made: its file is not looked at, and powers are the device's word.
+    ///
+    /// # Errors
+    /// As [`Self::load`].
+    pub fn load_uncalibrated(path: &Path) -> Result<Self, Diagnostics> {
+        let (mut draft, _, warnings) = Self::read(&path.display().to_string(), &read_text(path, MAX_BYTES)?)?;
+        draft.calibration_file =
+            draft.calibration_file.map(|file| path.parent().unwrap_or(Path::new("")).join(file));
+        // Any slope does: what each setting gives is what is asked for.
+        let scale = Scale::linear(&settings_of(&draft), 0.0, 1.0).map_err(|error| {
+            Diagnostics::of_file(&path.display().to_string(), error.to_string(), error.remedy())
+        })?;
+        Ok(Self { draft, scale, warnings })
+    }
+
+    /// Validates the text of a radio file without a calibration; `file_name` is used in messages only, and no other file is
+    /// looked at.
+    ///
+    /// # Errors
+    /// Everything that is wrong with the text, each with its place and remedy.
+    pub fn parse(file_name: &str, text: &str) -> Result<Self, Diagnostics> {
+        let (draft, document, warnings) = Self::read(file_name, text)?;
+        let scale = linear(&draft).map_err(|error| at_device(&document, &error))?;
+        Ok(Self { draft, scale, warnings })
+    }
+
+    fn read(file_name: &str, text: &str) -> Result<(RadioHostDraft, Document, Diagnostics), Diagnostics> {
+        let describe = |s: &mut Section<'_, '_>| {
+            let mut draft = RadioHostDraft::blank();
+            radio_file::describe(s, &mut draft);
+            draft
+        };
+        let (draft, document, findings) = reading::text(file_name, text, describe, check);
+        Ok((draft, document, findings.into_result()?))
+    }
+
+    /// The JSON Schema of the radio file.
+    #[must_use]
+    pub fn schema() -> Json {
+        reading::schema(|s| radio_file::describe(s, &mut RadioHostDraft::blank()))
+    }
+
+    /// What the radio declares of itself.
+    #[must_use]
+    pub fn facts(&self) -> Facts {
+        let device = &self.draft.device;
+        let time = |ms: f64| Duration::from_secs_f64(ms * 1e-3);
+        Facts {
+            least_dbm: self.scale.least_dbm(),
+            most_dbm: self.scale.most_dbm(),
+            off: time(device.off_ms),
+            change: time(device.change_ms),
+            reads_back: self.reads_back(),
+            dead: device.dead_ms.map(time),
+            band_khz: device.band_khz,
+        }
+    }
+
+    /// The device, not spoken to yet. `None` never comes of a file that was validated.
+    #[must_use]
+    pub fn device(&self) -> Option<AnyDevice> {
+        let draft = &self.draft;
+        Some(match draft.device.kind {
+            DeviceKind::Command => {
+                AnyDevice::Command(command::Program::new(programs(draft.by_command.as_ref()?)))
+            }
+            DeviceKind::Attenuator => {
+                let attenuator = draft.attenuator.as_ref()?;
+                let access = match (attenuator.http, &attenuator.address) {
+                    (true, LinkAddress::TcpOut(to)) => {
+                        attenuator::Access::Http { to: to.clone(), password: attenuator.password.clone() }
+                    }
+                    (_, address) => attenuator::Access::Lines(address.clone()),
+                };
+                let settings = attenuator::Settings { access, off_db: attenuator.off_db };
+                AnyDevice::Attenuator(attenuator::Attenuator::new(settings))
+            }
+            DeviceKind::JsonRpc => {
+                AnyDevice::JsonRpc(json_rpc::JsonRpc::new(calls(draft.json_rpc.as_ref()?)?))
+            }
+            DeviceKind::At => {
+                let at = draft.at.as_ref()?;
+                let read = |text: &String| if at.reads_back { text.clone() } else { String::new() };
+                let after = |text: &String| Reading { after: text.clone(), before: String::new() };
+                AnyDevice::At(at::Modem::new(at::Settings {
+                    link: at.address.clone(),
+                    login: at.user.clone().zip(at.password.clone()),
+                    set: at.set.clone(),
+                    read: read(&at.read),
+                    reading: after(&at.read_after),
+                    on: at.on.clone(),
+                    off: at.off.clone(),
+                    read_off: read(&at.read_off),
+                    off_reading: after(&at.read_off_after),
+                    off_reads: at.off_reads,
+                }))
+            }
+        })
+    }
+
+    fn reads_back(&self) -> bool {
+        let draft = &self.draft;
+        match draft.device.kind {
+            DeviceKind::Command => {
+                draft.by_command.as_ref().is_some_and(|command| !programs(command).read.is_empty())
+            }
+            DeviceKind::Attenuator => true,
+            DeviceKind::JsonRpc => {
+                draft.json_rpc.as_ref().is_some_and(|radio| radio.read.is_some() || radio.set.is_none())
+            }
+            DeviceKind::At => draft.at.as_ref().is_some_and(|at| at.reads_back),
+        }
+    }
+}
+
+fn programs(draft: &CommandDraft) -> command::Settings {
+    if let Some(interface) = &draft.interface {
+        return command::Settings::iw(interface);
+    }
+    let given = |words: &Option<Vec<String>>| words.clone().unwrap_or_default();
+    let text = |text: &Option<String>| text.clone().unwrap_or_default();
+    command::Settings {
+        set: given(&draft.set),
+        on: given(&draft.on),
+        off: given(&draft.off),
+        read: given(&draft.read),
+        reading: Reading { after: text(&draft.read_after), before: text(&draft.read_before) },
+        read_off: given(&draft.read_off),
+        off_reads: text(&draft.off_reads),
+    }
+}
+
+fn calls(draft: &JsonRpcDraft) -> Option<json_rpc::Settings> {
+    let to = host_port(&draft.address)?;
+    let call =
+        |json: &Option<String>, at: &String| json.clone().map(|json| json_rpc::Call { json, at: at.clone() });
+    let (set, read) = match &draft.set {
+        Some(set) => (set.clone(), call(&draft.read, &draft.read_at)),
+        None => {
+            let (set, read) = json_rpc::streamcaster();
+            (set, call(&draft.read, &draft.read_at).or(Some(read)))
+        }
+    };
+    Some(json_rpc::Settings {
+        to,
+        path: draft.path.clone(),
+        login: call(&draft.login, &draft.login_at),
+        set,
+        read,
+        on: draft.on.clone(),
+        off: draft.off.clone(),
+        read_off: call(&draft.read_off, &draft.read_off_at),
+        off_reads: draft.off_reads.clone(),
+    })
+}
+
+fn host_port(address: &LinkAddress) -> Option<HostPort> {
+    if let LinkAddress::TcpOut(to) = address { Some(to.clone()) } else { None }
+}
+
+/// All settings that the device takes.
+fn settings_of(draft: &RadioHostDraft) -> Vec<f64> {
+    let device = &draft.device;
+    if let Some(levels) = &device.levels {
+        return levels.clone();
+    }
+    let (Some(least), Some(most)) = (device.least, device.most) else { return Vec::new() };
+    let steps = ((most - least) / device.step + 1e-9).floor().clamp(0.0, MOST_SETTINGS as f64) as u32;
+    // To the millionth: 0.1 three times is 0.3.
+    (0..=steps).map(|k| ((least + f64::from(k) * device.step) * 1e6).round() * 1e-6).collect()
+}
+
+/// Powers by the device's own word.
+fn linear(draft: &RadioHostDraft) -> Result<Scale, ScaleError> {
+    let settings = settings_of(draft);
+    match draft.device.kind {
+        DeviceKind::Attenuator => Scale::linear(&settings, draft.device.source_dbm.unwrap_or_default(), -1.0),
+        _ => Scale::linear(&settings, 0.0, 1.0),
+    }
+}
+
+fn measured(draft: &RadioHostDraft, file: &Path, text: &str) -> Result<Scale, Diagnostics> {
+    let scale = |points: Vec<Point>| Scale::measured(&settings_of(draft), &points, draft.device.frequency_hz);
+    points_of_csv(text).and_then(scale).map_err(|error| {
+        let at = (error.line().unwrap_or(1), 1);
+        Diagnostics::of_text(&file.display().to_string(), text, at, error.to_string(), error.remedy())
+    })
+}
+
+fn fault(document: &Document, setting: &str, message: String, help: String) -> Diagnostics {
+    let mut all = Diagnostics::new(&document.file, document.text.clone());
+    all.push(Severity::Error, document.at(setting), message, help);
+    all
+}
+
+fn at_device(document: &Document, error: &ScaleError) -> Diagnostics {
+    fault(document, "device", error.to_string(), error.remedy().to_owned())
+}
+
+/// Settings against each other.
+fn check(draft: &RadioHostDraft, file: &mut Document) {
+    tables(draft, file);
+    device(draft, file);
+    addresses(draft, file);
+    if draft.key_file.is_none()
+        && !draft.address.is_point_to_point()
+        && file.sound(&["link.address", "link.key_file"])
+    {
+        file.warning(
+            file.at("link.address"),
+            "the link is neither signed nor a serial line: whoever reaches it first commands the radio"
+                .to_owned(),
+            "give [link] key_file, the same as the companion's [transmitter] key_file".to_owned(),
+        );
+    }
+}
+
+/// One table for the device's kind, and none of another's.
+fn tables(draft: &RadioHostDraft, file: &mut Document) {
+    if !file.sound(&["device.kind"]) || !file.given("device.kind") {
+        return;
+    }
+    let wanted = draft.device.kind;
+    for kind in [DeviceKind::Command, DeviceKind::Attenuator, DeviceKind::JsonRpc, DeviceKind::At] {
+        let key = kind.key();
+        let given = file.given(key);
+        if kind == wanted && !given {
+            let message = format!("`kind` is {key:?}, and there is no [{key}] table");
+            file.missing(file.at("device.kind"), message, format!("add [{key}]"));
+        } else if kind != wanted && given {
+            let message = format!("[{key}] has no effect: the device is of kind {:?}", wanted.key());
+            file.error(file.at(key), message, "remove it, or give that kind".to_owned());
+        }
+    }
+}
+
+fn device(draft: &RadioHostDraft, file: &mut Document) {
+    let device = &draft.device;
+    if !file.sound(&["device"]) {
+        return;
+    }
+    let error = |file: &mut Document, path: &str, message: String, help: &str| {
+        file.error(file.at(path), message, help.to_owned());
+    };
+    if let (Some(least), Some(most)) = (device.least, device.most) {
+        if least > most {
+            error(file, "device.least", format!("`least` is {least}, above `most`, {most}"), "swap them");
+        } else if (most - least) / device.step > MOST_SETTINGS as f64 {
+            let message = format!(
+                "from {least} to {most} by {} there are more than {MOST_SETTINGS} settings",
+                device.step
+            );
+            error(file, "device.step", message, "give a larger step");
+        }
+    }
+    let needs_source = device.kind == DeviceKind::Attenuator && draft.calibration_file.is_none();
+    if needs_source && device.source_dbm.is_none() {
+        file.missing(
+            file.at("device.kind"),
+            "nothing says what power an attenuation gives".to_owned(),
+            "give source_dbm, or a calibration".to_owned(),
+        );
+    } else if !needs_source && device.source_dbm.is_some() {
+        error(
+            file,
+            "device.source_dbm",
+            "`source_dbm` has no effect: it is for an attenuator without a calibration".to_owned(),
+            "remove it",
+        );
+    }
+    if let Some([from, to]) = device.band_khz.filter(|[from, to]| from >= to) {
+        error(
+            file,
+            "device.band_khz",
+            format!("the band ends at {to} kHz, where it begins or before, {from} kHz"),
+            "swap them",
+        );
+    }
+}
+
+/// Devices are called, and not waited for.
+fn addresses(draft: &RadioHostDraft, file: &mut Document) {
+    let mut check = |path: &str, address: &LinkAddress, lines: bool| {
+        let usable = match address {
+            LinkAddress::TcpOut(_) => true,
+            LinkAddress::Serial { .. } => lines,
+            _ => false,
+        };
+        if !usable && file.sound(&[path]) {
+            let help =
+                if lines { "give tcpout:HOST:PORT or serial:PATH:BAUD" } else { "give tcpout:HOST:PORT" };
+            file.error(
+                file.at(path),
+                format!("`address` is {address}, and the device is called"),
+                help.to_owned(),
+            );
+        }
+    };
+    if let Some(attenuator) = &draft.attenuator {
+        check("attenuator.address", &attenuator.address, !attenuator.http);
+    }
+    if let Some(radio) = &draft.json_rpc {
+        check("json_rpc.address", &radio.address, false);
+    }
+    if let Some(at) = &draft.at {
+        check("at.address", &at.address, true);
+    }
+}
