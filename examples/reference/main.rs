@@ -4,14 +4,14 @@
 //! cargo run --release --no-default-features --example reference -- TABLE [--every K] [--threads N] [--starts N]
 //! ```
 //!
-//! TABLE is `no-jitter`, `methods`, `methods-jitter`, `paper`, `jitter`, `variants`, `robust`, `times`, `fresh` or `plans`
-//! (CSV). `--every K` takes
-//! every K-th scenario, `paper --first K` the first K only (MODEL's figures for N = 5 are of the first 20), and
+//! TABLE is `no-jitter`, `methods`, `methods-jitter`, `paper`, `jitter`, `variants`, `robust`, `times`, `link`, `fresh` or
+//! `plans` (CSV). `--every K` takes every K-th scenario, `paper --first K` the first K only (MODEL's figures for N = 5 are of the first 20), and
 //! `fresh --kind TEXT` the kinds with TEXT in their name.
 //! Rates are in bit/s/Hz (the scenarios' bandwidth is 1 MHz).
 
 mod data;
 mod fresh;
+mod link;
 mod methods;
 mod tables;
 
@@ -40,11 +40,12 @@ fn main() -> ExitCode {
         Some("variants") => tables::variants,
         Some("robust") => tables::robust,
         Some("times") => tables::times,
+        Some("link") => link::table,
         Some("fresh") => fresh::table,
         Some("plans") => tables::plans,
         _ => {
             eprintln!(
-                "usage: reference no-jitter|methods|methods-jitter|paper|jitter|variants|robust|times|fresh|plans [--every K] [--first K] [--threads N] [--starts N] [--seed N] [--kind TEXT]"
+                "usage: reference no-jitter|methods|methods-jitter|paper|jitter|variants|robust|times|link|fresh|plans [--every K] [--first K] [--threads N] [--starts N] [--seed N] [--kind TEXT]"
             );
             return ExitCode::from(2);
         }

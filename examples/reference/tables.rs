@@ -61,7 +61,7 @@ impl Times {
         self.wall_ms.get(self.wall_ms.len() / 2).copied().unwrap_or(0.0)
     }
 
-    fn processor_ms(&self) -> f64 {
+    pub fn processor_ms(&self) -> f64 {
         mean(&self.processor_ms)
     }
 }
