@@ -190,6 +190,48 @@ fn spec_i_follows_a_jammer_that_falls_silent_out_of_turn() {
     }
 }
 
+/// What could not be known counts from when it can be, not from before: a link or a radio in order again is no breach.
+#[test]
+fn regress_i_follows_from_when_it_can_know_that_j_is_silent() {
+    let restart = |flight: &mut Flight, on| {
+        flight.world.inject(Fault::TransmitterRestart { vehicle: 1, on });
+    };
+    let link = |flight: &mut Flight, from_peer| {
+        flight.world.set_circumstances(0, Circumstances { from_peer, ..Circumstances::default() });
+    };
+    for (of_radio, known_ms) in [(true, 200), (false, 0)] {
+        for (follows, expected) in [(true, &[][..]), (false, &[("S4", "after J fell silent out of turn")])] {
+            let mut flight = on_the_air();
+            // A failure gives J a reason.
+            flight.world.inject(Fault::RotorLoss { vehicle: 1, rotor: 99 });
+            if of_radio {
+                restart(&mut flight, true)
+            } else {
+                link(&mut flight, Passage::Impaired)
+            }
+            flight.off(1);
+            go_on(&mut flight, 300, [true, false], [true, true]);
+            if of_radio {
+                restart(&mut flight, false)
+            } else {
+                link(&mut flight, Passage::Good)
+            }
+            go_on(&mut flight, known_ms + 100, [true, false], [true, true]);
+            if follows {
+                flight.off(0);
+            }
+            go_on(&mut flight, 100, [!follows, false], [true, true]);
+            flight.off(0);
+            go_on(&mut flight, 100, [false, false], [true, true]);
+            // The lease of before has run out meanwhile: of that S1 says so.
+            let broken = broken(&flight);
+            let s4: Vec<_> = broken.iter().filter(|line| line.starts_with("S4")).collect();
+            assert_eq!(s4.len(), expected.len(), "{of_radio} {broken:?}");
+            assert!(s4.iter().zip(expected).all(|(line, (_, word))| line.contains(word)), "{broken:?}");
+        }
+    }
+}
+
 #[test]
 fn spec_what_outlives_its_companion_breaks_s5() {
     for endless in [false, true] {

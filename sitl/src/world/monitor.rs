@@ -102,6 +102,8 @@ pub(crate) struct Monitor {
     jammer: Jammer,
     protection: Protection,
     sides: [Side; 2],
+    /// From when on both companions can know that J has fallen silent.
+    followed_from: Duration,
     /// By how much later than in real time the companions may be run.
     allowance: Duration,
 }

@@ -22,6 +22,8 @@ const STATE_LIMIT: Duration = Duration::from_millis(250);
 const LEASED: Duration = LEASE.saturating_add(WIRE);
 /// A cut link: S4's reaction, and the lease of a command that could still be given within it.
 const CUT: Duration = LEASED.saturating_add(Duration::from_millis(100));
+/// A radio speaks five times a second, unasked.
+const RADIO_WORD: Duration = Duration::from_millis(200);
 /// The steps of all who take part in what is under way.
 const STEPS: Duration = Duration::from_millis(100);
 
@@ -238,10 +240,16 @@ impl Monitor {
     /// S4 of the pair: J that falls silent out of turn says so, and I follows.
     fn following(&mut self, now: Duration, emitting: [Emitting; 2]) {
         // J's companion hears of what its radio does by itself only from the radio's next word.
-        let well = self.sides.iter().all(Side::is_well) && self.radios[1].is_none();
-        let bare = self.protection.bare_since.filter(|(_, had_jam)| well && *had_jam && emitting[0].radiates);
+        if self.radios[1].is_some() {
+            self.followed_from = now + RADIO_WORD;
+        } else if !self.sides.iter().all(Side::is_well) {
+            self.followed_from = self.followed_from.max(now);
+        }
+        let bare = self.protection.bare_since.filter(|(_, had_jam)| *had_jam && emitting[0].radiates);
         let reaction = REACTION + self.allowance;
-        let held = bare.map(|(since, _)| now.saturating_sub(since)).filter(|held| *held > reaction);
+        let held = bare
+            .map(|(since, _)| now.saturating_sub(since.max(self.followed_from)))
+            .filter(|held| *held > reaction);
         self.lasting(now, I, held, |after| Breach::Bare { after });
     }
 
