@@ -492,6 +492,8 @@ pub struct Transmitter {
     /// What a command of the first form ([`Kind::Leased`]) that comes late does is accepted, so that something real may be
     /// radiated by it.
     pub accept_late_commands: bool,
+    /// A radio that goes on when its own host dies is accepted, so that something real may be radiated by it.
+    pub accept_orphaned_radio: bool,
 }
 
 impl Transmitter {
@@ -509,6 +511,7 @@ impl Default for Transmitter {
             system_id: None,
             component_id: 68,
             accept_late_commands: false,
+            accept_orphaned_radio: false,
         }
     }
 }

@@ -152,7 +152,7 @@ impl Executive {
     /// Our own checks.
     fn checks(&self, now: Instant) -> Vec<Check> {
         let mut checks = self.autopilot.preflight(now);
-        checks.extend(self.service.interlock().transmitter().preflight(now));
+        checks.extend(self.radio_checks(now));
         checks.push(self.ground.plan_check());
         checks.extend(self.settings.link_checks.iter().cloned());
         if self.autopilot.state().is_armed() {
@@ -160,6 +160,18 @@ impl Executive {
             checks.push(check("disarmed", Verdict::Fail, detail));
         }
         checks.extend(self.kill_check());
+        checks
+    }
+
+    /// Those of the radio: whether it is there, and whether it can do what the flight asks of it.
+    fn radio_checks(&self, now: Instant) -> Vec<Check> {
+        let interlock = self.service.interlock();
+        let role = self.settings.role;
+        let slots = self.plan.iter().flat_map(|plan| &plan.slots);
+        let powers: Vec<(&str, f64)> =
+            slots.map(|slot| (slot.user.as_str(), slot.plan.vehicles[role].tx_power_w)).collect();
+        let mut checks = interlock.transmitter().preflight(now);
+        checks.extend(interlock.transmitter().compare(&self.settings.demands, &powers, interlock.ceiling()));
         checks
     }
 

@@ -11,6 +11,7 @@ use crate::schedule::table::Timing;
 use crate::schedule::trajectory::Limits;
 use crate::service::Ceilings;
 use crate::time::Utc;
+use crate::transmitter::Demands;
 
 use super::scene::Scene;
 
@@ -59,6 +60,8 @@ pub struct Settings {
     pub ceilings: Ceilings,
     /// The transmitter is simulated, or the mission authorises emission.
     pub emission_authorised: bool,
+    /// What is asked of the radio, beside the plan's powers.
+    pub demands: Demands,
     /// The preflight's checks of who can speak on a real transmitter's links; none where nothing real is radiated.
     pub link_checks: Vec<Check>,
     /// The radio has a link of its own: nothing that the autopilot's link brings is the radio's.

@@ -12,7 +12,7 @@ use crate::pair::{self, Commitment, Coordinator, Local, Peer, PlanTerms, Vouch};
 use crate::role::Role;
 use crate::time::{Instant, Utc};
 use crate::transmitter::wire::MavMessage as RadioMessage;
-use crate::transmitter::{NotReady, Transmitter};
+use crate::transmitter::{FULL_POWER, NotReady, Transmitter};
 
 use super::agreement_time::AgreementTime;
 use super::evidence::Vehicle;
@@ -25,8 +25,6 @@ use super::terms::{Event, GiveUp, Outgoing, Settings, Standing, may_recover, sil
 
 /// I asks for leases this long before it may radiate, so that it holds one when its time comes.
 const ASK_EARLY: Duration = Duration::from_millis(200);
-/// J vouches only for the plan's power, less what a radio's steps and the wire's rounding take away.
-const FULL_POWER: f64 = 0.99;
 /// A vehicle in the air whose next slot is not agreed on for so long goes home (F5) ...
 const LONGEST_WAIT: Duration = Duration::from_secs(90);
 /// ... and one that the operator has paused after so long.

@@ -165,6 +165,7 @@ fn beginning(kind: Kind, first_off_after: Duration, now: Instant) -> Transmitter
         kind,
         boot: 1,
         longest_round_trip: ms(150),
+        apart: false,
         system_is_given: false,
         first_off_after,
     };
