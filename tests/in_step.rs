@@ -134,7 +134,8 @@ fn vehicle(directory: &Path, autopilot: &str, simulated: bool) -> String {
 #[test]
 fn spec_only_a_simulated_vehicle_takes_its_time_from_stdin_and_only_from_a_world() {
     let directory = directory("in-step-refused");
-    let permit = "[emission]\nauthorised_by = \"a test\"\nband_hz = [2.4e9, 2.5e9]\nmax_power_w = 1.0\n";
+    let permit = "[emission]\nauthorised_by = \"a test\"\nband_hz = [2.4e9, 2.5e9]\nmax_power_w = 1.0\n\
+        valid = [2026-01-01T00:00:00Z, 2126-01-01T00:00:00Z]\n";
     let mission = write(&directory, "mission.toml", &format!("{MISSION}{permit}"));
     let (loopback, begin) = ("udpout:127.0.0.1:9", "veilwing-step/1 1000000 1800014400000000\n");
     let twice = format!("{begin}{begin}");

@@ -5,7 +5,7 @@ use std::time::Duration;
 use crate::autopilot;
 use crate::config::{ExposedLink, Mission, Transmitter, Vehicle};
 use crate::link::Form;
-use crate::mission::{Operators, Scene, Settings};
+use crate::mission::{Operators, Permission, Scene, Settings};
 use crate::pair::{self, Record};
 use crate::planner::problem::{Airframe, Airspace};
 use crate::preflight::{Check, Verdict, check};
@@ -70,6 +70,7 @@ pub fn settings(mission: &Mission, vehicle: &Vehicle, boot_id: u32, start_unaske
         },
         emission_authorised: vehicle.transmitter.simulated
             || (mission.emission.is_some() && vehicle.exposed_links().is_empty()),
+        permission: permission(mission, vehicle),
         demands: demands(mission, vehicle),
         link_checks: link_checks(vehicle),
         radio_apart: vehicle.transmitter.link.is_some(),
@@ -100,6 +101,20 @@ fn return_altitude_m(role: Role, airspace: &Airspace) -> Option<[f64; 2]> {
         Role::J => [middle_m + 0.5 * apart_m, high_m],
     };
     (low_m + apart_m <= middle_m - 0.5 * apart_m).then_some(band_m)
+}
+
+/// The mission's permission to radiate, as far as this vehicle needs it.
+fn permission(mission: &Mission, vehicle: &Vehicle) -> Permission {
+    let emission = mission.emission.as_ref();
+    Permission {
+        real: vehicle.is_real(),
+        valid: emission.and_then(|emission| emission.valid),
+        statement: match emission {
+            Some(emission) if vehicle.is_real() => emission.to_string(),
+            Some(emission) => format!("simulated transmitter; the mission's is {emission}"),
+            None => "simulated transmitter, no [emission] table".to_owned(),
+        },
+    }
 }
 
 /// What is asked of the vehicle's radio.

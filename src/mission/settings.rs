@@ -13,6 +13,7 @@ use crate::service::Ceilings;
 use crate::time::Utc;
 use crate::transmitter::Demands;
 
+use super::permission::Permission;
 use super::scene::Scene;
 
 /// Whose commands are obeyed.
@@ -60,6 +61,8 @@ pub struct Settings {
     pub ceilings: Ceilings,
     /// The transmitter is simulated, or the mission authorises emission.
     pub emission_authorised: bool,
+    /// The mission's permission to radiate.
+    pub permission: Permission,
     /// What is asked of the radio, beside the plan's powers.
     pub demands: Demands,
     /// The preflight's checks of who can speak on a real transmitter's links; none where nothing real is radiated.

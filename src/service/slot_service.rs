@@ -69,6 +69,8 @@ pub struct SlotService {
     /// I: the instant the slot table counts from, known from the first proposal on.
     table_zero: Option<Instant>,
     vehicle: Vehicle,
+    /// The mission's permission to radiate holds at present.
+    permitted: bool,
     events: VecDeque<Event>,
 }
 
@@ -95,6 +97,7 @@ impl SlotService {
             agreement_time: AgreementTime::default(),
             table_zero: None,
             vehicle: Vehicle::default(),
+            permitted: true,
             events: VecDeque::new(),
         }
     }
@@ -198,6 +201,12 @@ impl SlotService {
             self.interlock.silence(now);
         }
         quiet
+    }
+
+    /// Whether the mission's permission to radiate holds at present: as long as nobody says otherwise. Where it ends in a slot
+    /// the vehicle is silent, J once I is (S3).
+    pub fn set_permitted(&mut self, permitted: bool) {
+        self.permitted = permitted;
     }
 
     /// Tells the peer of a reason for silence that the vehicle's state does not show.
@@ -317,6 +326,7 @@ impl SlotService {
         // J keeps what it has vouched for (S3): by then I is off, for it was told.
         let killed = self.orders().is_killed() && !self.must_jam_on(now);
         self.interlock.set_killed(killed, now);
+        self.interlock.set_permitted(self.permitted || self.must_jam_on(now));
         if let Stage::Committed(slot) = &self.stage {
             if self.is_over(slot, now) {
                 self.end_slot(now);

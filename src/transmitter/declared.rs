@@ -74,9 +74,12 @@ impl Declared {
         Self { ask_at, ..Self::default() }
     }
 
-    /// Asks for everything anew: the radio was not there before, or may be another one. What is known holds until then.
+    /// Asks for everything anew, unless that has just begun: the radio was not there before, or may be another one. What is
+    /// known holds until then.
     pub fn ask_again(&mut self, now: Instant) {
-        (self.asked, self.ask_at) = (0, Some(now));
+        if self.ask_at.is_none() || self.asked > 1 {
+            (self.asked, self.ask_at) = (0, self.ask_at.or(Some(now)));
+        }
     }
 
     pub fn get(&self, fact: Fact) -> Option<f32> {
@@ -100,8 +103,8 @@ impl Declared {
     }
 
     fn time(&self, fact: Fact) -> Duration {
-        let ms = self.get(fact).unwrap_or(0.0);
-        Duration::try_from_secs_f32(ms * 1e-3).unwrap_or_default()
+        let ms = self.get(fact).map_or(0.0, f64::from);
+        Duration::try_from_secs_f64(ms * 1e-3).unwrap_or_default()
     }
 
     /// How many are still asked for.

@@ -1,6 +1,7 @@
 //! The transmitter's driver against radios and wires of every manner.
 
 mod bounds;
+mod declared;
 mod leased;
 mod parameter;
 

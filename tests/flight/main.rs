@@ -6,6 +6,8 @@
 
 mod agreement;
 mod apart;
+mod devices;
+mod emission;
 mod face;
 mod faults;
 mod forged;
