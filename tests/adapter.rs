@@ -16,7 +16,9 @@ use veilwing::link::Aboard;
 use veilwing::schedule::trajectory::{Limits, Start, Trajectory};
 use veilwing::time::Instant;
 use veilwing::transmitter::{self, Transmitter};
-use veilwing_sitl::{Airframe, Firmware, JitterConfig, Origin, Role, SensorConfig, Vehicle, VehicleConfig};
+use veilwing_sitl::{
+    Airframe, Firmware, JitterConfig, Origin, RadioPlace, Role, SensorConfig, Vehicle, VehicleConfig,
+};
 
 const MISSION: Geodetic = Geodetic { lat_deg: 50.0755, lon_deg: 14.4378, alt_m: 200.0 };
 const OWN: (u8, u8) = (1, 191);
@@ -75,6 +77,7 @@ impl World {
                     kind: transmitter::Kind::Numbered { command: 31010 },
                     boot: 4,
                     longest_round_trip: Duration::from_millis(300),
+                    apart: false,
                     system_is_given: false,
                     first_off_after: Duration::ZERO,
                 },
@@ -372,8 +375,8 @@ fn spec_without_the_guard_the_land_detector_ends_the_same_flight() {
 
 #[test]
 fn spec_the_radio_does_what_is_commanded_and_no_more() {
-    for behind_autopilot in [true, false] {
-        let vehicle = VehicleConfig { radio_behind_autopilot: behind_autopilot, ..vehicle(Firmware::Px4) };
+    for radio_place in [RadioPlace::BehindAutopilot, RadioPlace::OnTheWire] {
+        let vehicle = VehicleConfig { radio_place, ..vehicle(Firmware::Px4) };
         let mut world = World::with(vehicle, JitterConfig::default(), settings(Actuation::Pose));
         world.run(3.0);
         assert_eq!(world.transmitter.supports_expiry(), Some(true));

@@ -110,18 +110,87 @@ fn spec_shipped_files_pass_with_a_summary() {
     ]);
     let stdout = String::from_utf8(output.stdout).unwrap();
     assert_eq!((output.status.code(), String::from_utf8(output.stderr).unwrap().as_str()), (Some(0), ""));
-    for part in
-        ["2 (alpha, bravo)", "3 (hill, gate, van)", "by radio.max_power_w", "simulated transmitters only"]
-    {
+    for part in [
+        "2 (alpha, bravo)",
+        "3 (hill, gate, van)",
+        "by radio.max_power_w",
+        "simulated transmitters only",
+        "antenna of I   dipole, its null 25 dB below the largest gain",
+        "fading         none: nothing is scattered",
+        "pointing       heading 2.000 deg, mounting 0.500 deg, position 0.5 m, 0.8 m vertically",
+    ] {
         assert!(stdout.contains(part), "{part} is not in {stdout}");
     }
     let paper = check(&["config/paper.toml"]);
     let stderr = String::from_utf8(paper.stderr).unwrap();
     assert_eq!(paper.status.code(), Some(0), "{stderr}");
+    let stdout = String::from_utf8(paper.stdout).unwrap();
+    for ideal in ["antenna of I   ideal dipole, its null without a floor", "pointing       exact"] {
+        assert!(stdout.contains(ideal), "{ideal} is not in {stdout}");
+    }
     assert!(
         stderr.starts_with("config/paper.toml:") && stderr.contains("warning: `std_deg` is 0"),
         "{stderr}"
     );
+}
+
+#[test]
+fn spec_the_summary_tells_what_the_mission_states_of_its_link_and_of_its_permission() {
+    let directory = Path::new(env!("CARGO_TARGET_TMPDIR"));
+    let path = directory.join("stated.toml");
+    let mission = std::fs::read_to_string("config/mission.toml").unwrap();
+    let stated = "
+[emission]
+authorised_by = \"a regulator\"
+band_hz = [2.4e9, 2.41e9]
+max_power_w = 0.5
+licensee = \"the testers\"
+licence = \"T-1\"
+valid = [2026-01-01T00:00:00Z, 2126-12-31T23:59:59Z]
+site = \"a yard\"
+[antenna.j]
+pattern_file = [[0.0, -20.0], [90.0, 0.0], [180.0, -20.0]]
+[fading]
+rician_k_db = { user = 15.0, eavesdropper = 12.0 }
+";
+    let powers = mission.replacen("# min_power_w = 0.010 ", "min_power_w = 0.010 ", 1).replace(
+        "\n# power_levels_w = [0.010, 0.025, 0.1, 0.5]\n",
+        "\npower_levels_w = [0.010, 0.025, 0.1, 0.5]\n",
+    );
+    std::fs::write(&path, format!("{powers}{stated}")).unwrap();
+    let path = path.display().to_string();
+    let real = directory.join("real.toml");
+    let vehicle = std::fs::read_to_string("config/vehicle-i.toml").unwrap();
+    std::fs::write(&real, vehicle.replace("simulated = true ", "simulated = false")).unwrap();
+    let output = check(&[&path, "--vehicle", real.to_str().unwrap()]);
+    let stdout = String::from_utf8(output.stdout).unwrap();
+    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+    for line in [
+        "antenna of I   dipole, its null 25 dB below the largest gain",
+        "antenna of J   measured in 3 points, the least gain -20 dB at 0 deg",
+        "fading         Rician, K 15.0 dB at users, 12.0 dB at eavesdroppers",
+        "pointing       heading 2.000 deg, mounting 0.500 deg, position 0.5 m, 0.8 m vertically",
+        "power of I     up to 500.000 mW, by radio.max_power_w, at least 10.000 mW",
+        "power of J     up to 500.000 mW, by radio.max_power_w, in levels of 10.000 mW, 25.000 mW, 100.000 mW, 500.000 mW",
+        "emission       2400 to 2410 MHz, at most 500.000 mW, authorised by a regulator",
+        "licensee       the testers",
+        "licence        T-1",
+        "site           a yard",
+        "valid          2026-01-01T00:00:00Z to 2126-12-31T23:59:59Z",
+    ] {
+        assert!(stdout.lines().any(|said| said == line), "{line:?} is not in {stdout}");
+    }
+    // Expired, by this machine's clock.
+    let expired = std::fs::read_to_string(&path).unwrap().replace("2126-12-31", "2026-01-02");
+    std::fs::write(&path, expired).unwrap();
+    let output = check(&[&path, "--vehicle", real.to_str().unwrap()]);
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(2), "{stderr}");
+    assert!(
+        stderr.contains("it has expired, it is") && stderr.contains("a permission that holds then"),
+        "{stderr}"
+    );
+    assert_eq!(check(&[&path]).status.code(), Some(0), "nothing real is to be radiated");
 }
 
 #[test]

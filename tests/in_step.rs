@@ -134,7 +134,8 @@ fn vehicle(directory: &Path, autopilot: &str, simulated: bool) -> String {
 #[test]
 fn spec_only_a_simulated_vehicle_takes_its_time_from_stdin_and_only_from_a_world() {
     let directory = directory("in-step-refused");
-    let permit = "[emission]\nauthorised_by = \"a test\"\nband_hz = [2.4e9, 2.5e9]\nmax_power_w = 1.0\n";
+    let permit = "[emission]\nauthorised_by = \"a test\"\nband_hz = [2.4e9, 2.5e9]\nmax_power_w = 1.0\n\
+        valid = [2026-01-01T00:00:00Z, 2126-01-01T00:00:00Z]\n";
     let mission = write(&directory, "mission.toml", &format!("{MISSION}{permit}"));
     let (loopback, begin) = ("udpout:127.0.0.1:9", "veilwing-step/1 1000000 1800014400000000\n");
     let twice = format!("{begin}{begin}");
@@ -167,4 +168,43 @@ fn spec_only_a_simulated_vehicle_takes_its_time_from_stdin_and_only_from_a_world
     let output = child.wait_with_output().unwrap();
     assert_eq!(output.status.code(), Some(130), "{}", said(&output));
     assert!(said(&output).lines().any(|line| line == "done 1002500"), "{}", said(&output));
+}
+
+#[test]
+fn spec_radios_with_links_of_their_own_are_flown_in_step_and_logged_by_themselves() {
+    let directory = directory("in-step-radios");
+    let mission = write(&directory, "mission.toml", MISSION);
+    let out = directory.join("flight");
+    let arguments = ["sitl", &mission, "--json", "--in-step", "--speed", "50", "--own-radio-links", "--out"];
+    let output = veilwing(&arguments).arg(&out).output().unwrap();
+    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    let document = document(&output.stdout);
+    assert_eq!(document["violations"], Value::Array(Vec::new()), "{document:#}");
+    for slot in document["slots"].as_array().unwrap() {
+        assert!(slot["radiated_s"]["i"].as_f64().unwrap() > 2.5, "{document:#}");
+        assert_eq!(slot["unprotected_s"].as_f64(), Some(0.0), "{document:#}");
+    }
+    for name in ["i", "j"] {
+        let vehicle = std::fs::read_to_string(out.join(format!("vehicle-{name}.toml"))).unwrap();
+        assert!(
+            vehicle.contains("[transmitter]") && vehicle.matches("udpout:127.0.0.1").count() == 3,
+            "{vehicle}"
+        );
+    }
+    // The companions' logs alone tell what was radiated: it is in the radios' logs.
+    let logs = directory.join("logs");
+    std::fs::create_dir_all(&logs).unwrap();
+    std::fs::copy(&mission, logs.join("mission.toml")).unwrap();
+    for name in ["i", "j"] {
+        for link in ["autopilot", "transmitter", "pair"] {
+            let log = format!("{name}-{link}.tlog");
+            std::fs::copy(out.join(&log), logs.join(&log)).unwrap();
+        }
+    }
+    let page = directory.join("page.html");
+    let report =
+        veilwing(&["report", logs.to_str().unwrap(), "--out", page.to_str().unwrap()]).output().unwrap();
+    assert_eq!(report.status.code(), Some(0), "{}", said(&report));
+    let text = std::fs::read_to_string(&page).unwrap();
+    assert!(text.contains("<dt>slots served in full</dt><dd>2 of 2</dd>"), "{text}");
 }

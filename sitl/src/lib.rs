@@ -25,7 +25,8 @@ pub use vehicle::antenna::Antenna;
 pub use vehicle::autopilot::SetpointCounters;
 pub use vehicle::bias::{Bias, PointingErrors};
 pub use vehicle::config::{
-    BatteryConfig, Firmware, PowerForm, Role, SensorConfig, Slip, Traps, VehicleConfig, WindConfig,
+    BatteryConfig, Firmware, PowerForm, RadioDevice, RadioPlace, Role, SensorConfig, Slip, Traps,
+    VehicleConfig, WindConfig,
 };
 pub use vehicle::geometry::{Geometry, MAX_ROTORS, Rotor};
 pub use vehicle::jitter::{JitterAxes, JitterConfig, JitterModel};

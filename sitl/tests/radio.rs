@@ -22,8 +22,8 @@ fn power_w(f: &Flight) -> Option<f64> {
 
 #[test]
 fn spec_the_radio_states_its_clock_by_itself_in_either_form() {
-    for behind in [true, false] {
-        let f = heard(|v| v.radio_behind_autopilot = behind);
+    for (place, behind) in [(RadioPlace::BehindAutopilot, true), (RadioPlace::OnTheWire, false)] {
+        let f = heard(|v| v.radio_place = place);
         let reports = &f.clients[0].reports;
         assert!((5..=8).contains(&reports.len()), "{}", reports.len());
         assert!(reports.iter().all(|(report, tunnelled)| report.answers == (0, 0) && *tunnelled == behind));

@@ -1,13 +1,13 @@
 //! `veilwing check`: validates a mission, and vehicles for it.
 
+mod figures;
+
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 use crate::config::{Diagnostics, Mission, Vehicle};
-use crate::link::Key;
-use crate::role::Role;
+use crate::link::{Clock, Key};
 use crate::transmitter::Kind;
-use crate::units::Watts;
 
 use super::{Exit, print_text};
 
@@ -45,6 +45,7 @@ pub fn run(args: &Args) -> Exit {
                 tell(vehicle.warnings.clone());
                 if let Some(mission) = &mission {
                     tell(vehicle.check_against(mission));
+                    tell(vehicle.check_permission_at(mission, Clock::real().utc()));
                 }
                 for (setting, path) in vehicle.key_files() {
                     let Err(error) = Key::load(path) else { continue };
@@ -91,20 +92,12 @@ fn summary(mission: &Mission, vehicles: &[(&Path, Vehicle)]) -> String {
     let slots = mission.users.len() * usize::from(mission.tdma.superframes);
     line("slots", format!("{slots} of {} s, guard {} s", mission.tdma.slot_s, mission.tdma.guard_s));
     line("jitter", format!("{:.3} deg", mission.jitter.std_rad.to_degrees()));
-    for role in Role::BOTH {
-        let (power_w, limit) = mission.power_ceiling(role);
-        line(&format!("power of {role}"), format!("up to {}, by {}", Watts(power_w), limit.key()));
+    for (title, text) in figures::of_the_link(mission) {
+        line(&title, text);
     }
-    line(
-        "emission",
-        mission.emission.as_ref().map_or_else(
-            || "none: simulated transmitters only".to_owned(),
-            |emission| {
-                let [low_hz, high_hz] = emission.band_hz.map(|hz| hz / 1e6);
-                format!("{low_hz} to {high_hz} MHz, authorised by {}", emission.authorised_by)
-            },
-        ),
-    );
+    for (title, text) in figures::of_the_emission(mission.emission.as_ref()) {
+        line(title, text);
+    }
     for (path, vehicle) in vehicles {
         let transmitter = match (&vehicle.transmitter.kind, vehicle.transmitter.simulated) {
             (Kind::None, _) => "no transmitter",

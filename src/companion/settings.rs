@@ -5,13 +5,13 @@ use std::time::Duration;
 use crate::autopilot;
 use crate::config::{ExposedLink, Mission, Transmitter, Vehicle};
 use crate::link::Form;
-use crate::mission::{Operators, Scene, Settings};
+use crate::mission::{Operators, Permission, Scene, Settings};
 use crate::pair::{self, Record};
 use crate::planner::problem::{Airframe, Airspace};
 use crate::preflight::{Check, Verdict, check};
 use crate::role::{PerVehicle, Role};
 use crate::service::Ceilings;
-use crate::transmitter;
+use crate::transmitter::{self, Demands, Permitted};
 
 /// The longest jam lease and transmitter lease: the time in which everything falls silent by itself.
 pub const LEASE: Duration = Duration::from_millis(500);
@@ -70,6 +70,8 @@ pub fn settings(mission: &Mission, vehicle: &Vehicle, boot_id: u32, start_unaske
         },
         emission_authorised: vehicle.transmitter.simulated
             || (mission.emission.is_some() && vehicle.exposed_links().is_empty()),
+        permission: permission(mission, vehicle),
+        demands: demands(mission, vehicle),
         link_checks: link_checks(vehicle),
         radio_apart: vehicle.transmitter.link.is_some(),
         operators: match vehicle.autopilot.key_file {
@@ -99,6 +101,35 @@ fn return_altitude_m(role: Role, airspace: &Airspace) -> Option<[f64; 2]> {
         Role::J => [middle_m + 0.5 * apart_m, high_m],
     };
     (low_m + apart_m <= middle_m - 0.5 * apart_m).then_some(band_m)
+}
+
+/// The mission's permission to radiate, as far as this vehicle needs it.
+fn permission(mission: &Mission, vehicle: &Vehicle) -> Permission {
+    let emission = mission.emission.as_ref();
+    Permission {
+        real: vehicle.is_real(),
+        valid: emission.and_then(|emission| emission.valid),
+        statement: match emission {
+            Some(emission) if vehicle.is_real() => emission.to_string(),
+            Some(emission) => format!("simulated transmitter; the mission's is {emission}"),
+            None => "simulated transmitter, no [emission] table".to_owned(),
+        },
+    }
+}
+
+/// What is asked of the vehicle's radio.
+fn demands(mission: &Mission, vehicle: &Vehicle) -> Demands {
+    Demands {
+        role: vehicle.role,
+        real: vehicle.is_real(),
+        guard: mission.timing().guard,
+        lease: LEASE,
+        permitted: mission
+            .emission
+            .as_ref()
+            .map(|emission| Permitted { band_hz: emission.band_hz, max_power_w: emission.max_power_w }),
+        accept_orphaned: vehicle.transmitter.accept_orphaned_radio,
+    }
 }
 
 /// Whether anybody can speak on the links of a real transmitter (T1). [`Vehicle::check_against`] refuses the same.
@@ -150,7 +181,7 @@ pub fn scheduling_allowance(rate: f64) -> Duration {
 #[must_use]
 pub fn transmitter_settings(vehicle: &Vehicle, boot_id: u32) -> transmitter::Settings {
     let own = own(vehicle);
-    let Transmitter { kind, component_id, system_id, .. } = &vehicle.transmitter;
+    let Transmitter { kind, link, component_id, system_id, .. } = &vehicle.transmitter;
     // J may have promised to jam before its companion died; its radio's own lease ends that promise.
     let first_off_after = match vehicle.role {
         Role::I => Duration::ZERO,
@@ -159,6 +190,7 @@ pub fn transmitter_settings(vehicle: &Vehicle, boot_id: u32) -> transmitter::Set
     transmitter::Settings {
         own,
         target: (system_id.unwrap_or(own.0), *component_id),
+        apart: link.is_some(),
         system_is_given: system_id.is_some(),
         kind: kind.clone(),
         boot: boot_id,

@@ -1,6 +1,7 @@
 //! What a mission file and a vehicle file say, by value: every setting in the file's own unit, with its default. Reading a
 //! file fills a draft in; so may anybody else. `Mission::new` and `Vehicle::new` check it, by the same rules.
 
+use std::fmt;
 use std::path::PathBuf;
 
 use nalgebra::Vector2;
@@ -13,6 +14,7 @@ use crate::role::{PerVehicle, Role};
 use crate::schedule::order::Order;
 use crate::time::Utc;
 use crate::transmitter::Kind;
+use crate::units::Watts;
 
 /// The mission file. The default has neither users nor eavesdroppers: at least one of each must be added.
 #[derive(Debug, Clone, PartialEq)]
@@ -93,6 +95,32 @@ pub struct Emission {
     pub band_hz: [f64; 2],
     /// Ceiling over every other power, in W.
     pub max_power_w: f64,
+    /// Whom it was given to.
+    pub licensee: Option<String>,
+    /// Its number, or what else it is called by.
+    pub licence: Option<String>,
+    /// From when, and until when, it holds.
+    pub valid: Option<[Utc; 2]>,
+    /// Where.
+    pub site: Option<String>,
+}
+
+impl fmt::Display for Emission {
+    /// All of it in one line.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [low_mhz, high_mhz] = self.band_hz.map(|hz| hz / 1e6);
+        let most = Watts(self.max_power_w);
+        write!(f, "{low_mhz} to {high_mhz} MHz, at most {most}, authorised by {}", self.authorised_by)?;
+        for (name, text) in [("licensee", &self.licensee), ("licence", &self.licence), ("site", &self.site)] {
+            if let Some(text) = text {
+                write!(f, ", {name} {text}")?;
+            }
+        }
+        match self.valid {
+            Some([from, until]) => write!(f, ", valid from {from} to {until}"),
+            None => write!(f, ", no validity stated"),
+        }
+    }
 }
 
 /// The link budget.
@@ -492,6 +520,8 @@ pub struct Transmitter {
     /// What a command of the first form ([`Kind::Leased`]) that comes late does is accepted, so that something real may be
     /// radiated by it.
     pub accept_late_commands: bool,
+    /// A radio that goes on when its own host dies is accepted, so that something real may be radiated by it.
+    pub accept_orphaned_radio: bool,
 }
 
 impl Transmitter {
@@ -509,6 +539,7 @@ impl Default for Transmitter {
             system_id: None,
             component_id: 68,
             accept_late_commands: false,
+            accept_orphaned_radio: false,
         }
     }
 }

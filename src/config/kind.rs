@@ -8,7 +8,7 @@ mod pattern;
 mod scalar;
 mod value;
 
-pub(crate) use compound::{Each, List, Numbers, Receivers};
+pub(crate) use compound::{Each, List, Numbers, Period, Receivers};
 pub(crate) use pattern::PatternRows;
 pub(crate) use scalar::{Choice, Flag, Integer, Moment, Number, Parsed, Text};
 pub(crate) use value::{Fault, Item, Kind, miscount, nearest};

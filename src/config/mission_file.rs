@@ -5,7 +5,7 @@ use nalgebra::Vector2;
 use super::draft::{
     Emission, JitterDraft, MissionDraft, NodeDraft, PlannedVehicleDraft, PlannerSettings, RadioDraft, Tdma,
 };
-use super::kind::{Choice, Each, Flag, Integer, List, Moment, Number, Numbers, Text};
+use super::kind::{Choice, Each, Flag, Integer, List, Moment, Number, Numbers, Period, Text};
 use super::link_file;
 use super::reader::Section;
 use crate::geo::{Enu, Geodetic};
@@ -109,6 +109,17 @@ fn emission(s: &mut Section<'_, '_>, emission: &mut Emission) {
         &mut emission.band_hz,
     );
     s.set_required("max_power_w", "Ceiling over every other power.", POWER, &mut emission.max_power_w);
+    let text = || Text { max_chars: 200 };
+    s.set_optional("licensee", "To whom the permission was given.", text(), &mut emission.licensee);
+    s.set_optional("licence", "The permission's number, or its name.", text(), &mut emission.licence);
+    s.set_optional(
+        "valid",
+        "From when and until when the permission holds. Nothing real is radiated without it, before, after, or by a mission \
+         that does not end in time.",
+        Period,
+        &mut emission.valid,
+    );
+    s.set_optional("site", "Where the permission holds, for people.", text(), &mut emission.site);
 }
 
 fn radio(s: &mut Section<'_, '_>, radio: &mut RadioDraft) {

@@ -14,6 +14,7 @@ mod link_file;
 mod mission;
 mod mission_checks;
 mod mission_file;
+mod permission;
 mod plan_file;
 mod radio;
 mod radio_draft;

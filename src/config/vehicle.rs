@@ -13,9 +13,10 @@ use super::mission::Mission;
 use super::mission_checks::ORIGIN_HELP;
 use super::reader::Section;
 use super::vehicle_links::{self, KEY_FILES, key_file_fault};
-use super::{reading, vehicle_file};
+use super::{permission, reading, vehicle_file};
 use crate::autopilot::{Actuation, FirmwareChoice};
 use crate::role::Role;
+use crate::time::Utc;
 use crate::transmitter::Kind;
 
 /// A validated vehicle file: its settings, which are read as its own fields ([`VehicleDraft`]), and what is to be said of
@@ -128,18 +129,39 @@ impl Vehicle {
                 let at = file.at("transmitter.simulated");
                 all.push(Severity::Error, at, message.to_owned(), help.to_owned());
             };
-            if mission.emission.is_none() {
-                refuse(
+            match &mission.emission {
+                None => refuse(
                     "the transmitter is real, but the mission has no [emission] table",
-                    "add [emission] with who authorised it, the band and the largest power, or set simulated = true",
-                );
-            } else if !mission.has_origin() {
-                refuse("the transmitter is real, but the mission has no `origin`", ORIGIN_HELP);
+                    "add [emission] with who authorised it, the band, the largest power and when it is valid, or set simulated = true",
+                ),
+                Some(_) if !mission.has_origin() => {
+                    refuse("the transmitter is real, but the mission has no `origin`", ORIGIN_HELP);
+                }
+                Some(emission) => {
+                    if let Some((message, help)) = permission::fault(emission.valid, mission.tdma.start_utc) {
+                        refuse(&message, &help);
+                    }
+                }
             }
         }
         for link in self.exposed_links() {
             let (message, help) = vehicle_links::exposure(&link);
             all.push(Severity::Error, file.at(link.setting), message, help);
+        }
+        all
+    }
+
+    /// What is wrong with radiating by the mission's permission at `now`, as this machine's clock has it, or at the mission's
+    /// start where that is given. Nothing where nothing real is radiated.
+    #[must_use]
+    pub fn check_permission_at(&self, mission: &Mission, now: Utc) -> Diagnostics {
+        let file = &self.document;
+        let mut all = Diagnostics::new(&file.file, file.text.clone());
+        let valid = mission.emission.as_ref().and_then(|emission| emission.valid);
+        if let Some(valid) = valid.filter(|_| self.is_real())
+            && let Some((message, help)) = permission::fault_at(valid, mission.tdma.start_utc, now)
+        {
+            all.push(Severity::Error, file.at("transmitter.simulated"), message, help);
         }
         all
     }

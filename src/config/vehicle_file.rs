@@ -217,6 +217,13 @@ fn transmitter(s: &mut Section<'_, '_>, transmitter: &mut Transmitter) {
         Flag,
         &mut transmitter.accept_late_commands,
     );
+    s.set(
+        "accept_orphaned_radio",
+        "What a radio does that goes on by itself when its host dies (TX_DEAD_MS, docs/radio.md) is accepted. Without it \
+         nothing real is radiated by such a radio.",
+        Flag,
+        &mut transmitter.accept_orphaned_radio,
+    );
     parameter(s, &mut by_parameter, kind == "parameter");
     transmitter.kind = match (kind, by_parameter) {
         ("leased", _) => {

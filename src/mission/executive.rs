@@ -313,7 +313,9 @@ impl Executive {
         while let Some(event) = self.autopilot.poll_event() {
             self.on_autopilot(event, now);
         }
-        self.service.advance(self.autopilot.utc(now), now);
+        let utc = self.autopilot.utc(now);
+        self.service.set_permitted(self.settings.permission.holds(utc));
+        self.service.advance(utc, now);
         self.take_service_events(now);
         if self.stopping == Stopping::Wanted {
             self.shutdown(now);

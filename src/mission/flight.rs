@@ -16,8 +16,9 @@ use super::cause::Cause;
 use super::executive::{Executive, Outcome};
 use super::itinerary::Itinerary;
 use super::notice::Notice;
+use super::permission::emits_until;
 use super::phase::{HOLD, Motion, Phase};
-use super::start::{Awaited, Void};
+use super::start::{AHEAD, Awaited, Void};
 use super::turns::Turns;
 
 /// How close to the end of a climb or a return counts as arrived, in metres.
@@ -93,6 +94,7 @@ impl Executive {
         let start = self.here().filter(|_| missing.is_empty());
         let Some(start) = start else { return self.wait_for(&missing, failed, now) };
         self.service.orders_mut().begin();
+        self.notice(Notice::Emission(self.settings.permission.statement.clone()));
         self.notice(Notice::TakingOff);
         self.phase = Phase::TakingControl(Motion { trajectory: Trajectory::rest(&start), starts_at: now });
         self.autopilot.take_control(now);
@@ -152,15 +154,38 @@ impl Executive {
     /// Our own checks.
     fn checks(&self, now: Instant) -> Vec<Check> {
         let mut checks = self.autopilot.preflight(now);
-        checks.extend(self.service.interlock().transmitter().preflight(now));
+        checks.extend(self.radio_checks(now));
         checks.push(self.ground.plan_check());
         checks.extend(self.settings.link_checks.iter().cloned());
+        checks.extend(self.permission_check(now));
         if self.autopilot.state().is_armed() {
             let detail = "the vehicle is armed already: land and disarm it first";
             checks.push(check("disarmed", Verdict::Fail, detail));
         }
         checks.extend(self.kill_check());
         checks
+    }
+
+    /// Those of the radio: whether it is there, and whether it can do what the flight asks of it.
+    fn radio_checks(&self, now: Instant) -> Vec<Check> {
+        let interlock = self.service.interlock();
+        let role = self.settings.role;
+        let slots = self.plan.iter().flat_map(|plan| &plan.slots);
+        let powers: Vec<(&str, f64)> =
+            slots.map(|slot| (slot.user.as_str(), slot.plan.vehicles[role].tx_power_w)).collect();
+        let mut checks = interlock.transmitter().preflight(now);
+        checks.extend(interlock.transmitter().compare(&self.settings.demands, &powers, interlock.ceiling()));
+        checks
+    }
+
+    /// Whether the permission to radiate holds to the mission's end.
+    fn permission_check(&self, now: Instant) -> Option<Check> {
+        let utc = self.autopilot.utc(now);
+        let emits_until = self.itinerary.as_ref().zip(utc).map(|(itinerary, utc)| {
+            let climb = AHEAD + self.climb_time();
+            emits_until(utc, self.settings.start_utc, climb, itinerary.airtime_ends())
+        });
+        self.settings.permission.check(utc, emits_until)
     }
 
     fn kill_check(&self) -> Option<Check> {

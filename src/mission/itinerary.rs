@@ -1,5 +1,7 @@
 //! The flight of a whole mission, once plan and both homes are known: the slot table and the way home after it.
 
+use std::time::Duration;
+
 use crate::geo::{Attitude, Enu};
 use crate::pair::{PlanTerms, SlotTerms};
 use crate::planner::slots::Plan;
@@ -50,7 +52,7 @@ impl Itinerary {
     /// What the two companions agree on, slot by slot.
     pub fn terms(&self, plan: &Plan) -> PlanTerms {
         let terms = |entry: &Entry| {
-            let after_opening = |t: std::time::Duration| t.saturating_sub(entry.opens);
+            let after_opening = |t: Duration| t.saturating_sub(entry.opens);
             Some(SlotTerms {
                 vehicles: plan.slots.get(entry.user_index)?.plan.vehicles,
                 opens: entry.opens,
@@ -61,6 +63,11 @@ impl Itinerary {
             })
         };
         PlanTerms { digest: plan.digest, slots: self.table.entries.iter().filter_map(terms).collect() }
+    }
+
+    /// From the table's beginning to the end of the last slot's airtime.
+    pub fn airtime_ends(&self) -> Duration {
+        self.table.entries.last().map_or(Duration::ZERO, |entry| entry.radiate_until)
     }
 
     /// How many slots there are.

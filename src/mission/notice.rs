@@ -62,6 +62,9 @@ pub enum Notice {
     /// A preflight check warns.
     #[error("preflight warning: {0}")]
     PreflightWarning(String),
+    /// What the mission says of its permission to radiate, at each take-off.
+    #[error("emission: {0}")]
+    Emission(String),
     /// Nothing is missing.
     #[error("preflight passed, taking off")]
     TakingOff,
@@ -256,6 +259,7 @@ impl Notice {
             | Self::AutopilotFound { .. }
             | Self::AutopilotNotReady { .. }
             | Self::Waiting { again: false, .. }
+            | Self::Emission(_)
             | Self::TakingOff
             | Self::Airborne
             | Self::SlotAgreed { .. }

@@ -11,7 +11,9 @@ use crate::schedule::table::Timing;
 use crate::schedule::trajectory::Limits;
 use crate::service::Ceilings;
 use crate::time::Utc;
+use crate::transmitter::Demands;
 
+use super::permission::Permission;
 use super::scene::Scene;
 
 /// Whose commands are obeyed.
@@ -59,6 +61,10 @@ pub struct Settings {
     pub ceilings: Ceilings,
     /// The transmitter is simulated, or the mission authorises emission.
     pub emission_authorised: bool,
+    /// The mission's permission to radiate.
+    pub permission: Permission,
+    /// What is asked of the radio, beside the plan's powers.
+    pub demands: Demands,
     /// The preflight's checks of who can speak on a real transmitter's links; none where nothing real is radiated.
     pub link_checks: Vec<Check>,
     /// The radio has a link of its own: nothing that the autopilot's link brings is the radio's.

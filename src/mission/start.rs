@@ -6,7 +6,7 @@ use std::time::Duration;
 use crate::time::{Instant, Utc};
 
 /// On the ground until this long before the start, besides the climb: time to take control, to arm, to come to rest.
-const AHEAD: Duration = Duration::from_secs(20);
+pub(super) const AHEAD: Duration = Duration::from_secs(20);
 /// `--start` waits for both vehicles to be ready for this long.
 const UNASKED_EXPIRES: Duration = Duration::from_secs(600);
 

@@ -37,6 +37,8 @@ pub struct Interlock {
     ceilings: Ceilings,
     lease: Duration,
     authorised: bool,
+    /// The permission's time.
+    permitted: bool,
     killed: bool,
     standing: Option<(Permit, Instant)>,
     /// J, where answers do not name their commands: no permit before this. On a link that delays and reorders, an off
@@ -61,6 +63,7 @@ impl Interlock {
             ceilings,
             lease,
             authorised,
+            permitted: true,
             killed: false,
             standing: None,
             rests_until: None,
@@ -74,6 +77,11 @@ impl Interlock {
         if killed_now {
             self.silence(now);
         }
+    }
+
+    /// Whether the permission holds at present. The next decision acts on it.
+    pub fn set_permitted(&mut self, permitted: bool) {
+        self.permitted = permitted;
     }
 
     /// Off, now.
@@ -121,7 +129,7 @@ impl Interlock {
         Latches {
             role: self.role,
             killed: self.killed,
-            authorised: self.authorised,
+            authorised: self.authorised && self.permitted,
             resting: self.rests_until.is_some_and(|until| now < until),
             power_limit_w: self.ceiling().0,
             lease: self.lease,
@@ -144,7 +152,7 @@ impl Interlock {
     /// Whether neither the operator nor the mission forbids this vehicle to radiate at all.
     #[must_use]
     pub fn may_radiate(&self) -> bool {
-        self.authorised && !self.killed
+        self.authorised && self.permitted && !self.killed
     }
 
     /// See [`Transmitter::adopt_system`]; silent afterwards.

@@ -12,7 +12,7 @@ use crate::pair::{self, Commitment, Coordinator, Local, Peer, PlanTerms, Vouch};
 use crate::role::Role;
 use crate::time::{Instant, Utc};
 use crate::transmitter::wire::MavMessage as RadioMessage;
-use crate::transmitter::{NotReady, Transmitter};
+use crate::transmitter::{FULL_POWER, NotReady, Transmitter};
 
 use super::agreement_time::AgreementTime;
 use super::evidence::Vehicle;
@@ -25,8 +25,6 @@ use super::terms::{Event, GiveUp, Outgoing, Settings, Standing, may_recover, sil
 
 /// I asks for leases this long before it may radiate, so that it holds one when its time comes.
 const ASK_EARLY: Duration = Duration::from_millis(200);
-/// J vouches only for the plan's power, less what a radio's steps and the wire's rounding take away.
-const FULL_POWER: f64 = 0.99;
 /// A vehicle in the air whose next slot is not agreed on for so long goes home (F5) ...
 const LONGEST_WAIT: Duration = Duration::from_secs(90);
 /// ... and one that the operator has paused after so long.
@@ -71,6 +69,8 @@ pub struct SlotService {
     /// I: the instant the slot table counts from, known from the first proposal on.
     table_zero: Option<Instant>,
     vehicle: Vehicle,
+    /// The mission's permission to radiate holds at present.
+    permitted: bool,
     events: VecDeque<Event>,
 }
 
@@ -97,6 +97,7 @@ impl SlotService {
             agreement_time: AgreementTime::default(),
             table_zero: None,
             vehicle: Vehicle::default(),
+            permitted: true,
             events: VecDeque::new(),
         }
     }
@@ -200,6 +201,12 @@ impl SlotService {
             self.interlock.silence(now);
         }
         quiet
+    }
+
+    /// Whether the mission's permission to radiate holds at present: as long as nobody says otherwise. Where it ends in a slot
+    /// the vehicle is silent, J once I is (S3).
+    pub fn set_permitted(&mut self, permitted: bool) {
+        self.permitted = permitted;
     }
 
     /// Tells the peer of a reason for silence that the vehicle's state does not show.
@@ -319,6 +326,7 @@ impl SlotService {
         // J keeps what it has vouched for (S3): by then I is off, for it was told.
         let killed = self.orders().is_killed() && !self.must_jam_on(now);
         self.interlock.set_killed(killed, now);
+        self.interlock.set_permitted(self.permitted || self.must_jam_on(now));
         if let Stage::Committed(slot) = &self.stage {
             if self.is_over(slot, now) {
                 self.end_slot(now);

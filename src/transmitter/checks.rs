@@ -26,9 +26,8 @@ impl Transmitter {
                 check("transmitter", Verdict::Pass, format!("component {component} of system {system}"))
             }
             None => {
-                let detail = format!(
-                    "component {component} of system {system} was never heard on the autopilot's link"
-                );
+                let link = if self.settings.apart { "its own link" } else { "the autopilot's link" };
+                let detail = format!("component {component} of system {system} was never heard on {link}");
                 check("transmitter", Verdict::Fail, detail)
             }
         };

@@ -12,11 +12,13 @@
 //! is confirmed.
 
 mod checks;
+mod comparison;
+mod declared;
 mod leased;
-mod limit;
 mod numbered;
 mod parameter;
 mod round_trip;
+mod steady;
 mod terms;
 pub mod wire;
 
@@ -33,10 +35,12 @@ use num_traits::FromPrimitive;
 
 use crate::time::Instant;
 use crate::units::{Dbm, Watts};
+pub use comparison::{Demands, FULL_POWER, Permitted};
+use declared::Declared;
 use leased::Leased;
-use limit::Limit;
 use numbered::Numbered;
 pub use parameter::{Level, PowerParameter, Protocol, Unit};
+use steady::Steady;
 use terms::Lease;
 pub use terms::{Kind, NotReady, Settings, Vouched};
 
@@ -76,7 +80,8 @@ pub struct Transmitter {
     driver: Driver,
     outbox: std::collections::VecDeque<MavMessage>,
     heard_at: Option<Instant>,
-    limit: Limit,
+    declared: Declared,
+    steady: Steady,
 }
 
 impl Transmitter {
@@ -99,9 +104,14 @@ impl Transmitter {
         };
         // A power set by parameter never runs out by itself.
         let runs_out = matches!(driver, Driver::Numbered(_) | Driver::Leased(_));
-        let limit = Limit::new(runs_out.then_some(now));
-        let mut transmitter =
-            Self { settings, driver, outbox: std::collections::VecDeque::new(), heard_at: None, limit };
+        let mut transmitter = Self {
+            settings,
+            driver,
+            outbox: std::collections::VecDeque::new(),
+            heard_at: None,
+            declared: Declared::new(runs_out.then_some(now)),
+            steady: Steady::default(),
+        };
         if !runs_out || transmitter.settings.first_off_after.is_zero() {
             transmitter.silence(now);
         }
@@ -146,16 +156,19 @@ impl Transmitter {
             }
             Driver::Numbered(_) | Driver::None => Duration::ZERO,
         };
-        self.set(power_w, slot, off_by - late, now)
+        // It is told to be off by then as much earlier as it takes to be.
+        let done = self.set(power_w, slot, off_by - late - self.declared.off(), now);
+        self.note(now);
+        done
     }
 
     /// The same, and where an expiry counts from receipt, as if it were received at once.
     fn set(&mut self, power_w: f64, slot: u16, expires_at: Instant, now: Instant) -> Result<(), NotReady> {
-        let out = &mut self.outbox;
         if !(power_w.is_finite() && power_w > 0.0) || expires_at <= now {
-            self.silence(now);
+            self.tell_off(now);
             return Ok(());
         }
+        let out = &mut self.outbox;
         match &mut self.driver {
             Driver::Numbered(numbered) => return numbered.radiate(power_w, slot, expires_at, now, out),
             Driver::Leased(leased) => leased.radiate(power_w, slot, expires_at, now, out),
@@ -169,6 +182,12 @@ impl Transmitter {
     /// be silent.
     #[must_use]
     pub fn on_until_at_least(&self, now: Instant) -> Option<Vouched> {
+        let vouched = self.answered_until(now)?;
+        self.steady.has_been_on(self.declared.settling(), now).then_some(vouched)
+    }
+
+    /// The same, by the answers alone.
+    fn answered_until(&self, now: Instant) -> Option<Vouched> {
         let Some(lease) = self.acknowledged() else {
             let Driver::Numbered(numbered) = &self.driver else { return None };
             return numbered.on_until_at_least(now);
@@ -202,12 +221,26 @@ impl Transmitter {
 
     /// Off, at once, and again until the radio confirms it.
     pub fn silence(&mut self, now: Instant) {
+        self.tell_off(now);
+        self.note(now);
+    }
+
+    fn tell_off(&mut self, now: Instant) {
         match &mut self.driver {
             Driver::Numbered(numbered) => numbered.silence(now, &mut self.outbox),
             Driver::Leased(leased) => leased.silence(now, &mut self.outbox),
             Driver::Parameter(parameter) => parameter.silence(now, &mut self.outbox),
             Driver::None => {}
         }
+    }
+
+    /// Keeps track of what is known of the radio, since when.
+    fn note(&mut self, now: Instant) {
+        // A radio that takes no time needs no memory.
+        if self.declared.settling().is_zero() && self.declared.off().is_zero() {
+            return;
+        }
+        self.steady.note(self.answered_until(now), self.is_said_off(now), now);
     }
 
     /// Whether it is the radio that speaks; notes that it does.
@@ -217,7 +250,12 @@ impl Transmitter {
         {
             return false;
         }
-        let silent_for = self.heard_at.replace(now).map_or(Duration::ZERO, |at| now.saturating_since(at));
+        let before = self.heard_at.replace(now);
+        let silent_for = before.map_or(Duration::ZERO, |at| now.saturating_since(at));
+        let asks = matches!(self.driver, Driver::Numbered(_) | Driver::Leased(_));
+        if asks && (before.is_none() || silent_for > SILENCE_OF_LINK) {
+            self.declared.ask_again(now);
+        }
         if silent_for > SILENCE_OF_LINK {
             match &mut self.driver {
                 Driver::Numbered(numbered) => numbered.link_is_back(now, &mut self.outbox),
@@ -237,6 +275,7 @@ impl Transmitter {
         {
             numbered.handle_report(report, now, &mut self.outbox);
         }
+        self.note(now);
     }
 
     /// Takes a message of the common dialect from the link; what is not the radio's is ignored.
@@ -261,22 +300,24 @@ impl Transmitter {
             }
             (Driver::Numbered(numbered), MavMessage::COMMAND_ACK(ack)) => numbered.handle_ack(ack),
             (Driver::Numbered(_) | Driver::Leased(_), MavMessage::PARAM_VALUE(value)) => {
-                self.limit.take(value)
+                self.declared.take(value)
             }
             (Driver::Parameter(parameter), _) => parameter.handle_message(message, now, &mut self.outbox),
             _ => {}
         }
+        self.note(now);
     }
 
     /// Does what is due at `now`: repeats what is not confirmed, turns off what was not renewed.
     pub fn handle_timeout(&mut self, now: Instant) {
-        self.limit.advance(now, self.settings.target, &mut self.outbox);
+        self.declared.advance(now, self.settings.target, &mut self.outbox);
         match &mut self.driver {
             Driver::Numbered(numbered) => numbered.advance(now, &mut self.outbox),
             Driver::Leased(leased) => leased.advance(now, &mut self.outbox),
             Driver::Parameter(parameter) => parameter.advance(now, &mut self.outbox),
             Driver::None => {}
         }
+        self.note(now);
     }
 
     /// The next message to send, addressed; the caller stamps our own (system, component).
@@ -293,7 +334,7 @@ impl Transmitter {
             Driver::Parameter(parameter) => parameter.timeout(),
             Driver::None => None,
         };
-        [driver, self.limit.timeout()].into_iter().flatten().min().map(|at| (at, "transmitter"))
+        [driver, self.declared.timeout()].into_iter().flatten().min().map(|at| (at, "transmitter"))
     }
 
     /// The power that the radio has acknowledged; `None` from the moment it is told to be silent. Compare its expiry
@@ -311,6 +352,11 @@ impl Transmitter {
     /// loopback do; where a command to radiate overtakes off, its answer gives it away and off is sent again.
     #[must_use]
     pub fn is_off(&self, now: Instant) -> bool {
+        // What says that it is off may still take its time to be.
+        self.is_said_off(now) && self.steady.has_been_off(self.declared.off(), now)
+    }
+
+    fn is_said_off(&self, now: Instant) -> bool {
         match &self.driver {
             Driver::Numbered(numbered) => numbered.is_off(now),
             Driver::Leased(leased) => leased.is_off(now),
@@ -346,7 +392,7 @@ impl Transmitter {
     #[must_use]
     pub fn limit_w(&self) -> Option<f64> {
         match &self.driver {
-            Driver::Numbered(_) | Driver::Leased(_) => self.limit.watts(),
+            Driver::Numbered(_) | Driver::Leased(_) => self.declared.limit_w(),
             Driver::Parameter(parameter) => parameter.limit_w(),
             Driver::None => None,
         }

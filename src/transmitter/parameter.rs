@@ -235,6 +235,23 @@ impl ByParameter {
         }
     }
 
+    /// The power in watts that this one comes to.
+    pub(super) fn gives_w(&self, power_w: f64) -> f64 {
+        let value = self.parameter.value(power_w, self.kind.is_some_and(Type::is_whole));
+        self.parameter.power_w(value).unwrap_or(0.0)
+    }
+
+    /// The weakest level, in watts; other units have no least of their own.
+    pub(super) fn least_w(&self) -> Option<f64> {
+        match &self.parameter.unit {
+            Unit::Levels(levels) => {
+                let powers = levels.iter().map(|level| level.power_w);
+                powers.filter(|power_w| *power_w > 0.0).min_by(f64::total_cmp)
+            }
+            _ => None,
+        }
+    }
+
     /// The value wanted now.
     fn value(&self) -> f64 {
         match self.wanted {

@@ -31,6 +31,8 @@ pub struct Settings {
     pub own: (u8, u8),
     /// The radio's (system, component).
     pub target: (u8, u8),
+    /// The radio has a link of its own; else it is behind the autopilot.
+    pub apart: bool,
     /// The radio's system is given, and does not follow the autopilot's.
     pub system_is_given: bool,
     /// How its power is set.

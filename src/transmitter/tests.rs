@@ -1,6 +1,7 @@
 //! The transmitter's driver against radios and wires of every manner.
 
 mod bounds;
+mod declared;
 mod leased;
 mod parameter;
 
@@ -77,6 +78,7 @@ impl World {
                 kind: Kind::Leased { command: 31010 },
                 boot: 1,
                 longest_round_trip: Duration::from_millis(150),
+                apart: false,
                 system_is_given: false,
                 first_off_after: Duration::ZERO,
             },
@@ -149,6 +151,7 @@ fn by_parameter(unit: Unit, protocol: Protocol) -> Transmitter {
             kind,
             boot: 1,
             longest_round_trip: Duration::from_millis(150),
+            apart: false,
             system_is_given: false,
             first_off_after: Duration::ZERO,
         },

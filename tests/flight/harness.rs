@@ -9,14 +9,14 @@ use mavlink::MavHeader;
 use mavlink::dialects::ardupilotmega::{COMMAND_LONG_DATA, MavCmd, MavMessage, MavParamType, PARAM_SET_DATA};
 use veilwing::autopilot::Actuation;
 use veilwing::config::{Mission, MissionDraft, Vehicle};
-use veilwing::desk::simulation::{self, Given, Observer, vehicle_draft, world_config};
+use veilwing::desk::simulation::{self, Given, Observer, on_this_machine, vehicle_draft, world_config};
 pub use veilwing::desk::simulation::{Path, index};
 use veilwing::link::codec::Encoder;
 use veilwing::mission::{Notice, Outgoing};
 use veilwing::planner::slots::Plan;
 use veilwing::planning;
 use veilwing::role::{PerVehicle, Role};
-use veilwing_sitl::{Firmware, FlightReport, Slip, World};
+use veilwing_sitl::{Firmware, FlightReport, RadioDevice, RadioPlace, Slip, World};
 
 /// No flight of the small mission takes longer, faults included.
 pub const LONGEST: Duration = Duration::from_secs(300);
@@ -54,18 +54,18 @@ pub fn yard() -> &'static Planned {
     YARD.get_or_init(|| Planned::new(Mission::parse("yard.toml", MISSION).unwrap()))
 }
 
-fn vehicle(
-    mission: &Mission,
-    role: Role,
-    (simulated, tunnel): (bool, bool),
-    actuation: Option<Actuation>,
-) -> Vehicle {
+fn vehicle(mission: &Mission, role: Role, setup: &Setup) -> Vehicle {
     let mut draft = vehicle_draft(mission, role, [1, 2]);
-    draft.autopilot.actuation = actuation.unwrap_or(draft.autopilot.actuation);
+    if setup.bridged == Some(role) {
+        draft.autopilot.actuation = Actuation::Pose;
+    }
+    let (simulated, tunnel) = (setup.simulated, setup.tunnel[role]);
     draft.transmitter.simulated = simulated;
+    draft.transmitter.link = setup.radio_apart.then(|| on_this_machine(3));
     draft.pair_tunnel = tunnel;
     // Nothing is signed in virtual time; what is at stake here is the mission's leave, not the links'.
     draft.autopilot.key_file = (!simulated).then(|| "autopilot.key".into());
+    draft.transmitter.key_file = (!simulated && setup.radio_apart).then(|| "radio.key".into());
     draft.pair_peer_system = tunnel.then(|| 1 + index(role.peer()) as u8);
     Vehicle::new(draft).unwrap()
 }
@@ -96,6 +96,10 @@ pub struct Setup {
     pub given: PerVehicle<Planned>,
     pub simulated: bool,
     pub start_unasked: bool,
+    /// Each radio has a link of its own.
+    pub radio_apart: bool,
+    /// What the radios' devices are.
+    pub devices: PerVehicle<RadioDevice>,
     /// Whose pair messages ride in TUNNEL.
     pub tunnel: PerVehicle<bool>,
     pub pair: Path,
@@ -112,6 +116,8 @@ impl Default for Setup {
             given: PerVehicle { i: yard().clone(), j: yard().clone() },
             simulated: true,
             start_unasked: true,
+            radio_apart: false,
+            devices: PerVehicle::default(),
             tunnel: PerVehicle::default(),
             pair: Path::GOOD,
             bridged: None,
@@ -156,11 +162,17 @@ impl Flight {
             vehicle.firmware = Firmware::ArduCopter;
             vehicle.traps.script_dies_of_bursts = true;
         }
+        for role in Role::BOTH {
+            let vehicle = &mut config.vehicles[index(role)];
+            vehicle.radio_device = setup.devices[role];
+            if setup.radio_apart {
+                vehicle.radio_place = RadioPlace::OnItsOwn;
+            }
+        }
         let bridged = setup.bridged;
         let given = PerVehicle::from_fn(|role| {
             let Planned { mission, plan } = setup.given[role].clone();
-            let actuation = (bridged == Some(role)).then_some(Actuation::Pose);
-            let vehicle = vehicle(&mission, role, (setup.simulated, setup.tunnel[role]), actuation);
+            let vehicle = vehicle(&mission, role, &setup);
             Arc::new(Given { mission, plan, vehicle })
         });
         let setup = simulation::Setup {
@@ -375,7 +387,7 @@ impl Observer for Log {
     }
 
     fn sent(&mut self, at: Duration, role: Role, message: &Outgoing) {
-        let Outgoing::Autopilot(message) = message else { return };
+        let (Outgoing::Autopilot(message) | Outgoing::Radio(message)) = message else { return };
         match &**message {
             MavMessage::SET_POSITION_TARGET_LOCAL_NED(_)
             | MavMessage::SET_POSITION_TARGET_GLOBAL_INT(_)

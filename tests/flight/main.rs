@@ -5,6 +5,9 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
 
 mod agreement;
+mod apart;
+mod devices;
+mod emission;
 mod face;
 mod faults;
 mod forged;

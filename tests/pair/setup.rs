@@ -94,6 +94,7 @@ pub fn service(role: Role, boot_id: u32, kind: Kind, lease: Duration, slot: Dura
         kind,
         boot: boot_id,
         longest_round_trip: LEASE * 3 / 10,
+        apart: false,
         system_is_given: false,
         first_off_after: if role == Role::J { LEASE } else { Duration::ZERO },
     };

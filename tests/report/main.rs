@@ -44,6 +44,10 @@ fn spec_the_story_of_a_fault_has_its_times_and_reasons() {
         "Vehicle J was still in the air at the end, in HOLD: it had no companion left to bring it down.",
         "Not flown: slot 1 (bravo).",
         "home: not received",
+        "the <testers>",
+        "a yard",
+        "2026-01-01T00:00:00Z to 2026-12-31T23:59:59Z",
+        "2400 to 2410 MHz, at most 500 mW",
     ] {
         assert!(seen.contains(fact), "{fact:?} is not in\n{seen}");
     }

@@ -1,8 +1,8 @@
 //! A flight made by hand, with a fault.
 
 use veilwing::desk::report::timeline::{
-    AirspaceScene, Heard, Listener, Place, PlannedSlot, RadioScene, SCENE_FORMAT, SlotSummary, Summary,
-    VehicleState,
+    AirspaceScene, EmissionScene, Heard, Listener, Place, PlannedSlot, RadioScene, SCENE_FORMAT, SlotSummary,
+    Summary, VehicleState,
 };
 use veilwing::desk::report::{Event, EventKind, Sample, Scene, Severity, Source, Timeline};
 use veilwing::geo::Attitude;
@@ -77,6 +77,15 @@ pub fn flight() -> Timeline {
             seed: Some(7),
             started_utc_us: None,
             jitter_std_deg: Some(2.0),
+            emission: Some(EmissionScene {
+                authorised_by: "a regulator".into(),
+                band_hz: [2.4e9, 2.41e9],
+                max_power_w: 0.5,
+                licensee: Some("the <testers>".into()),
+                licence: None,
+                valid: Some(["2026-01-01T00:00:00Z".into(), "2026-12-31T23:59:59Z".into()]),
+                site: Some("a yard".into()),
+            }),
             radio: Some(RadioScene { bandwidth_hz: 1e6, noise_power_w: 1e-12, reference_gain: 1.0 }),
             airspace: Some(AirspaceScene {
                 altitude_m: [20.0, 80.0],

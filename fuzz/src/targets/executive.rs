@@ -165,6 +165,8 @@ impl Run {
                     self.hear_aboard(frame.header, &frame.message);
                 }
             }
+            // The recorded radio is behind its autopilot.
+            Wire::Radio => {}
             Wire::Pair => {
                 if let Ok(frame) = raw.parse::<Envelope>() {
                     self.executive.handle_pair(frame.message.message(), self.now());
@@ -256,7 +258,7 @@ impl Run {
             let from = (frame[5], frame[6]);
             self.pass(message.at.max(self.at));
             let altered = match message.wire {
-                Wire::Autopilot => wire::frame_v2::<Aboard>(from, frame[4], id, &payload),
+                Wire::Autopilot | Wire::Radio => wire::frame_v2::<Aboard>(from, frame[4], id, &payload),
                 Wire::Pair => wire::frame_v2::<Envelope>(from, frame[4], id, &payload),
             };
             self.hear(message.wire, &altered);

@@ -127,6 +127,7 @@ impl Companion {
             kind: Kind::Leased { command: 31010 },
             boot: 1 + role as u32,
             longest_round_trip: LEASE,
+            apart: false,
             system_is_given: false,
             first_off_after: Duration::ZERO,
         };

@@ -110,6 +110,7 @@ struct Bench {
 fn run(kind: Kind, input: &[u8], reached: &mut Reached) {
     let now = Instant::from_start(Duration::from_secs(5));
     let settings = Settings {
+        apart: false,
         system_is_given: false,
         own: OWN,
         target: RADIO,

@@ -7,6 +7,7 @@ use super::antenna::Antenna;
 pub use super::autopilot::slip::Slip;
 use super::bias::PointingErrors;
 use super::geometry::Geometry;
+pub use super::transmitter::RadioDevice;
 pub use super::traps::Traps;
 
 /// Which vehicle of the pair this is; a vehicle alone is `I`.
@@ -95,6 +96,18 @@ pub enum PowerForm {
     Second,
 }
 
+/// How the companion reaches the radio.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum RadioPlace {
+    /// Through the autopilot, which drops what it does not know: the radio's own message rides in TUNNEL.
+    #[default]
+    BehindAutopilot,
+    /// On the companion's wire itself, beside the autopilot.
+    OnTheWire,
+    /// On a link of its own, [`RADIO_LINK`](super::RADIO_LINK); the autopilot knows nothing of it.
+    OnItsOwn,
+}
+
 /// One software vehicle: body, autopilot face and transmitter.
 #[derive(Debug, Clone, PartialEq)]
 pub struct VehicleConfig {
@@ -138,9 +151,10 @@ pub struct VehicleConfig {
     pub power_form: PowerForm,
     /// The radio falls silent by itself when its command expires; one that does not says so (TX_EXPIRY_OK 0).
     pub radio_expires: bool,
-    /// Its own message rides in TUNNEL, since the autopilot that it hangs on drops what it does not know; else it is on
-    /// the companion's wire itself.
-    pub radio_behind_autopilot: bool,
+    /// What the radio's device is.
+    pub radio_device: RadioDevice,
+    /// Where the radio is.
+    pub radio_place: RadioPlace,
 }
 
 impl VehicleConfig {
@@ -168,7 +182,8 @@ impl VehicleConfig {
             transmitter_max_dbm: 30.0,
             power_form: PowerForm::default(),
             radio_expires: true,
-            radio_behind_autopilot: true,
+            radio_device: RadioDevice::default(),
+            radio_place: RadioPlace::default(),
         }
     }
 
@@ -202,6 +217,7 @@ impl VehicleConfig {
             ("battery.initial", self.battery.initial),
         ];
         finite.extend(self.errors.deviations());
+        finite.extend(self.radio_device.values());
         finite.extend(self.home_enu_m.map(|v| ("home_enu_m", v)));
         finite.extend(self.local_origin_offset_enu_m.map(|v| ("local_origin_offset_enu_m", v)));
         finite.extend(self.wind.mean_enu_m_s.map(|v| ("wind.mean_enu_m_s", v)));

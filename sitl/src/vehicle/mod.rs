@@ -36,7 +36,7 @@ use antenna::Pattern;
 use autopilot::{Autopilot, Guidance, Mode, Sensed, SetpointCounters, Traces};
 use bias::{Bias, OwnFrame};
 use companion_link::CompanionLink;
-use config::{Firmware, VehicleConfig};
+use config::{Firmware, RadioPlace, VehicleConfig};
 use control::{Controller, Estimate};
 use dynamics::Dynamics;
 use estimator::Estimator;
@@ -54,8 +54,10 @@ pub const TICK: Duration = Duration::from_micros(2500);
 pub const TICKS_PER_SAMPLE: u64 = 2;
 /// The time between two radio samples.
 pub const SAMPLE: Duration = Duration::from_millis(5);
-/// The companion's link; all others are ground stations'.
+/// The companion's link; all others are ground stations', but for ...
 pub const COMPANION_LINK: usize = 0;
+/// ... the radio's, if it has one of its own ([`RadioPlace::OnItsOwn`](config::RadioPlace::OnItsOwn)).
+pub const RADIO_LINK: usize = 15;
 
 /// What can be seen of a vehicle from outside.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -109,6 +111,8 @@ pub struct Vehicle {
     autopilot: Autopilot,
     transmitter: Transmitter,
     router: Router,
+    /// The radio's own, on a link of its own.
+    radio_router: Option<Router>,
     battery: f64,
     attitude: UnitQuaternion<f64>,
     estimator: Estimator,
@@ -143,6 +147,9 @@ impl Vehicle {
         let geometry = config.rotors();
         let bias = config.errors.draw(seed, index);
         let frame = OwnFrame::from(bias);
+        let apart = config.radio_place == RadioPlace::OnItsOwn;
+        let aboard: &'static [u8] =
+            if apart { &[autopilot::COMPONENT] } else { &[autopilot::COMPONENT, transmitter::COMPONENT] };
         let dynamics = Dynamics::new(config.body, &geometry, config.home(), config.heading_rad);
         Self {
             controller: Controller::new(config.body, config.airframe, &geometry),
@@ -154,9 +161,11 @@ impl Vehicle {
             transmitter: Transmitter::new(
                 config.transmitter_max_dbm,
                 config.radio_expires,
+                config.radio_device,
                 Noise::new(seed, Purpose::Radio, index),
             ),
-            router: Router::new(config.system_id, &[autopilot::COMPONENT, transmitter::COMPONENT]),
+            router: Router::new(config.system_id, aboard),
+            radio_router: apart.then(|| Router::new(config.system_id, &[transmitter::COMPONENT])),
             battery: config.battery.initial.clamp(0.0, 1.0),
             attitude: dynamics.attitude,
             estimator: Estimator::new(config.sensors, frame, seed, index, TICK.as_secs_f64()),
@@ -185,6 +194,14 @@ impl Vehicle {
     /// Bytes from a client on a link (0 is the companion's).
     pub fn handle(&mut self, link: usize, bytes: &[u8], now: Duration) {
         self.now = self.now.max(now);
+        if link == RADIO_LINK
+            && let Some(router) = &mut self.radio_router
+        {
+            for (from, _, message) in router.receive(0, bytes) {
+                self.hand_to_radio(from, message, now);
+            }
+            return;
+        }
         let here = if link == COMPANION_LINK { self.link.receive(bytes, now) } else { Some(bytes) };
         if let Some(bytes) = here {
             self.take(link, bytes, now);
@@ -210,6 +227,9 @@ impl Vehicle {
         loop {
             if let Some(frame) = self.link.delivered(self.now) {
                 return Some((COMPANION_LINK, frame));
+            }
+            if let Some((_, frame)) = self.radio_router.as_mut().and_then(Router::poll_transmit) {
+                return Some((RADIO_LINK, frame));
             }
             let (link, frame) = self.router.poll_transmit()?;
             if link != COMPANION_LINK {

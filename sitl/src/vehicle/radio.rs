@@ -7,10 +7,9 @@ use mavlink::dialects::ardupilotmega::*;
 use mavlink::{Message, MessageData};
 
 use super::Vehicle;
-use super::config::PowerForm;
-use super::parameters::SetOutcome;
+use super::config::{PowerForm, RadioPlace};
 use super::radio_hop::{Lane, Manners, Toward};
-use super::router::{Sender, To};
+use super::router::{Router, Sender, To};
 use super::transmitter::{COMPONENT, POWER_COMMAND, REPORT_CRC_EXTRA, REPORT_ID, Report};
 use crate::random::{Noise, Purpose};
 use crate::wire;
@@ -104,10 +103,15 @@ impl Vehicle {
         }
         while let Some((to, said)) = self.hop.up.arrived(now) {
             match said {
-                Said::Common(message) => self.router.send(to, COMPONENT, &message),
+                Said::Common(message) => self.radios_router().send(to, COMPONENT, &message),
                 Said::Report(report) => self.send_report(to, &report),
             }
         }
+    }
+
+    /// Where what the radio says goes out.
+    fn radios_router(&mut self) -> &mut Router {
+        self.radio_router.as_mut().unwrap_or(&mut self.router)
     }
 
     fn radio_says(&mut self, to: To, message: MavMessage, now: Duration) {
@@ -117,8 +121,8 @@ impl Vehicle {
     /// The radio's own message as it is, or in TUNNEL across an autopilot, which drops what it does not know.
     fn send_report(&mut self, to: To, report: &Report) {
         let payload = report.payload();
-        if !self.config.radio_behind_autopilot {
-            return self.router.send_payload(to, COMPONENT, REPORT_ID, REPORT_CRC_EXTRA, &payload);
+        if self.config.radio_place != RadioPlace::BehindAutopilot {
+            return self.radios_router().send_payload(to, COMPONENT, REPORT_ID, REPORT_CRC_EXTRA, &payload);
         }
         let from = [self.config.system_id, COMPONENT];
         let inside = wire::encode_payload(self.hop.sequence, from, REPORT_ID, &payload, REPORT_CRC_EXTRA);
@@ -162,12 +166,10 @@ impl Vehicle {
                 self.radio_parameter(link, usize::try_from(m.param_index).ok().or_else(by_name), now);
             }
             MavMessage::PARAM_SET(m) if m.target_component == COMPONENT => {
-                match self.transmitter.parameters.handle_set(&m) {
-                    SetOutcome::Stored(index) | SetOutcome::Refused(index) => {
-                        self.radio_parameter(To::All, Some(index), now);
-                    }
-                    SetOutcome::Unknown => {}
-                }
+                // They say what it is, which no write changes.
+                let index =
+                    m.param_id.to_str().ok().and_then(|name| self.transmitter.parameters.index_of(name));
+                self.radio_parameter(To::All, index, now);
             }
             _ => {}
         }

@@ -4,6 +4,7 @@
 //! second is `numbered`. A radio that knows both takes no more of the first once it was given the second, until it is
 //! switched off.
 
+mod device;
 mod numbered;
 
 use std::time::Duration;
@@ -13,6 +14,8 @@ use mavlink::dialects::ardupilotmega::{COMMAND_INT_DATA, MavCmd, MavResult};
 use super::config::PowerForm;
 use super::parameters::{Encoding, Parameters, Value};
 use crate::random::Noise;
+use device::Device;
+pub use device::RadioDevice;
 use numbered::Numbered;
 pub(super) use numbered::{REPORT_CRC_EXTRA, REPORT_ID, Report};
 
@@ -56,8 +59,11 @@ pub(crate) struct Transmitter {
     pub parameters: Parameters,
     pub counters: TransmitterCounters,
     hardware_max_dbm: f64,
-    emission: Option<Emission>,
-    /// What a radio in order would radiate by the same commands.
+    model: RadioDevice,
+    device: Device,
+    /// What the device is told to radiate.
+    told: Option<Emission>,
+    /// What a radio in order would tell it by the same commands.
     due: Option<Emission>,
     numbered: Numbered,
     /// Nothing ends by itself: by a fault, or because the radio knows no expiry.
@@ -70,17 +76,18 @@ pub(crate) struct Transmitter {
 
 impl Transmitter {
     /// `noise` draws its clock and its series. One that does not expire says so.
-    pub fn new(max_dbm: f64, expires: bool, noise: Noise) -> Self {
-        let parameters = Parameters::new(
-            Encoding::Cast,
-            &[("TX_MAX_DBM", Value::Real(max_dbm as f32)), ("TX_EXPIRY_OK", Value::Int(expires.into()))],
-        );
+    pub fn new(max_dbm: f64, expires: bool, model: RadioDevice, noise: Noise) -> Self {
+        let mut table =
+            vec![("TX_MAX_DBM", Value::Real(max_dbm as f32)), ("TX_EXPIRY_OK", Value::Int(expires.into()))];
+        table.extend(model.parameters());
         let counters = TransmitterCounters::default();
         Self {
-            parameters,
+            parameters: Parameters::new(Encoding::Cast, &table),
             counters,
             hardware_max_dbm: max_dbm,
-            emission: None,
+            model,
+            device: Device::new(&model),
+            told: None,
             due: None,
             numbered: Numbered::new(noise),
             endless: !expires,
@@ -92,22 +99,25 @@ impl Transmitter {
     /// It has no power any more.
     pub fn lose_power(&mut self) {
         self.dark = true;
-        self.emission = None;
+        self.told = None;
+        self.device.cut();
     }
 
     /// It has power again, and remembers nothing.
     pub fn start(&mut self, now: Duration) {
-        (self.dark, self.emission, self.due) = (false, None, None);
+        (self.dark, self.told, self.due) = (false, None, None);
+        self.device.cut();
         self.numbered.start(now);
     }
 
+    /// What is on the air.
     pub fn emission(&self) -> Option<Emission> {
-        self.emission
+        self.device.emission()
     }
 
     /// Radiated power in watts; `None` when silent.
     pub fn power_w(&self) -> Option<f64> {
-        self.emission.map(|e| 10f64.powf((e.power_dbm - 30.0) / 10.0))
+        self.emission().map(|e| 10f64.powf((e.power_dbm - 30.0) / 10.0))
     }
 
     fn limit_dbm(&self) -> f64 {
@@ -119,17 +129,27 @@ impl Transmitter {
         asked_dbm.is_finite() && asked_dbm <= self.limit_dbm() + DBM_ROUNDING
     }
 
-    fn emit(&mut self, emission: Option<Emission>) {
+    /// A power below the least is none.
+    fn is_too_weak(&self, asked_dbm: f64) -> bool {
+        asked_dbm < self.model.least_dbm - DBM_ROUNDING
+    }
+
+    fn emit(&mut self, emission: Option<Emission>, now: Duration) {
         self.due = emission;
         if !self.stuck {
-            self.emission = emission;
+            self.tell(emission, now);
         }
+    }
+
+    fn tell(&mut self, emission: Option<Emission>, now: Duration) {
+        self.told = emission;
+        self.device.tell(emission, now);
     }
 
     /// Whether it radiates otherwise than a radio in order would by the same commands.
     pub fn is_out_of_order(&self) -> bool {
         let what = |emission: Option<Emission>| emission.map(|e| (e.power_dbm, e.slot));
-        what(self.emission) != what(self.due)
+        what(self.told) != what(self.due)
     }
 
     /// Which form of the command a radio that knows `known` takes a command for.
@@ -147,8 +167,13 @@ impl Transmitter {
             self.counters.denied += 1;
             return (MavResult::MAV_RESULT_DENIED, self.achieved_mdbm());
         }
+        if !off && self.is_too_weak(asked) {
+            self.counters.denied += 1;
+            self.emit(None, now);
+            return (MavResult::MAV_RESULT_DENIED, self.achieved_mdbm());
+        }
         let expires_at = now + Duration::from_millis(command.y.unsigned_abs().into());
-        self.emit((!off).then(|| Emission::new(asked, command.x, expires_at, 0)));
+        self.emit((!off).then(|| Emission::new(asked, command.x, expires_at, 0)), now);
         if self.stuck {
             self.counters.denied += 1;
             return (MavResult::MAV_RESULT_FAILED, self.achieved_mdbm());
@@ -157,8 +182,18 @@ impl Transmitter {
         (MavResult::MAV_RESULT_ACCEPTED, self.achieved_mdbm())
     }
 
+    /// What it says that it radiates.
+    fn stated(&self) -> Option<Emission> {
+        if self.model.read_back { self.device.emission() } else { self.told }
+    }
+
     fn achieved_mdbm(&self) -> i32 {
-        self.emission.map_or(i32::MIN, |e| (e.power_dbm * 1000.0).round() as i32)
+        self.stated().map_or(i32::MIN, |e| (e.power_dbm * 1000.0).round() as i32)
+    }
+
+    /// When what it radiates next changes by itself, or would if the radio were in order.
+    pub fn changes_at(&self) -> Option<Duration> {
+        [self.expires_at(), self.device.turns_at()].into_iter().flatten().min()
     }
 
     /// When the power falls to off by itself, or would if the radio were in order.
@@ -166,15 +201,16 @@ impl Transmitter {
         self.due.map(|e| e.expires_at)
     }
 
-    /// Falls silent if the lease has run out.
+    /// Falls silent if the lease has run out; the device does what is due.
     pub fn expire(&mut self, now: Duration) {
-        if self.expires_at().is_none_or(|at| at > now) {
-            return;
+        if self.expires_at().is_some_and(|at| at <= now) {
+            self.due = None;
+            if !self.stuck && !self.endless && self.told.is_some() {
+                self.counters.expired += 1;
+                self.tell(None, now);
+            }
         }
-        self.due = None;
-        if !self.stuck && !self.endless && self.emission.take().is_some() {
-            self.counters.expired += 1;
-        }
+        self.device.turn(now);
     }
 }
 
@@ -187,7 +223,7 @@ mod tests {
     use crate::random::Purpose;
 
     fn transmitter(max_dbm: f64) -> Transmitter {
-        Transmitter::new(max_dbm, true, Noise::new(1, Purpose::Radio, 0))
+        Transmitter::new(max_dbm, true, RadioDevice::default(), Noise::new(1, Purpose::Radio, 0))
     }
 
     fn power(dbm: f32, slot: i32, expiry_ms: i32) -> COMMAND_INT_DATA {
@@ -222,6 +258,32 @@ mod tests {
         assert_eq!(tx.command(&power(11.0, 2, 500), Duration::ZERO).0, MavResult::MAV_RESULT_DENIED);
         tx.parameters.set("TX_MAX_DBM", Value::Real(90.0));
         assert_eq!(tx.command(&power(27.5, 2, 500), Duration::ZERO).0, MavResult::MAV_RESULT_DENIED);
+    }
+
+    #[test]
+    fn spec_what_is_below_the_least_is_off_and_refused() {
+        let model = RadioDevice { least_dbm: 10.0, ..RadioDevice::default() };
+        let mut tx = Transmitter::new(27.0, true, model, Noise::new(1, Purpose::Radio, 0));
+        assert_eq!(tx.command(&power(10.0, 1, 500), Duration::ZERO).0, MavResult::MAV_RESULT_ACCEPTED);
+        let reply = tx.command(&power(9.999, 1, 500), Duration::from_millis(1));
+        assert_eq!((reply, tx.power_w()), ((MavResult::MAV_RESULT_DENIED, i32::MIN), None));
+    }
+
+    #[test]
+    fn spec_only_a_radio_that_reads_back_says_what_its_device_does() {
+        for read_back in [true, false] {
+            let model = RadioDevice { off_s: 0.05, change_s: 0.2, read_back, ..RadioDevice::default() };
+            let mut tx = Transmitter::new(27.0, true, model, Noise::new(1, Purpose::Radio, 0));
+            let said = |tx: &mut Transmitter, ms| {
+                tx.expire(Duration::from_millis(ms));
+                (tx.achieved_mdbm() != i32::MIN, tx.power_w().is_some())
+            };
+            tx.command(&power(20.0, 1, 500), Duration::ZERO);
+            assert_eq!(said(&mut tx, 199), (!read_back, false));
+            assert_eq!(said(&mut tx, 200), (true, true));
+            assert_eq!(said(&mut tx, 549), (read_back, true));
+            assert_eq!((said(&mut tx, 550), tx.changes_at()), ((false, false), None));
+        }
     }
 
     #[test]

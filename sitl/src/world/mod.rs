@@ -145,8 +145,8 @@ impl World {
     pub fn advance(&mut self, to: Duration) {
         loop {
             let tick = tick_time(self.ticks);
-            let expiries = self.vehicles.iter().filter_map(|v| v.transmitter().expires_at());
-            if let Some(at) = expiries.min().filter(|at| *at <= tick.min(to)) {
+            let changes = self.vehicles.iter().filter_map(|v| v.transmitter().changes_at());
+            if let Some(at) = changes.min().filter(|at| *at <= tick.min(to)) {
                 self.now = self.now.max(at);
                 self.vehicles.iter_mut().for_each(|v| v.transmitter_mut().expire(at));
                 self.watch();

@@ -197,7 +197,8 @@ impl Observer for Logs {
     fn frame(&mut self, at: Duration, role: Role, wire: Wire, bytes: &[u8]) {
         let utc = Utc { unix_us: self.utc_start_us } + at;
         let log = match wire {
-            Wire::Autopilot => &mut self.autopilot[role],
+            // The radios of campaigns are behind their autopilots.
+            Wire::Autopilot | Wire::Radio => &mut self.autopilot[role],
             Wire::Pair => &mut self.pair[role],
         };
         append_record(log, utc, bytes);

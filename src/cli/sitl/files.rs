@@ -11,7 +11,7 @@ use crate::desk::report::{self, Timeline};
 use crate::role::Role;
 
 use crate::cli::report::{REPORT, write};
-use crate::desk::simulation::vehicle_draft;
+use crate::desk::simulation::{on_this_machine, vehicle_draft};
 
 /// Kept where the operator said, or temporary and removed at the end.
 pub(in crate::cli) struct Directory {
@@ -73,16 +73,19 @@ impl Drop for Directory {
     }
 }
 
-/// Writes the vehicle file of one companion: loopback links, a simulated transmitter.
+/// Writes the vehicle file of one companion: loopback links, a simulated transmitter, with a link of its own if it has a
+/// port for that.
 pub(super) fn write_vehicle(
     directory: &Path,
     mission: &Mission,
     role: Role,
     ports: [u16; 2],
+    radio_port: Option<u16>,
 ) -> Result<PathBuf, String> {
     let name = role.key();
     let path = directory.join(format!("vehicle-{name}.toml"));
     let mut draft = vehicle_draft(mission, role, ports);
+    draft.transmitter.link = radio_port.map(on_this_machine);
     // The companion may run in another directory.
     draft.log_dir = std::path::absolute(directory).unwrap_or_else(|_| directory.to_path_buf());
     let vehicle = Vehicle::new(draft).map_err(|findings| findings.to_string())?;

@@ -61,6 +61,8 @@ pub(super) struct Setup<'a> {
     pub directory: &'a Path,
     /// What the mission file says.
     pub settings: &'a Mission,
+    /// Each radio has a link of its own.
+    pub own_radio_links: bool,
     pub ground_station: Option<&'a HostPort>,
     /// Begin without waiting for MISSION_START.
     pub start: bool,
@@ -113,9 +115,12 @@ struct Host<'a> {
 /// # Errors
 /// Sockets, files or processes that cannot be had, or a companion in step that hangs; in words.
 pub(super) async fn fly(mut setup: Setup<'_>) -> Result<Flight, String> {
-    let links = Links::open(setup.seed, setup.ground_station, &mut setup.world).await?;
+    let links =
+        Links::open(setup.seed, setup.own_radio_links, setup.ground_station, &mut setup.world).await?;
     let (said, mut log) = mpsc::unbounded_channel();
-    let write = |role: Role| write_vehicle(setup.directory, setup.settings, role, links.numbers(role)?);
+    let write = |role: Role| {
+        write_vehicle(setup.directory, setup.settings, role, links.numbers(role)?, links.radio_number(role)?)
+    };
     let vehicle_files = PerVehicle { i: write(Role::I)?, j: write(Role::J)? };
     let spawn = |role: Role| spawn_companion(&setup.spawning(), role, &vehicle_files[role], &said);
     let companions = PerVehicle { i: spawn(Role::I)?, j: spawn(Role::J)? };
@@ -320,7 +325,7 @@ impl Host<'_> {
     /// Starts a companion once more; the telemetry logs of its earlier life are kept beside the new ones.
     fn spawn_again(&self, role: Role) -> Result<Companion, String> {
         let name = role.key();
-        for link in ["autopilot", "pair"] {
+        for link in ["autopilot", "transmitter", "pair"] {
             let log = |suffix: &str| self.setup.directory.join(format!("{name}-{link}{suffix}.tlog"));
             let earlier = (1..).map(|life| log(&format!(".{life}"))).find(|path| !path.exists());
             if let Some(earlier) = earlier {

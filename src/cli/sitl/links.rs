@@ -1,8 +1,9 @@
-//! The links of a simulated flight over loopback UDP: each companion to its vehicle and to its peer, and a ground station
-//! to both vehicles.
+//! The links of a simulated flight over loopback UDP: each companion to its vehicle, to its peer, and to its radio where
+//! that has a link of its own; and a ground station to both vehicles.
 
 use std::time::Duration;
 
+use veilwing_sitl::vehicle::RADIO_LINK;
 use veilwing_sitl::{Passage, World};
 
 use crate::desk::simulation::{Path, index};
@@ -16,6 +17,8 @@ use super::port::{DIRECT, Port};
 pub(super) struct Links {
     autopilot: PerVehicle<Port>,
     pair: PerVehicle<Port>,
+    /// Radios that have links of their own.
+    radio: PerVehicle<Option<Port>>,
     ground: Option<GroundStation>,
 }
 
@@ -32,7 +35,12 @@ pub(super) struct Traffic {
 
 impl Links {
     /// Opens the sockets; degraded links draw from `seed`. With a ground station, both vehicles speak to it at once.
-    pub async fn open(seed: u64, ground: Option<&HostPort>, world: &mut World) -> Result<Self, String> {
+    pub async fn open(
+        seed: u64,
+        own_radio_links: bool,
+        ground: Option<&HostPort>,
+        world: &mut World,
+    ) -> Result<Self, String> {
         let ground = match ground {
             Some(address) => Some(GroundStation::connect(address).await?),
             None => None,
@@ -43,6 +51,10 @@ impl Links {
         Ok(Self {
             autopilot: PerVehicle { i: Port::bind(seed, 0)?, j: Port::bind(seed, 1)? },
             pair: PerVehicle { i: Port::bind(seed, 2)?, j: Port::bind(seed, 3)? },
+            radio: match own_radio_links {
+                true => PerVehicle { i: Some(Port::bind(seed, 4)?), j: Some(Port::bind(seed, 5)?) },
+                false => PerVehicle::default(),
+            },
             ground,
         })
     }
@@ -52,6 +64,11 @@ impl Links {
         Ok([self.autopilot[role].number()?, self.pair[role].number()?])
     }
 
+    /// Where a companion reaches its radio, if that has a link of its own.
+    pub fn radio_number(&self, role: Role) -> Result<Option<u16>, String> {
+        self.radio[role].as_ref().map(Port::number).transpose()
+    }
+
     /// Takes in what has arrived: for the vehicles at once, from companion to companion by the path between them.
     pub fn listen(&mut self, world: &mut World) {
         let now = world.now();
@@ -59,6 +76,12 @@ impl Links {
             self.autopilot[role].listen(now);
             while let Some(bytes) = self.autopilot[role].receive(now) {
                 world.handle(index(role), 0, &bytes);
+            }
+            if let Some(radio) = &mut self.radio[role] {
+                radio.listen(now);
+                while let Some(bytes) = radio.receive(now) {
+                    world.handle(index(role), RADIO_LINK, &bytes);
+                }
             }
             self.pair[role].listen(now);
             while let Some(bytes) = self.pair[role].receive(now) {
@@ -74,15 +97,20 @@ impl Links {
     /// Hands out what the vehicles have to say, and what is through.
     pub fn deliver(&mut self, world: &mut World) {
         while let Some((vehicle, link, frame)) = world.poll_transmit() {
-            match &self.ground {
-                _ if link != GROUND_LINK => self.autopilot[Role::BOTH[vehicle]].send(&frame, world.now()),
-                Some(ground) => ground.send(&frame),
+            let role = Role::BOTH[vehicle];
+            match (&self.ground, &mut self.radio[role]) {
+                (_, Some(radio)) if link == RADIO_LINK => radio.send(&frame, world.now()),
+                _ if link != GROUND_LINK => self.autopilot[role].send(&frame, world.now()),
+                (Some(ground), _) => ground.send(&frame),
                 // What a fault file's operator is answered.
-                None => {}
+                (None, _) => {}
             }
         }
         for role in Role::BOTH {
             self.autopilot[role].deliver(world.now());
+            if let Some(radio) = &mut self.radio[role] {
+                radio.deliver(world.now());
+            }
             self.pair[role].deliver(world.now());
         }
     }
@@ -114,10 +142,17 @@ impl Links {
     }
 
     pub fn traffic(&self) -> Traffic {
-        let ports = || Role::BOTH.into_iter().flat_map(|role| [&self.autopilot[role], &self.pair[role]]);
+        let ports = || {
+            let both = |role| [&self.autopilot[role], &self.pair[role]].into_iter().chain(&self.radio[role]);
+            Role::BOTH.into_iter().flat_map(both)
+        };
         Traffic {
             sent: ports().map(|port| port.sent).sum(),
-            received: Role::BOTH.map(|role| self.autopilot[role].received).iter().sum(),
+            received: Role::BOTH
+                .into_iter()
+                .flat_map(|role| [&self.autopilot[role]].into_iter().chain(&self.radio[role]))
+                .map(|port| port.received)
+                .sum(),
             swallowed: ports().map(|port| port.swallowed).sum(),
         }
     }

@@ -13,6 +13,8 @@ mod process;
 
 use std::path::PathBuf;
 
+use veilwing_sitl::RadioPlace;
+
 use crate::companion::settings::scheduling_allowance;
 use crate::config::Mission;
 use crate::desk::report;
@@ -53,6 +55,9 @@ pub(super) struct Args {
     /// What goes wrong, a TOML file (config/faults.toml); what it leaves open is drawn by the mission's seed.
     #[arg(long, value_name = "FILE")]
     faults: Option<PathBuf>,
+    /// Give each radio a link of its own, as a radio host beside the companion has, instead of the way through the autopilot.
+    #[arg(long)]
+    own_radio_links: bool,
     /// A ground station (QGroundControl, MAVProxy) that listens there; both vehicles and both companions are on it.
     #[arg(long, value_name = "udpout:HOST:PORT", value_parser = ground::parse_ground_station)]
     ground_station: Option<HostPort>,
@@ -95,7 +100,10 @@ fn fly(args: &Args, mission: &Mission, faults: &Faults) -> Result<Exit, String> 
     if write_plan(directory.path(), &plan).is_err() {
         return Ok(Exit::Unusable);
     }
-    let config = simulation::world_config(mission, &timed.plan)?;
+    let mut config = simulation::world_config(mission, &timed.plan)?;
+    if args.own_radio_links {
+        config.vehicles.iter_mut().for_each(|vehicle| vehicle.radio_place = RadioPlace::OnItsOwn);
+    }
     let utc_start = Utc { unix_us: config.utc_start_us };
     let mut world = veilwing_sitl::World::new(config).map_err(|error| error.to_string())?;
     let pace = if args.in_step { Pace::InStep { utc_start } } else { Pace::Wall };
@@ -125,6 +133,7 @@ fn fly(args: &Args, mission: &Mission, faults: &Faults) -> Result<Exit, String> 
         pace,
         directory: directory.path(),
         settings: mission,
+        own_radio_links: args.own_radio_links,
         ground_station: args.ground_station.as_ref(),
         start: !args.wait_for_start,
     }))?;

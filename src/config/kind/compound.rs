@@ -3,10 +3,11 @@
 use serde_json::{Value as Json, json};
 use toml::de::DeValue;
 
-use super::scalar::Number;
+use super::scalar::{Moment, Number};
 use super::value::{Fault, Item, Kind, miscount, wrong_type};
 use crate::config::draft::PerReceiver;
 use crate::role::{PerVehicle, Role};
+use crate::time::Utc;
 
 /// A fixed number of numbers, each with its name and range.
 pub(crate) struct Numbers<const N: usize>(pub(crate) [(&'static str, Number); N]);
@@ -51,6 +52,47 @@ impl<const N: usize> Kind for Numbers<N> {
 
     fn canonical(&self, value: &[f64; N]) -> Json {
         value.iter().map(|number| json!(number + 0.0)).collect()
+    }
+}
+
+/// From one moment to a later one.
+pub(crate) struct Period;
+
+impl Kind for Period {
+    type Out = [Utc; 2];
+
+    fn read(&self, item: &Item<'_>, faults: &mut Vec<Fault>) -> Option<[Utc; 2]> {
+        let items: Vec<&Item<'_>> =
+            item.get_ref().as_array().into_iter().flat_map(|items| items.iter()).collect();
+        let [from, until] = items[..] else {
+            wrong_type(self, item, faults);
+            return None;
+        };
+        let (from, until) = (Moment.read(from, faults), Moment.read(until, faults));
+        let period = [from?, until?];
+        match self.fault(&period) {
+            Some(clause) => faults.push(Fault { at: item.span(), clause }),
+            None => return Some(period),
+        }
+        None
+    }
+
+    fn fault(&self, [from, until]: &[Utc; 2]) -> Option<String> {
+        (from >= until).then(|| format!("ends at {until}, which is not after its beginning at {from}"))
+    }
+
+    fn expected(&self) -> String {
+        "[from, until], two dates and times with their offsets, such as [2026-01-01T00:00:00Z, 2026-12-31T23:59:59Z]"
+            .to_owned()
+    }
+
+    fn schema(&self) -> Json {
+        let each = Moment.schema();
+        json!({ "type": "array", "prefixItems": [each, each], "items": false, "minItems": 2, "maxItems": 2 })
+    }
+
+    fn canonical(&self, value: &[Utc; 2]) -> Json {
+        value.iter().map(|moment| Moment.canonical(moment)).collect()
     }
 }
 

@@ -329,7 +329,13 @@ impl Kind for Moment {
     type Out = Utc;
 
     fn read(&self, item: &Item<'_>, faults: &mut Vec<Fault>) -> Option<Utc> {
-        let DeValue::Datetime(datetime) = item.get_ref() else {
+        // In quotes it is text to TOML, and means the same.
+        let quoted = item.get_ref().as_str().and_then(|text| text.parse().ok());
+        let datetime = match item.get_ref() {
+            DeValue::Datetime(datetime) => Some(*datetime),
+            _ => quoted,
+        };
+        let Some(datetime) = datetime else {
             wrong_type(self, item, faults);
             return None;
         };
@@ -357,7 +363,7 @@ impl Kind for Moment {
     }
 
     fn expected(&self) -> String {
-        "a date and time with its offset, such as 2026-11-21T18:00:00Z, without quotes".to_owned()
+        "a date and time with its offset, such as 2026-11-21T18:00:00Z".to_owned()
     }
 
     fn schema(&self) -> Json {

@@ -82,6 +82,7 @@ fn spec_vehicle_defaults_are_those_of_the_interface() {
         system_id: None,
         component_id: 68,
         accept_late_commands: false,
+        accept_orphaned_radio: false,
     };
     assert_eq!(least.transmitter, leased);
     assert_eq!(least.limits, Limits::default());

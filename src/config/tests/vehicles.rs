@@ -1,6 +1,7 @@
 //! Vehicle files, alone and against a mission.
 
 use super::*;
+use crate::time::Utc;
 
 #[test]
 fn spec_a_tunnel_must_say_whom_it_leads_to() {
@@ -73,7 +74,7 @@ fn spec_nothing_real_is_radiated_over_a_link_that_anyone_may_speak_on() {
         ("link = \"udpout:10.0.0.3:14570\"", "link = \"serial:/dev/ttyUSB0:57600\"");
     let both = |a: &str, b: &str| format!("{a}\n{b}");
     let permitting = mission(&format!(
-        "{DEMO}[emission]\nauthorised_by = \"me\"\nband_hz = [2.4e9, 2.41e9]\nmax_power_w = 0.5\n"
+        "{DEMO}[emission]\nauthorised_by = \"me\"\nband_hz = [2.4e9, 2.41e9]\nmax_power_w = 0.5\n{VALID}"
     ));
     for (autopilot, transmitter, refused) in [
         ("system_id = 1".to_owned(), real(""), &["autopilot"][..]),
@@ -123,14 +124,63 @@ fn spec_operators_are_systems() {
     }
 }
 
+const VALID: &str = "valid = [2026-01-01T00:00:00Z, \"2026-12-31T23:59:59Z\"]\n";
+
+/// A permission's time is compared with the mission's start, and with this machine's clock.
+#[test]
+fn spec_a_real_transmitter_is_refused_before_and_after_its_permission() {
+    let real = vehicle(&VEHICLE_I.replace("simulated = true ", "simulated = false"));
+    let permitted = format!(
+        "{DEMO}[emission]\nauthorised_by = \"me\"\nband_hz = [2.4e9, 2.41e9]\nmax_power_w = 0.5\nlicensee = \"us\"\n{VALID}"
+    );
+    let starting = |at: &str| {
+        mission(&permitted.replace("# start_utc = 2026-11-21T18:00:00Z", &format!("start_utc = {at}")))
+    };
+    let at = |year| Utc::from_civil((year, 6, 1), (0, 0, 0), 0, 0).unwrap();
+    let anytime = mission(&permitted);
+    let says = |mission: &Mission, year| real.check_permission_at(mission, at(year)).to_string();
+    assert_eq!(says(&anytime, 2026), "");
+    assert!(says(&anytime, 2025).contains("has not begun") && says(&anytime, 2027).contains("has expired"));
+    assert!(says(&anytime, 2000).contains("was never set"));
+    let planned = starting("2026-11-21T18:00:00Z");
+    assert_eq!(
+        (says(&planned, 2025), real.check_against(&planned).to_string()),
+        (String::new(), String::new())
+    );
+    let late = real.check_against(&starting("2027-01-01T00:00:00Z"));
+    assert!(
+        late.has_errors() && late.to_string().contains("the mission starts at 2027-01-01T00:00:00Z"),
+        "{late}"
+    );
+    // What is simulated needs no permission.
+    assert!(vehicle(VEHICLE_I).check_permission_at(&anytime, at(2027)).list().is_empty());
+    // Whole in the digest, and in what a mission says of itself.
+    let emission = anytime.emission.clone().unwrap();
+    assert_eq!(
+        emission.valid.map(|valid| valid.map(|t| t.to_string())),
+        Some(["2026-01-01T00:00:00Z", "2026-12-31T23:59:59Z"].map(str::to_owned))
+    );
+    for changed in ["\"us\"|\"them\"", "23:59:59Z|23:59:58Z", "licensee|licence", "licensee|site"] {
+        let (from, to) = changed.split_once('|').unwrap();
+        assert_ne!(mission(&permitted.replace(from, to)).digest(), anytime.digest(), "{changed}");
+    }
+}
+
 #[test]
 fn spec_a_real_transmitter_needs_the_mission_to_allow_it() {
     let real = vehicle(&VEHICLE_I.replace("simulated = true ", "simulated = false"));
     let findings = real.check_against(&mission(DEMO));
     assert!(findings.has_errors());
     assert!(findings.list()[0].message.contains("no [emission] table"), "{findings}");
-    let permitted =
+    let undated =
         format!("{DEMO}[emission]\nauthorised_by = \"me\"\nband_hz = [2.4e9, 2.41e9]\nmax_power_w = 0.5\n");
+    let findings = real.check_against(&mission(&undated));
+    let [finding] = findings.list() else { panic!("{findings}") };
+    assert!(
+        finding.message.contains("does not say when it is valid")
+            && finding.help.contains("valid = [from, until]")
+    );
+    let permitted = format!("{undated}{VALID}");
     assert!(real.check_against(&mission(&permitted)).is_empty());
     // The default origin is where nobody is.
     let nowhere = format!("{LEAST}{}", &permitted[DEMO.len()..]);

@@ -4,8 +4,8 @@ use nalgebra::{Quaternion, UnitQuaternion};
 use veilwing_sitl as sim;
 
 use super::timeline::{
-    AirspaceScene, Event, EventKind, Heard, Listener, Place, PlannedSlot, RadioScene, SCENE_FORMAT, Sample,
-    Scene, Severity, Source, Timeline, VehicleState,
+    AirspaceScene, EmissionScene, Event, EventKind, Heard, Listener, Place, PlannedSlot, RadioScene,
+    SCENE_FORMAT, Sample, Scene, Severity, Source, Timeline, VehicleState,
 };
 use crate::config::Mission;
 use crate::desk::simulation::{Excused, index};
@@ -62,6 +62,7 @@ fn scene(mission: &Mission, world: &sim::World) -> Scene {
         seed: Some(config.seed),
         started_utc_us: None,
         jitter_std_deg: Some(config.jitter.std_deg),
+        emission: mission.emission.as_ref().map(EmissionScene::from),
         radio: Some(RadioScene {
             bandwidth_hz: config.radio.bandwidth_hz,
             noise_power_w: config.radio.noise_power_w,

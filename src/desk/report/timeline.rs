@@ -3,6 +3,7 @@
 use mavlink::dialects::ardupilotmega::MavSeverity;
 use serde::{Deserialize, Serialize};
 
+use crate::config::Emission;
 use crate::desk::simulation::FaultKind;
 use crate::geo::Attitude;
 use crate::planner::document::VehicleDocument;
@@ -52,6 +53,9 @@ pub struct Scene {
     pub started_utc_us: Option<u64>,
     /// Standard deviation of the attitude jitter that the plan reckons with, degrees.
     pub jitter_std_deg: Option<f64>,
+    /// The mission's permission to radiate, if it has one.
+    #[serde(default)]
+    pub emission: Option<EmissionScene>,
     /// The channel; `None` if no mission file was found.
     pub radio: Option<RadioScene>,
     /// Where vehicles may be.
@@ -62,6 +66,34 @@ pub struct Scene {
     pub eavesdroppers: Vec<Listener>,
     /// The plan by slot number, over all superframes.
     pub slots: Vec<PlannedSlot>,
+}
+
+/// The permission to radiate.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct EmissionScene {
+    /// Who permitted it.
+    pub authorised_by: String,
+    /// Lowest and highest frequency, hertz.
+    pub band_hz: [f64; 2],
+    /// Ceiling over every other power, watts.
+    pub max_power_w: f64,
+    /// To whom it was given.
+    pub licensee: Option<String>,
+    /// Its number or name.
+    pub licence: Option<String>,
+    /// From when and until when it holds, RFC 3339.
+    pub valid: Option<[String; 2]>,
+    /// Where.
+    pub site: Option<String>,
+}
+
+impl From<&Emission> for EmissionScene {
+    fn from(emission: &Emission) -> Self {
+        let Emission { authorised_by, band_hz, max_power_w, licensee, licence, valid, site } =
+            emission.clone();
+        let valid = valid.map(|period| period.map(|moment| moment.to_string()));
+        Self { authorised_by, band_hz, max_power_w, licensee, licence, valid, site }
+    }
 }
 
 /// The channel.

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use veilwing_sitl::vehicle::TICK;
+use veilwing_sitl::vehicle::{COMPANION_LINK, RADIO_LINK, TICK};
 use veilwing_sitl::{Circumstances, Fault, World};
 
 use crate::companion::{MOST_WAITING, WOKEN_LATE};
@@ -46,7 +46,7 @@ pub struct Setup {
     pub given: PerVehicle<Arc<Given>>,
     /// The mission begins as soon as both vehicles are ready, without MISSION_START.
     pub start_unasked: bool,
-    /// Both directions of the autopilot links.
+    /// Both directions of the autopilot links, and of radios' own.
     pub autopilot: Path,
     /// Both directions of the pair link.
     pub pair: Path,
@@ -67,6 +67,9 @@ pub struct Flight {
     counters: PerVehicle<Counters>,
     to_vehicle: PerVehicle<Pipe>,
     to_companion: PerVehicle<Pipe>,
+    /// Of radios that have links of their own, and from them.
+    to_radio: PerVehicle<Pipe>,
+    from_radio: PerVehicle<Pipe>,
     /// By sender.
     pair: PerVehicle<Pipe>,
     disks: PerVehicle<Disk>,
@@ -95,6 +98,8 @@ impl Flight {
             to_vehicle: PerVehicle::from_fn(pipe(setup.autopilot, 0)),
             to_companion: PerVehicle::from_fn(pipe(setup.autopilot, 1)),
             pair: PerVehicle::from_fn(pipe(setup.pair, 2)),
+            to_radio: PerVehicle::from_fn(pipe(setup.autopilot, 3)),
+            from_radio: PerVehicle::from_fn(pipe(setup.autopilot, 4)),
             disks: PerVehicle::default(),
             on_air: [false; 2],
             lives: PerVehicle::default(),
@@ -145,6 +150,7 @@ impl Flight {
         if let Some(process) = &mut self.processes[role] {
             if process.frozen && !frozen {
                 self.lost += self.to_companion[role].overflow(SOCKET_HOLDS, now);
+                self.lost += self.from_radio[role].overflow(SOCKET_HOLDS, now);
                 self.lost += self.pair[role.peer()].overflow(SOCKET_HOLDS, now);
             }
             process.frozen = frozen;
@@ -199,6 +205,12 @@ impl Flight {
         self.tell(role);
     }
 
+    /// Changes both directions of the link that a companion's radio has of its own, likewise.
+    pub fn set_radio_path(&mut self, role: Role, path: Path) {
+        self.to_radio[role].path = path;
+        self.from_radio[role].path = path;
+    }
+
     /// A frame of another station, which the vehicle's router passes on to the companion.
     pub fn send_to_companion(&mut self, role: Role, frame: &[u8]) {
         self.lost += self.to_companion[role].send(frame, self.now);
@@ -249,6 +261,9 @@ impl Flight {
             while let Some(bytes) = self.to_vehicle[role].receive(self.now) {
                 self.world.handle(index(role), 0, &bytes);
             }
+            while let Some(bytes) = self.to_radio[role].receive(self.now) {
+                self.world.handle(index(role), RADIO_LINK, &bytes);
+            }
         }
         self.collect_frames();
         let on = self.world.snapshot().vehicles.map(|vehicle| vehicle.tx_power_w.is_some());
@@ -265,8 +280,9 @@ impl Flight {
         let tick_us = TICK.as_micros() as u64;
         let mut next = Duration::from_micros((self.now.as_micros() as u64 / tick_us + 1) * tick_us);
         for role in Role::BOTH {
-            let events = [self.next_of_companion(role), self.to_vehicle[role].next_arrival()];
-            next = events.into_iter().flatten().fold(next, Duration::min);
+            let arrivals = [&self.to_vehicle[role], &self.to_radio[role]].map(Pipe::next_arrival);
+            let events = [self.next_of_companion(role)].into_iter().chain(arrivals);
+            next = events.flatten().fold(next, Duration::min);
         }
         next
     }
@@ -274,16 +290,21 @@ impl Flight {
     /// When a companion has something to do; `None` while it runs not.
     fn next_of_companion(&self, role: Role) -> Option<Duration> {
         let process = self.processes[role].as_ref().filter(|process| !process.frozen)?;
-        let arrivals = [&self.to_companion[role], &self.pair[role.peer()]].map(Pipe::next_arrival);
+        let pipes = [&self.to_companion[role], &self.from_radio[role], &self.pair[role.peer()]];
+        let arrivals = pipes.map(Pipe::next_arrival);
         Some(arrivals.into_iter().flatten().fold(process.wakes_at, Duration::min))
     }
 
     fn collect_frames(&mut self) {
         while let Some((vehicle, link, frame)) = self.world.poll_transmit() {
-            if link == 0 {
-                self.received += 1;
-                self.lost += self.to_companion[Role::BOTH[vehicle]].send(&frame, self.now);
-            }
+            let role = Role::BOTH[vehicle];
+            let pipe = match link {
+                COMPANION_LINK => &mut self.to_companion[role],
+                RADIO_LINK => &mut self.from_radio[role],
+                _ => continue,
+            };
+            self.received += 1;
+            self.lost += pipe.send(&frame, self.now);
         }
     }
 
@@ -291,6 +312,7 @@ impl Flight {
         if self.processes[role].is_none() {
             // Nobody listens.
             self.lost += self.to_companion[role].overflow(0, self.now);
+            self.lost += self.from_radio[role].overflow(0, self.now);
             self.lost += self.pair[role.peer()].overflow(0, self.now);
         }
         if self.next_of_companion(role).is_none_or(|at| at > self.now) {
@@ -307,7 +329,7 @@ impl Flight {
     }
 
     /// One instant of a companion, in the order of its event loop: deadlines before messages (but for a process that
-    /// was not run, which first takes what waits), the autopilot's before the peer's, and everything it says before it
+    /// was not run, which first takes what waits), the autopilot's before the radio's and the peer's, and everything it says before it
     /// hears more.
     fn run(
         &mut self,
@@ -343,6 +365,8 @@ impl Flight {
     fn hear(&mut self, role: Role, process: &mut Process, observer: &mut impl Observer) -> bool {
         if let Some(bytes) = self.to_companion[role].receive(self.now) {
             self.hear_autopilot(role, process, &bytes, observer);
+        } else if let Some(bytes) = self.from_radio[role].receive(self.now) {
+            self.hear_radio(role, process, &bytes, observer);
         } else if let Some(bytes) = self.pair[role.peer()].receive(self.now) {
             self.hear_peer(role, process, &bytes, observer);
         } else {
@@ -383,6 +407,32 @@ impl Flight {
         }
     }
 
+    /// What a radio says on a link of its own.
+    fn hear_radio(&mut self, role: Role, process: &mut Process, bytes: &[u8], observer: &mut impl Observer) {
+        let at = process.instant(self.now);
+        process.from_radio.feed(bytes);
+        process.from_radio.end();
+        while let Some(raw) = process.from_radio.next_frame(&mut self.counters[role]) {
+            match raw.parse::<Aboard>() {
+                Ok(frame) => {
+                    self.log(role, Wire::Radio, raw.bytes(), observer);
+                    match &frame.message {
+                        Aboard::Common(message) => {
+                            process.executive.handle_radio_link(frame.header, message, at);
+                        }
+                        Aboard::Radio(message) => {
+                            process.executive.handle_report(frame.header, message.message(), at);
+                        }
+                    }
+                    self.send(role, process, observer);
+                }
+                Err(reason) => {
+                    self.counters[role].rejected.count(reason);
+                }
+            }
+        }
+    }
+
     fn hear_peer(&mut self, role: Role, process: &mut Process, bytes: &[u8], observer: &mut impl Observer) {
         let at = process.instant(self.now);
         process.from_peer.feed(bytes);
@@ -411,10 +461,8 @@ impl Flight {
         while let Some(outgoing) = process.executive.poll_transmit() {
             observer.sent(self.now, role, &outgoing);
             let (wire, frame) = match &outgoing {
-                // A simulated radio is behind its autopilot.
-                Outgoing::Autopilot(message) | Outgoing::Radio(message) => {
-                    (Wire::Autopilot, process.encoder.encode(own, &**message))
-                }
+                Outgoing::Autopilot(message) => (Wire::Autopilot, process.encoder.encode(own, &**message)),
+                Outgoing::Radio(message) => (Wire::Radio, process.to_radio.encode(own, &**message)),
                 Outgoing::Pair(message) => {
                     let envelope = Envelope::new(process.form, own, 0, (**message).clone());
                     (Wire::Pair, process.encoder.encode(own, &envelope))
@@ -424,6 +472,7 @@ impl Flight {
             self.sent += 1;
             let pipe = match wire {
                 Wire::Autopilot => &mut self.to_vehicle[role],
+                Wire::Radio => &mut self.to_radio[role],
                 Wire::Pair => &mut self.pair[role],
             };
             self.lost += pipe.send(frame.raw_bytes(), self.now);

@@ -31,7 +31,7 @@ pub use process::Given;
 pub use scenario::{Flown, LONGEST, Scenario, ScenarioError, Witness};
 pub use station::STATION_LINK;
 pub use supervisor::{Host, Supervisor};
-pub use vehicle::{vehicle, vehicle_draft};
+pub use vehicle::{on_this_machine, vehicle, vehicle_draft};
 pub use world::world_config;
 
 use std::time::Duration;

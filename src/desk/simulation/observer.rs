@@ -15,6 +15,8 @@ use crate::service::Standing;
 pub enum Wire {
     /// To its autopilot.
     Autopilot,
+    /// To its radio, where that has a link of its own.
+    Radio,
     /// To the other companion.
     Pair,
 }

@@ -32,7 +32,10 @@ pub struct Given {
 pub(super) struct Process {
     pub executive: Executive,
     pub encoder: Encoder,
+    /// Of the link that the radio has of its own, which counts its own frames.
+    pub to_radio: Encoder,
     pub from_vehicle: Decoder<Aboard>,
+    pub from_radio: Decoder<Aboard>,
     pub from_peer: Decoder<Envelope>,
     /// In which form it speaks to its peer.
     pub form: Form,
@@ -60,7 +63,9 @@ impl Process {
         Self {
             executive,
             encoder: Encoder::default(),
+            to_radio: Encoder::default(),
             from_vehicle: Decoder::default(),
+            from_radio: Decoder::default(),
             from_peer: Decoder::default(),
             form: pair_form(&given.vehicle),
             frozen: false,

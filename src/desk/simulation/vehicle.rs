@@ -12,8 +12,7 @@ use super::index;
 /// user fills in. `ports` are those of the autopilot link and of the pair link, on this machine.
 #[must_use]
 pub fn vehicle_draft(mission: &Mission, role: Role, ports: [u16; 2]) -> VehicleDraft {
-    let [autopilot, pair] =
-        ports.map(|port| LinkAddress::UdpOut(HostPort { host: "127.0.0.1".into(), port }));
+    let [autopilot, pair] = ports.map(on_this_machine);
     let mut draft = VehicleDraft::new(role, pair);
     draft.autopilot.link = autopilot;
     draft.autopilot.actuation = actuation(mission, role);
@@ -21,6 +20,12 @@ pub fn vehicle_draft(mission: &Mission, role: Role, ports: [u16; 2]) -> VehicleD
     draft.autopilot.tracks_pose = true;
     draft.autopilot.system_id = Some(if index(role) == 0 { 1 } else { 2 });
     draft
+}
+
+/// A port of this machine's, as a companion reaches it.
+#[must_use]
+pub fn on_this_machine(port: u16) -> LinkAddress {
+    LinkAddress::UdpOut(HostPort { host: "127.0.0.1".into(), port })
 }
 
 /// How the simulated vehicle of this role is commanded.

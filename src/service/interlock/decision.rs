@@ -34,7 +34,7 @@ pub struct Latches {
     pub role: Role,
     /// The operator's kill holds.
     pub killed: bool,
-    /// The transmitter is simulated, or the mission's `[emission]` table covers it.
+    /// The transmitter is simulated, or the mission's `[emission]` table covers it, at this time.
     pub authorised: bool,
     /// J has just fallen silent out of turn.
     pub resting: bool,
@@ -74,8 +74,8 @@ pub enum Silence {
     /// The operator's kill holds.
     #[error("the radio kill holds")]
     Killed,
-    /// The mission does not authorise this transmitter.
-    #[error("the mission file has no [emission] table that authorises this transmitter")]
+    /// The mission does not authorise this transmitter, or not at this time.
+    #[error("the mission's [emission] table does not authorise this transmitter, or not at this time")]
     NotAuthorised,
     /// J has just fallen silent out of turn.
     #[error("the off may still be under way to the transmitter")]

@@ -226,6 +226,7 @@ fn transmitter(boot: u32, now: Instant) -> Transmitter {
         kind: Kind::Numbered { command: 31010 },
         boot,
         longest_round_trip: ms(300),
+        apart: false,
         system_is_given: false,
         first_off_after: Duration::ZERO,
     };

@@ -165,6 +165,7 @@ fn beginning(kind: Kind, first_off_after: Duration, now: Instant) -> Transmitter
         kind,
         boot: 1,
         longest_round_trip: ms(150),
+        apart: false,
         system_is_given: false,
         first_off_after,
     };
@@ -224,7 +225,7 @@ fn spec_a_radio_is_told_off_again_after_more_than_two_and_a_half_seconds_of_sile
 }
 
 #[test]
-fn spec_the_limit_is_asked_for_five_times_and_taken_from_its_own_parameter() {
+fn spec_what_a_radio_declares_is_asked_for_five_times_and_its_limit_taken_from_its_own_parameter() {
     let mut world = deaf();
     let asked = |transmitter: &mut Transmitter| {
         drain(transmitter).iter().filter(|m| matches!(m, MavMessage::PARAM_REQUEST_READ(_))).count()
@@ -233,7 +234,7 @@ fn spec_the_limit_is_asked_for_five_times_and_taken_from_its_own_parameter() {
         world.transmitter.handle_timeout(world.now + ms(1000 * second));
         asked(&mut world.transmitter)
     });
-    assert_eq!(counts.collect::<Vec<_>>(), [1, 1, 1, 1, 1, 0, 0, 0]);
+    assert_eq!(counts.collect::<Vec<_>>(), [8, 8, 8, 8, 8, 0, 0, 0]);
     let value = |name: &str, param_value| {
         MavMessage::PARAM_VALUE(PARAM_VALUE_DATA {
             param_value,

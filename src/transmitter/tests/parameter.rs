@@ -102,6 +102,7 @@ fn spec_an_adopted_system_is_the_one_commanded_and_the_first_word_is_off() {
         kind: Kind::Leased { command: 31010 },
         boot: 1,
         longest_round_trip: Duration::from_millis(150),
+        apart: false,
         system_is_given: false,
         first_off_after: Duration::ZERO,
     };

@@ -185,7 +185,7 @@ impl Transmitter {
             }
             (self.numbered.boot, self.numbered.newest) = (boot, 0);
             self.numbered.series = draw(&mut self.numbered.noise);
-            self.emit(None);
+            self.emit(None, now);
         }
         if number <= self.numbered.newest {
             return Outcome::NotNewer;
@@ -201,7 +201,7 @@ impl Transmitter {
     fn switch(&mut self, command: &COMMAND_INT_DATA, now: Duration) -> Outcome {
         let asked_dbm = f64::from(command.param1);
         if asked_dbm == f64::NEG_INFINITY {
-            self.emit(None);
+            self.emit(None, now);
             return Outcome::Accepted;
         }
         let expires_ms = command.y.cast_unsigned();
@@ -209,12 +209,16 @@ impl Transmitter {
         if !self.allows(asked_dbm) || ahead_ms > LONGEST_MS {
             return Outcome::Denied;
         }
+        if self.is_too_weak(asked_dbm) {
+            self.emit(None, now);
+            return Outcome::Denied;
+        }
         if ahead_ms <= 0 {
-            self.emit(None);
+            self.emit(None, now);
             return Outcome::Expired;
         }
         let expires_at = self.numbered.clock.reaches(expires_ms, now);
-        self.emit(Some(Emission::new(asked_dbm, command.x, expires_at, expires_ms)));
+        self.emit(Some(Emission::new(asked_dbm, command.x, expires_at, expires_ms)), now);
         Outcome::Accepted
     }
 
@@ -227,7 +231,7 @@ impl Transmitter {
             newest: *newest,
             answers: (0, 0),
             series: *series,
-            expires_ms: self.emission().map_or(0, |emission| emission.expires_ms),
+            expires_ms: self.told.map_or(0, |emission| emission.expires_ms),
             power_mdbm: self.achieved_mdbm(),
             outcome: Outcome::Accepted,
         }
@@ -238,12 +242,13 @@ impl Transmitter {
 mod tests {
     use super::*;
     use crate::random::Purpose;
+    use crate::vehicle::transmitter::RadioDevice;
 
     const COMMANDER: (u8, u8) = (1, 191);
     const NOW: Duration = Duration::from_millis(123_456);
 
     fn transmitter() -> Transmitter {
-        Transmitter::new(30.0, true, Noise::new(7, Purpose::Radio, 0))
+        Transmitter::new(30.0, true, RadioDevice::default(), Noise::new(7, Purpose::Radio, 0))
     }
 
     /// A command that is obeyed, unless a field is changed.

@@ -269,6 +269,18 @@ pub fn record(facts: &Facts) -> String {
     plan_digest.into_iter().for_each(|digest| add("plan digest", digest));
     scene.seed.into_iter().for_each(|seed| add("seed of the simulated world", seed.to_string()));
     scene.jitter_std_deg.into_iter().for_each(|deg| add("attitude jitter planned for", format!("{deg} deg")));
+    if let Some(emission) = &scene.emission {
+        let [low_mhz, high_mhz] = emission.band_hz.map(|hz| hz / 1e6);
+        add("emission authorised by", emission.authorised_by.clone());
+        let stated =
+            [("licensee", &emission.licensee), ("licence", &emission.licence), ("site", &emission.site)];
+        for (name, text) in stated {
+            text.iter().for_each(|text| add(name, text.clone()));
+        }
+        let period = |[from, until]: &[String; 2]| format!("{from} to {until}");
+        add("emission valid", emission.valid.as_ref().map_or("not stated".to_owned(), period));
+        add("permitted", format!("{low_mhz} to {high_mhz} MHz, at most {}", power(emission.max_power_w)));
+    }
     if let Some(radio) = &scene.radio {
         add("bandwidth", format!("{} MHz", radio.bandwidth_hz / 1e6));
         add("noise power", format!("{:e} W", radio.noise_power_w));

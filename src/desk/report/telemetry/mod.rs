@@ -1,4 +1,5 @@
-//! A flight from the telemetry logs of its two companions alone: `i-autopilot.tlog`, `i-pair.tlog` and J's.
+//! A flight from the telemetry logs of its two companions alone: `i-autopilot.tlog`, `i-pair.tlog` and J's, and
+//! `i-transmitter.tlog` where the radio has a link of its own.
 //!
 //! What a log cannot know is not made up: a vehicle without a log is absent, powers are those that transmitters
 //! acknowledged, and rates follow from the vehicles' own estimates by the mission's model. Where a mission file and a plan
@@ -64,6 +65,7 @@ pub enum TelemetryError {
 /// One vehicle's logs.
 #[derive(Debug, Default)]
 struct Logs {
+    /// With the radio's.
     autopilot: Vec<(u64, RawFrame)>,
     pair: Vec<(u64, RawFrame)>,
 }
@@ -76,10 +78,14 @@ pub fn load(directory: &Path, mission: Option<&Mission>) -> Result<Timeline, Tel
     let mut events = Vec::new();
     let mut read = |role: Role| -> Result<Logs, TelemetryError> {
         let name = role.key();
-        Ok(Logs {
-            autopilot: frames(&directory.join(format!("{name}-autopilot.tlog")), role, &mut events)?,
-            pair: frames(&directory.join(format!("{name}-pair.tlog")), role, &mut events)?,
-        })
+        let mut log = |link| frames(&directory.join(format!("{name}-{link}.tlog")), role, &mut events);
+        let (mut autopilot, pair) = (log("autopilot")?, log("pair")?);
+        let radio = log("transmitter")?;
+        if !radio.is_empty() {
+            autopilot.extend(radio);
+            autopilot.sort_by_key(|(us, _)| *us);
+        }
+        Ok(Logs { autopilot, pair })
     };
     let logs = PerVehicle { i: read(Role::I)?, j: read(Role::J)? };
     let stamps = Role::BOTH

@@ -19,7 +19,7 @@ fn spec_a_companion_that_starts_is_taken_and_the_radio_is_off_by_its_own_clock()
     assert!(world.transmitter.is_off(world.now));
     assert_eq!(world.transmitter.supports_expiry(), Some(true));
     assert_eq!(world.transmitter.ready(world.now), Ok(()));
-    assert_eq!((world.radio.boot, world.asked), (78, 1));
+    assert_eq!((world.radio.boot, world.asked), (78, 8));
     world.run(ms(1000));
     let checks = world.transmitter.preflight(world.now);
     let delay = checks.iter().find(|check| check.name == "transmitter delay").unwrap();
