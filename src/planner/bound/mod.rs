@@ -56,7 +56,8 @@
 //! # 3. With jitter: the decoupled bound
 //! *Assumptions.* Euler jitter of roll and pitch, independent Gaussian, at yaw 0; positions certain; the airspace more than a
 //! millimetre from every node. Two eavesdroppers: dropping the others from the maximum only raises the rate, so any pair
-//! bounds the whole (tried: the pairs among the three nearest to the user). Bounded is `V = E[A_0 - max_j A_j]`.
+//! bounds the whole. Of the pairs among the six nearest to the user that one is taken against which the planner does worst
+//! (any choice is sound). Bounded is `V = E[A_0 - max_j A_j]`.
 //!
 //! *Theorem.* With `F`, `L` and `S` as below, `V > T` implies `T < max_s [F(s) - L(s)] + log2(1 + S / (2^T - S))`.
 //!
@@ -105,7 +106,7 @@
 //!
 //! # 4. Margins of the decoupled bound, and what is not proven
 //! - Means are taken by a rule of 768 points; two margins of 0.008 bit/s/Hz, one for each side, stand for its error: twice
-//!   the largest measured where the SINR at one standard deviation is at most 300. A rule of 128 points with a margin of
+//!   the largest measured at any SINR at one standard deviation up to 10^6.5. A rule of 128 points with a margin of
 //!   0.045, taken likewise, excludes or halves most boxes before. Rounding is far below.
 //! - `S` (with a quarter to spare) and the 2.5 of step 4 rest on maxima over fine grids of rolls, which tests take.
 //! - Anderson's inequality holds exactly in the roll offset, and in that of pitch as far as the gain grows with it: past a
