@@ -2,7 +2,8 @@
 //!
 //! Starts are uniform in positions, axes and the logarithm of J's power; half of them have J's null on the user, without
 //! which next to none is worth following. Bounded quantities are squared sines of free ones, so that an optimum at a
-//! bound is an ordinary one.
+//! bound is an ordinary one; J's axis is counted from its null on the user, about which everything changes fast. Maxima and
+//! minima are soft at first.
 
 use nalgebra::{DMatrix, DVector};
 use rand::{RngExt, SeedableRng};
@@ -16,7 +17,7 @@ const LEAST_LOG_POWER: f64 = -20.0;
 /// Candidates that are followed further, and those that are walked from.
 const FOLLOWED: usize = 24;
 const REFINED: usize = 3;
-const STEPS: [usize; 3] = [15, 40, 25];
+const STEPS: [usize; 3] = [25, 60, 30];
 const WALK: usize = 400;
 
 fn squeeze(t: f64, [low, high]: [f64; 2]) -> f64 {
@@ -32,10 +33,14 @@ fn configuration(world: &World, t: &DVector<f64>) -> Configuration {
     let position =
         |at: usize| [squeeze(t[at], area), squeeze(t[at + 1], area), squeeze(t[at + 2], world.altitude_m)];
     let yaw = |at: usize| if world.free_yaw { t[at] } else { 0.0 };
+    // J's null on the user, at its own yaw.
+    let j = position(5);
+    let (sin, cos) = yaw(12).sin_cos();
+    let null = along([cos * j[0] + sin * j[1], cos * j[1] - sin * j[0], j[2]]);
     let log_power = squeeze(t[10], [LEAST_LOG_POWER, 0.0]);
     Configuration {
-        position_m: [position(0), position(5)],
-        angles_rad: [[t[3], t[4], yaw(11)], [t[8], t[9], yaw(12)]],
+        position_m: [position(0), j],
+        angles_rad: [[t[3], t[4], yaw(11)], [null[0] + t[8], null[1] + t[9], yaw(12)]],
         power_w: [world.most_w[0], world.most_w[1] * log_power.exp()],
     }
 }
@@ -48,7 +53,7 @@ fn value(world: &World, look: &Look, t: &DVector<f64>) -> f64 {
     if apart < world.separation_m { f64::NEG_INFINITY } else { world.value(&x, look) }
 }
 
-/// Roll and pitch of the axis along a line.
+/// Roll and pitch of the axis along a line from the user, who is at the origin.
 fn along(d: [f64; 3]) -> [f64; 2] {
     let up = if d[2] < 0.0 { -1.0 } else { 1.0 };
     [(-up * d[1]).atan2((d[0] * d[0] + d[2] * d[2]).sqrt()), (up * d[0]).atan2(up * d[2])]
@@ -65,11 +70,7 @@ fn start(world: &World, nulled: bool, rng: &mut ChaCha8Rng) -> DVector<f64> {
         t[at] = stretch(rng.random_range(0.0..1.0), [0.0, 1.0]);
     }
     if nulled {
-        let j = configuration(world, &t).position_m[1];
-        [t[8], t[9]] = along(j);
-        if world.free_yaw {
-            t[12] = 0.0;
-        }
+        (t[8], t[9]) = (0.0, 0.0);
     }
     t
 }
@@ -150,12 +151,18 @@ fn walk(world: &World, look: &Look, from: (DVector<f64>, f64), rng: &mut ChaCha8
 
 /// The best configuration of `starts` local searches.
 pub fn best(world: &World, starts: usize, seed: u64) -> Configuration {
-    // Noises and draws (for a worst case, points of a rim), and the quantile's window, stage by stage.
-    let look = |noises, draws, window, stage| world.look(noises, draws, window, seed.wrapping_add(stage));
+    // Noises and draws (for a worst case, points of a rim), the quantile's window and the sharpness, stage by stage.
+    let look =
+        |counts, window, sharpness, stage| world.look(counts, window, sharpness, seed.wrapping_add(stage));
+    let sharp = f64::INFINITY;
     let looks = match world.objective {
-        Objective::WorstCase => [look(32, 8, 0.0, 1), look(64, 12, 0.0, 2), look(256, 16, 0.0, 3)],
-        Objective::Quantile => [look(16, 128, 0.03, 1), look(32, 300, 0.02, 2), look(32, 1500, 0.01, 3)],
-        _ => [look(64, 1, 0.0, 1), look(512, 1, 0.0, 2), look(2048, 1, 0.0, 3)],
+        Objective::WorstCase => {
+            [look([32, 8], 0.0, 10.0, 1), look([64, 12], 0.0, 60.0, 2), look([256, 16], 0.0, sharp, 3)]
+        }
+        Objective::Quantile => {
+            [look([16, 128], 0.03, 10.0, 1), look([32, 300], 0.02, 60.0, 2), look([32, 1500], 0.01, sharp, 3)]
+        }
+        _ => [look([64, 1], 0.0, 10.0, 1), look([512, 1], 0.0, 100.0, 2), look([2048, 1], 0.0, sharp, 3)],
     };
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut ends: Vec<_> = (0..starts)

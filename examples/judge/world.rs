@@ -63,6 +63,8 @@ pub struct Look {
     points: Vec<Vec<Point>>,
     /// Half the width in rank of the window that stands for the quantile.
     window: f64,
+    /// Sharpness of soft maxima and minima, per bit/s/Hz; infinite for true ones.
+    sharpness: f64,
 }
 
 fn normal(rng: &mut ChaCha8Rng) -> f64 {
@@ -117,6 +119,16 @@ fn mean_rate(user: &[f64], strongest: &[f64]) -> f64 {
     sum / (user.len() as f64 * LN_2)
 }
 
+/// The least of some rates, softened by a sum of exponentials unless the sharpness is infinite.
+fn soft_minimum(rates: &[f64], sharpness: f64) -> f64 {
+    let least = rates.iter().copied().fold(f64::INFINITY, f64::min);
+    if sharpness.is_infinite() {
+        return least;
+    }
+    let sum: f64 = rates.iter().map(|rate| (-sharpness * (rate - least)).exp()).sum();
+    least - sum.ln() / sharpness
+}
+
 fn join(strongest: &mut [f64], other: &[f64]) {
     for (s, o) in strongest.iter_mut().zip(other) {
         *s = s.max(*o);
@@ -164,18 +176,19 @@ impl World {
     }
 
     /// A look of so many noises and draws (worst case: points of each disc).
-    pub fn look(&self, noises: usize, draws: usize, window: f64, seed: u64) -> Look {
+    pub fn look(&self, [noises, draws]: [usize; 2], window: f64, sharpness: f64, seed: u64) -> Look {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let noise = self.noise(noises, &mut rng);
         let nodes = 0..self.nodes.len();
         if self.objective == Objective::WorstCase {
             let points = nodes.map(|node| self.disc(node, draws)).collect();
-            return Look { noise, draws: Vec::new(), points, window };
+            return Look { noise, draws: Vec::new(), points, window, sharpness };
         }
         let certain = self.spread.iter().all(|s| *s == Uncertainty::None);
         let draws = if certain { 1 } else { draws };
         let draw = |rng: &mut ChaCha8Rng| nodes.clone().map(|node| self.place(node, false, rng)).collect();
-        Look { noise, draws: (0..draws).map(|_| draw(&mut rng)).collect(), points: Vec::new(), window }
+        let draws = (0..draws).map(|_| draw(&mut rng)).collect();
+        Look { noise, draws, points: Vec::new(), window, sharpness }
     }
 
     /// The centre of a disc, `count` points of its rim and half as many at half its radius.
@@ -209,9 +222,9 @@ impl World {
         let mut user = Vec::new();
         antennas.heard(&self.user, &mut user);
         if self.objective == Objective::WorstCase {
-            return self.worst(&antennas, &user, |node, _| look.points[node].clone());
+            return self.worst(&antennas, &user, look.sharpness, |node| look.points[node].clone());
         }
-        let mut rates = self.rates(&antennas, &user, &look.draws);
+        let mut rates = self.rates(&antennas, &user, look);
         if self.objective != Objective::Quantile {
             return rates.iter().sum::<f64>() / rates.len() as f64;
         }
@@ -221,51 +234,58 @@ impl World {
         window.iter().sum::<f64>() / window.len() as f64
     }
 
-    fn rates(&self, antennas: &Antennas, user: &[f64], draws: &[Vec<Point>]) -> Vec<f64> {
+    fn rates(&self, antennas: &Antennas, user: &[f64], look: &Look) -> Vec<f64> {
         let (mut heard, mut strongest) = (Vec::new(), Vec::new());
-        draws
-            .iter()
-            .map(|draw| {
-                strongest.clear();
-                strongest.resize(user.len(), 1.0);
-                for node in draw {
-                    antennas.heard(node, &mut heard);
-                    join(&mut strongest, &heard);
-                }
-                mean_rate(user, &strongest)
-            })
-            .collect()
+        let rate = |draw: &Vec<Point>| {
+            strongest.clear();
+            strongest.resize(user.len(), 1.0);
+            let mut single = Vec::new();
+            for node in draw {
+                antennas.heard(node, &mut heard);
+                join(&mut strongest, &heard);
+                single.push(-heard[0].log2());
+            }
+            // Without noise the maximum is a kink, unless it is softened.
+            if user.len() == 1 && look.sharpness.is_finite() {
+                return (user[0].log2() + soft_minimum(&single, look.sharpness)).max(0.0);
+            }
+            mean_rate(user, &strongest)
+        };
+        look.draws.iter().map(rate).collect()
     }
 
-    /// The least mean rate over the points of each eavesdropper's disc, node by node, twice round.
+    /// The least mean rate over the points of each eavesdropper's disc, node by node, twice round; softly over all points
+    /// of the second.
     fn worst(
         &self,
         antennas: &Antennas,
         user: &[f64],
-        mut points: impl FnMut(usize, usize) -> Vec<Point>,
+        sharpness: f64,
+        mut points: impl FnMut(usize) -> Vec<Point>,
     ) -> f64 {
         let count = self.nodes.len();
         let mut chosen = vec![vec![1.0; user.len()]; count];
-        let (mut least, mut heard) = (f64::INFINITY, Vec::new());
-        for round in 0..2 {
+        let (mut rates, mut heard) = (Vec::new(), Vec::new());
+        for _ in 0..2 {
+            rates.clear();
             for node in 0..count {
                 let mut others = vec![1.0; user.len()];
                 (0..count).filter(|o| *o != node).for_each(|o| join(&mut others, &chosen[o]));
                 let mut worst = f64::INFINITY;
-                for point in points(node, round) {
+                for point in points(node) {
                     antennas.heard(&point, &mut heard);
                     let own = heard.clone();
                     join(&mut heard, &others);
                     let rate = mean_rate(user, &heard);
+                    rates.push(rate);
                     if rate < worst {
                         worst = rate;
                         chosen[node] = own;
                     }
                 }
-                least = least.min(worst);
             }
         }
-        least
+        soft_minimum(&rates, sharpness)
     }
 
     /// The objective on fresh draws of everything: `draws` of the positions.
@@ -273,14 +293,15 @@ impl World {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         if self.objective != Objective::WorstCase {
             let certain = self.spread.iter().all(|s| *s == Uncertainty::None);
-            return self.value(x, &self.look(if certain { draws } else { 128 }, draws, 0.0, seed));
+            let noises = if certain { draws } else { 128 };
+            return self.value(x, &self.look([noises, draws], 0.0, f64::INFINITY, seed));
         }
         let noise = self.noise(1024, &mut rng);
         let antennas = self.antennas(x, &noise);
         let mut user = Vec::new();
         antennas.heard(&self.user, &mut user);
         let each = draws / (2 * self.nodes.len());
-        let fresh = |node, _| (0..each).map(|k| self.place(node, k % 4 != 0, &mut rng)).collect();
-        self.worst(&antennas, &user, fresh)
+        let fresh = |node| (0..each).map(|k| self.place(node, k % 4 != 0, &mut rng)).collect();
+        self.worst(&antennas, &user, f64::INFINITY, fresh)
     }
 }
