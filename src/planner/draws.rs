@@ -8,10 +8,13 @@ pub const QUANTILE: f64 = 0.05;
 /// How the rates of draws are combined.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Combination {
-    /// The smoothed quantile of so many draws, of which those present are the lowest.
+    /// The smoothed quantile of so many draws, of which those present are the lowest: their mean with a triangular weight
+    /// about the quantile's rank.
     Quantile {
         /// All draws.
         of: usize,
+        /// Half the base of the triangle, as a share of the draws; at most the quantile itself.
+        width: f64,
     },
     /// The soft minimum of this sharpness.
     SoftMinimum(f64),
@@ -52,18 +55,17 @@ impl Draws {
             }
         };
         match combination {
-            Combination::Quantile { of } => {
+            Combination::Quantile { of, width } => {
                 self.order.clear();
                 self.order.extend(0..self.values.len());
                 self.order
                     .sort_unstable_by(|a, b| self.values[*a].total_cmp(&self.values[*b]).then(a.cmp(b)));
                 let n = of as f64;
                 let weight =
-                    |rank: usize| (1.0 - ((rank as f64 + 0.5) / n - QUANTILE).abs() / QUANTILE).max(0.0);
+                    |rank: usize| (1.0 - ((rank as f64 + 0.5) / n - QUANTILE).abs() / width).max(0.0);
                 let total: f64 = (0..self.order.len()).map(weight).sum::<f64>().max(f64::MIN_POSITIVE);
                 let mut value = 0.0;
-                for (rank, draw) in self.order.iter().enumerate().take_while(|(rank, _)| weight(*rank) > 0.0)
-                {
+                for (rank, draw) in self.order.iter().enumerate().filter(|(rank, _)| weight(*rank) > 0.0) {
                     value += weight(rank) / total * self.values[*draw];
                     add(weight(rank) / total, &self.gradients[*draw]);
                 }
@@ -96,7 +98,10 @@ mod tests {
         }
         let mut gradient = [0.0; 14];
         // Ranks 0 to 3 of 40, weights 1/4, 3/4, 3/4, 1/4: symmetric about the 5% point, 1.5.
-        assert!((draws.combine(Combination::Quantile { of: 40 }, &mut gradient) - 1.5).abs() < 1e-12);
+        assert!(
+            (draws.combine(Combination::Quantile { of: 40, width: QUANTILE }, &mut gradient) - 1.5).abs()
+                < 1e-12
+        );
         assert!((gradient[0] - 1.5).abs() < 1e-12);
         assert!(draws.combine(Combination::SoftMinimum(1e3), &mut gradient).abs() < 1e-12);
         assert!(gradient[0].abs() < 1e-12);

@@ -27,6 +27,8 @@ pub enum Target<'a> {
         samples: &'a Samples,
         /// How draws are combined.
         combination: Combination,
+        /// Whether [.]^+ is inside each draw's mean.
+        clip: bool,
     },
 }
 
@@ -74,11 +76,11 @@ impl Memory {
         match target {
             Target::Exact(q) => self.exact.value(scene, setup.eavesdroppers(), raw, q, Some(gradient)),
             Target::Mean { samples, clip } => self.sampled.mean(scene, samples, raw, clip, Some(gradient)),
-            Target::OverDraws { samples, combination } => {
+            Target::OverDraws { samples, combination, clip } => {
                 let draws = &mut self.draws;
                 draws.clear();
                 self.sampled
-                    .mean_of_draws(scene, samples, raw, false, |value, gradient| draws.push(value, gradient));
+                    .mean_of_draws(scene, samples, raw, clip, |value, gradient| draws.push(value, gradient));
                 draws.combine(combination, gradient)
             }
         }

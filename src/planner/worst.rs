@@ -1,8 +1,8 @@
 //! The worst positions of uncertain eavesdroppers.
 //!
-//! For a configuration x they maximise `E max_j ln(1 + Gamma_j(e_j))`: node by node, the others held, by a scan of the
-//! disc and a pattern search with halved steps, until a whole round gains nothing; from each node's own worst point and
-//! from the worst positions known before.
+//! For a configuration x they minimise the mean rate over the attitudes' noise, signed or with `[.]^+` inside: node by node,
+//! the others held, by a scan of the disc and a pattern search with halved steps, until a whole round gains nothing; from
+//! each node's own worst point and from the worst positions known before.
 
 use nalgebra::Vector3;
 
@@ -22,7 +22,7 @@ const RING: usize = 12;
 const ROUNDS: usize = 6;
 
 /// The radius of the circle in which a node is taken to be, in metres.
-fn radius_m(node: &Eavesdropper) -> f64 {
+pub fn radius_m(node: &Eavesdropper) -> f64 {
     match node.uncertainty {
         Uncertainty::None => 0.0,
         Uncertainty::Disc { radius_m } => radius_m,
@@ -30,16 +30,20 @@ fn radius_m(node: &Eavesdropper) -> f64 {
     }
 }
 
-/// The worst positions found for a configuration and the mean signed rate there, in nats per hertz.
+/// The worst positions found for a configuration and the mean rate there (with `clip`, of [.]^+), in nats per hertz.
 pub fn worst_positions(
     setup: &Setup,
     raw: &Raw,
     samples: &Samples,
     known: &[Vec<Vector3<f64>>],
+    clip: bool,
 ) -> (Vec<Vector3<f64>>, f64) {
     let nodes = &setup.problem.eavesdroppers;
     let beams = Beams::new(&setup.scene, samples, raw);
-    let mut search = Worst { beams: &beams, nodes, sinr: vec![Vec::new(); nodes.len()], trial: Vec::new() };
+    let mut user = Vec::with_capacity(beams.len());
+    beams.user_sinr(&mut user);
+    let sinr = vec![Vec::new(); nodes.len()];
+    let mut search = Worst { beams: &beams, nodes, user, clip, sinr, trial: Vec::new() };
     let mut best: Option<(Vec<Vector3<f64>>, f64)> = None;
     // From each node's own worst point, and from the newest positions known.
     for from in [None, known.last()] {
@@ -47,26 +51,29 @@ pub fn worst_positions(
             Some(positions) => positions.clone(),
             None => nodes.iter().map(|e| e.position_enu_m).collect(),
         };
-        let loss = search.run(&mut positions, from.is_none());
-        if best.as_ref().is_none_or(|(_, least)| loss > *least) {
-            best = Some((positions, loss));
+        let rate = search.run(&mut positions, from.is_none());
+        if best.as_ref().is_none_or(|(_, least)| rate < *least) {
+            best = Some((positions, rate));
         }
     }
-    let (positions, loss) = best.unwrap_or_default();
-    (positions, beams.user_mean() - loss)
+    best.unwrap_or_default()
 }
 
 /// A search for the worst positions: SINR of every node at every sample, at its current position.
 struct Worst<'a> {
     beams: &'a Beams,
     nodes: &'a [Eavesdropper],
+    /// The user's SINR at every sample.
+    user: Vec<f64>,
+    /// Whether a sample without secrecy counts as 0.
+    clip: bool,
     sinr: Vec<Vec<f64>>,
     trial: Vec<f64>,
 }
 
 impl Worst<'_> {
-    /// Moves `positions` to a local maximum of `E max_j ln(1 + Gamma_j)`, which is returned; `alone` begins with each
-    /// node's own worst point.
+    /// Moves `positions` to a local minimum of the mean rate, which is returned; `alone` begins with each node's own worst
+    /// point.
     fn run(&mut self, positions: &mut [Vector3<f64>], alone: bool) -> f64 {
         for node in 0..self.nodes.len() {
             self.sinr[node].clear();
@@ -75,18 +82,18 @@ impl Worst<'_> {
             }
         }
         let mut others = Vec::new();
-        let mut loss = f64::NEG_INFINITY;
+        let mut rate = f64::INFINITY;
         for round in 0..ROUNDS {
-            let before = loss;
+            let before = rate;
             for node in 0..self.nodes.len() {
                 self.strongest_other(node, alone && round == 0, &mut others);
-                loss = self.move_node(node, &mut positions[node], &others);
+                rate = self.move_node(node, &mut positions[node], &others);
             }
-            if loss - before < 0.1 * SETTLED && round > 0 {
+            if before - rate < 0.1 * SETTLED && round > 0 {
                 break;
             }
         }
-        loss
+        rate
     }
 
     /// Largest SINR of the other nodes per sample; zeros when `alone`.
@@ -105,12 +112,12 @@ impl Worst<'_> {
     /// Scans the node's disc and refines the best point; leaves its SINR in place.
     fn move_node(&mut self, node: usize, position: &mut Vector3<f64>, others: &[f64]) -> f64 {
         let (centre, radius) = (self.nodes[node].position_enu_m, radius_m(&self.nodes[node]));
-        let mut best = (*position, self.loss_at(node, position, others));
+        let mut best = (*position, self.rate_at(node, position, others));
         let consider = |search: &mut Self, at: Vector3<f64>, best: &mut (Vector3<f64>, f64)| {
-            let loss = search.loss_at(node, &at, others);
-            let better = loss > best.1;
+            let rate = search.rate_at(node, &at, others);
+            let better = rate < best.1;
             if better {
-                *best = (at, loss);
+                *best = (at, rate);
             }
             better
         };
@@ -145,13 +152,17 @@ impl Worst<'_> {
         best.1
     }
 
-    fn loss_at(&mut self, node: usize, position: &Vector3<f64>, others: &[f64]) -> f64 {
+    fn rate_at(&mut self, node: usize, position: &Vector3<f64>, others: &[f64]) -> f64 {
         self.trial.clear();
         self.beams.sinr(node, position, &mut self.trial);
+        let least = if self.clip { 1.0 } else { 0.0 };
         // Eight factors at a time, as in the kernel.
-        let products = self.trial.chunks(8).zip(others.chunks(8));
+        let groups = self.user.chunks(8).zip(self.trial.chunks(8)).zip(others.chunks(8));
         let mut total = LogSum::default();
-        products.for_each(|(t, o)| total.push(t.iter().zip(o).map(|(a, b)| 1.0 + a.max(*b)).product()));
+        groups.for_each(|((user, own), other)| {
+            let strongest = own.iter().zip(other).map(|(a, b)| a.max(*b));
+            total.push(user.iter().zip(strongest).map(|(u, s)| ((1.0 + u) / (1.0 + s)).max(least)).product());
+        });
         total.value() / self.beams.len() as f64
     }
 }

@@ -6,7 +6,6 @@ use super::attitude::Desired;
 use super::errors::Errors;
 use super::full::{link, received, sizes};
 use super::kernel::{ANGLES, Link, POWER, Raw, Scene, VEHICLE, power};
-use super::logarithm::LogSum;
 use super::samples::{LANES, Lane, Samples};
 
 /// Both antennas of a configuration at every sample of a shared set: what a search over a node's position needs.
@@ -94,14 +93,9 @@ impl Beams {
         }
     }
 
-    /// E ln(1 + Gamma_0) in nats per hertz.
-    #[must_use]
-    pub fn user_mean(&self) -> f64 {
-        let mut sinr = Vec::with_capacity(self.len());
-        self.sinr_at(0, self.scene.user, &mut sinr);
-        let mut sum = LogSum::default();
-        sinr.iter().for_each(|s| sum.push(1.0 + s));
-        sum.value() / self.len().max(1) as f64
+    /// Appends the user's SINR for every sample.
+    pub fn user_sinr(&self, out: &mut Vec<f64>) {
+        self.sinr_at(0, self.scene.user, out);
     }
 }
 
