@@ -6,10 +6,11 @@
 //!     [--draws N] [--threads N]
 //! ```
 //!
-//! KIND is `worst-case`, `quantile`, `wide-gaussians`, `ten` (ten eavesdroppers, nothing random) or `free-yaw`; `--first N`
-//! begins with the mission of that number. The judge shares no code with the planner: `world` states rate, noise and positions again from the paper, `search` is a quasi-Newton method on finite
-//! differences and a random walk after it, without any knowledge of what good configurations look like. Loss: the
-//! judge's best less the plan's, bit/s/Hz; negative where the plan is the better one.
+//! KIND is `worst-case`, `quantile`, `wide-gaussians`, `ten` (ten eavesdroppers, nothing random), `free-yaw`, or of the link
+//! as it is `floors`, `scattering`, `pointing` or `levels`; `--first N` begins with the mission of that number. The judge
+//! shares no code with the planner: `world` states rate, noise, errors and positions again, `search` is a quasi-Newton
+//! method on finite differences and a random walk after it, without any knowledge of what good configurations look like.
+//! Loss: the judge's best less the plan's, bit/s/Hz; negative where the plan is the better one.
 
 // A measuring program: it reads the clock, and what it cannot plan may stop it.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::disallowed_methods)]
@@ -108,7 +109,7 @@ fn main() -> ExitCode {
     };
     let Some(kind) = arguments.first().and_then(|name| Kind::named(name)) else {
         eprintln!(
-            "usage: judge worst-case|quantile|wide-gaussians|ten|free-yaw [--missions N] [--first N] [--seed N] [--starts N] [--draws N] [--threads N]"
+            "usage: judge worst-case|quantile|wide-gaussians|ten|free-yaw|floors|scattering|pointing|levels [--missions N] [--first N] [--seed N] [--starts N] [--draws N] [--threads N]"
         );
         return ExitCode::from(2);
     };

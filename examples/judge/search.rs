@@ -37,11 +37,18 @@ fn configuration(world: &World, t: &DVector<f64>) -> Configuration {
     let j = position(5);
     let (sin, cos) = yaw(12).sin_cos();
     let null = along([cos * j[0] + sin * j[1], cos * j[1] - sin * j[0], j[2]]);
-    let log_power = squeeze(t[10], [LEAST_LOG_POWER, 0.0]);
+    let share = squeeze(t[10], [0.0, 1.0]);
+    let j_w = if world.levels_w.is_empty() {
+        world.most_w[1] * (LEAST_LOG_POWER * (1.0 - share)).exp()
+    } else {
+        // None, or one of the levels: a step that the climb does not see and the starts do.
+        let level = (share * (world.levels_w.len() + 1) as f64) as usize;
+        level.checked_sub(1).map_or(0.0, |level| world.levels_w[level.min(world.levels_w.len() - 1)])
+    };
     Configuration {
         position_m: [position(0), j],
         angles_rad: [[t[3], t[4], yaw(11)], [null[0] + t[8], null[1] + t[9], yaw(12)]],
-        power_w: [world.most_w[0], world.most_w[1] * log_power.exp()],
+        power_w: [world.most_w[0], j_w],
     }
 }
 
