@@ -24,7 +24,7 @@ use super::expectation::samples::{LANES, Samples, Sequence};
 use super::expectation::sobol;
 use super::model::{Local, Memory, Solver, Target};
 use super::problem::Objective;
-use super::robust::Resolution;
+use super::robust::{OverDraws, Quantile, Resolution, WorstCase};
 use super::setup::Setup;
 use super::solver::active_set;
 use super::solver::dense::Matrix;
@@ -57,6 +57,8 @@ const FOR_QUANTILE: &[(Resolution, usize)] =
     &[(Resolution::Coarse, 10), (Resolution::Medium, 5), (Resolution::Fine, 2)];
 const FOR_WORST_CASE: &[(Resolution, usize)] =
     &[(Resolution::Coarse, 12), (Resolution::Medium, 4), (Resolution::Fine, 2)];
+/// Below this mean rate, in nats, with every node at several places, the signed rate and [.]^+ have optima of their own.
+const LITTLE: f64 = 1.5;
 /// Samples that share a draw of uncertain positions; without jitter a block, whose samples are then all the same.
 const SAMPLES_PER_DRAW: usize = 16;
 
@@ -89,14 +91,15 @@ fn ends(setup: &Setup, options: &Options, near: Option<Near>) -> Vec<Local> {
     match (random, setup.problem.objective) {
         (false, _) => exact(setup, options, near),
         (true, Objective::Quantile) if heeds_uncertainty => {
-            over_draws(setup, options, near, FOR_QUANTILE, robust::maximise_quantile)
+            over_draws::<Quantile>(setup, options, near, FOR_QUANTILE)
         }
         (true, Objective::WorstCase) if heeds_uncertainty => {
-            over_draws(setup, options, near, FOR_WORST_CASE, robust::maximise_worst_case)
+            over_draws::<WorstCase>(setup, options, near, FOR_WORST_CASE)
         }
         (true, _) => {
             let samples = samples(setup, options);
-            let screened = screen(setup, setup, options, &samples, POLISH_SAMPLES[0].1);
+            let field = Field { setup, clip: false };
+            let screened = screen(setup, &field, options, &samples, POLISH_SAMPLES[0].1);
             polish(setup, options, near, &samples, screened)
         }
     }
@@ -188,8 +191,16 @@ fn own_starts(setup: &Setup, [usual, many]: [usize; 2]) -> usize {
     own + more.min(MORE_STARTS)
 }
 
-/// The best distinct ends of many starts on few samples, for `field`: the setup's own nodes, or those that stand for them.
-fn screen(setup: &Setup, field: &Setup, options: &Options, samples: &Samples, most: usize) -> Vec<Local> {
+/// What a screening on samples looks at.
+struct Field<'a, 'b> {
+    /// The setup's own nodes, or those that stand for them.
+    setup: &'a Setup<'b>,
+    /// Whether [.]^+ is inside.
+    clip: bool,
+}
+
+/// The best distinct ends of many starts on few samples, for `field`.
+fn screen(setup: &Setup, field: &Field, options: &Options, samples: &Samples, most: usize) -> Vec<Local> {
     let screened = powers::screened(setup);
     let at = |power| screen_at(setup, field, options, samples, most, power);
     powers::stepped(setup, screened.into_iter().flat_map(at).collect())
@@ -198,7 +209,7 @@ fn screen(setup: &Setup, field: &Setup, options: &Options, samples: &Samples, mo
 /// [`screen`] with J's power as `power` says.
 fn screen_at(
     setup: &Setup,
-    field: &Setup,
+    &Field { setup: field, clip }: &Field,
     options: &Options,
     samples: &Samples,
     most: usize,
@@ -209,7 +220,7 @@ fn screen_at(
     // With a free yaw J's axis leaves open how the noise acts on it.
     let free = |index: usize| setup.problem.free_yaw || starts::is_elsewhere(index);
     let chart_of = |index: usize| &charts[usize::from(free(index))];
-    let target = Target::Mean { samples: &coarse, clip: false };
+    let target = Target::Mean { samples: &coarse, clip };
     let count = options.starts.unwrap_or_else(|| own_starts(setup, SAMPLED_STARTS));
     let begun = parallel::map(options.threads, count, |memory: &mut Memory, index| {
         let start = starts::start(setup, index, options.seed);
@@ -267,7 +278,12 @@ fn screen_beset(setup: &Setup, options: &Options, most: usize) -> Vec<Local> {
     let Ok(field) = Setup::new(&problem) else { return Vec::new() };
     if setup.varies() {
         let samples = samples(&field, options);
-        return screen(setup, &field, options, &samples, most);
+        let screened = |clip| screen(setup, &Field { setup: &field, clip }, options, &samples, most);
+        let mut ends = screened(false);
+        if ends.iter().all(|end| end.value < LITTLE) {
+            ends.extend(screened(true));
+        }
+        return ends;
     }
     let count = options.starts.unwrap_or_else(|| own_starts(setup, EXACT_STARTS));
     screen_exact(setup, &field, options, count, most)
@@ -275,16 +291,18 @@ fn screen_beset(setup: &Setup, options: &Options, most: usize) -> Vec<Local> {
 
 /// Another objective over uncertain positions, from the best ends of both screenings: coarsely from several, finely from
 /// the best of those.
-fn over_draws(
+fn over_draws<T: OverDraws>(
     setup: &Setup,
     options: &Options,
     near: Option<Near>,
     stages: &[(Resolution, usize)],
-    maximise: impl Fn(&Setup, &Chart, Local, u64, Resolution, &mut Memory) -> Local + Sync,
 ) -> Vec<Local> {
     let most = stages.first().map_or(1, |(_, own)| *own);
-    let mut best = screen(setup, setup, options, &samples(setup, options), most);
+    let field = Field { setup, clip: false };
+    let mut best = screen(setup, &field, options, &samples(setup, options), most);
     best.extend(screen_beset(setup, options, most));
+    // Curvature on another chart.
+    best.iter_mut().for_each(|end| end.curvature = None);
     for (stage, &(resolution, own)) in stages.iter().enumerate() {
         let kept = if stage + 1 < stages.len() {
             candidates(own, setup, options)
@@ -294,9 +312,10 @@ fn over_draws(
         if stage > 0 {
             best.truncate(kept);
         }
+        let objective = T::new(setup, options.seed, resolution);
         let ends = parallel::map(options.threads, best.len(), |memory: &mut Memory, index| {
             let chart = chart(setup, false, powers::of(setup, &best[index].raw));
-            Some(maximise(setup, &chart, best[index], options.seed, resolution, memory))
+            Some(objective.maximise(setup, &chart, best[index], memory))
         });
         best = distinct(setup, ends, kept);
     }

@@ -7,9 +7,8 @@
 use nalgebra::Vector3;
 
 use super::draws::QUANTILE;
-use super::expectation::beams::Beams;
+use super::expectation::beams::{Beams, mean_rate};
 use super::expectation::kernel::Raw;
-use super::expectation::logarithm::LogSum;
 use super::expectation::samples::Samples;
 use super::problem::{Eavesdropper, Uncertainty};
 use super::setup::Setup;
@@ -18,8 +17,23 @@ use super::setup::Setup;
 pub const SETTLED: f64 = 2e-4;
 /// Points of a disc's scan: the centre and two rings.
 const RING: usize = 12;
-/// Rounds over all nodes in one search for the worst positions.
+/// Rounds over all nodes in one search for the worst positions, and those of them that scan the whole discs.
 const ROUNDS: usize = 6;
+const SCANS: usize = 2;
+
+/// How closely the worst positions are looked for.
+#[derive(Debug, Clone, Copy)]
+pub struct Look {
+    /// Whether a sample without secrecy counts as 0.
+    pub clip: bool,
+    /// Least step, as a share of a disc's radius. The rate is flat about a worst point: its error is of second order.
+    pub least_step: f64,
+}
+
+impl Look {
+    /// For a figure that is given out.
+    pub const FINAL: Self = Self { clip: true, least_step: 1e-3 };
+}
 
 /// The radius of the circle in which a node is taken to be, in metres.
 pub fn radius_m(node: &Eavesdropper) -> f64 {
@@ -30,20 +44,20 @@ pub fn radius_m(node: &Eavesdropper) -> f64 {
     }
 }
 
-/// The worst positions found for a configuration and the mean rate there (with `clip`, of [.]^+), in nats per hertz.
+/// The worst positions found for a configuration and the mean rate there, in nats per hertz.
 pub fn worst_positions(
     setup: &Setup,
     raw: &Raw,
     samples: &Samples,
     known: &[Vec<Vector3<f64>>],
-    clip: bool,
+    look: &Look,
 ) -> (Vec<Vector3<f64>>, f64) {
     let nodes = &setup.problem.eavesdroppers;
     let beams = Beams::new(&setup.scene, samples, raw);
     let mut user = Vec::with_capacity(beams.len());
     beams.user_sinr(&mut user);
     let sinr = vec![Vec::new(); nodes.len()];
-    let mut search = Worst { beams: &beams, nodes, user, clip, sinr, trial: Vec::new() };
+    let mut search = Worst { beams: &beams, nodes, user, look, sinr, trial: Vec::new() };
     let mut best: Option<(Vec<Vector3<f64>>, f64)> = None;
     // From each node's own worst point, and from the newest positions known.
     for from in [None, known.last()] {
@@ -65,8 +79,7 @@ struct Worst<'a> {
     nodes: &'a [Eavesdropper],
     /// The user's SINR at every sample.
     user: Vec<f64>,
-    /// Whether a sample without secrecy counts as 0.
-    clip: bool,
+    look: &'a Look,
     sinr: Vec<Vec<f64>>,
     trial: Vec<f64>,
 }
@@ -87,7 +100,7 @@ impl Worst<'_> {
             let before = rate;
             for node in 0..self.nodes.len() {
                 self.strongest_other(node, alone && round == 0, &mut others);
-                rate = self.move_node(node, &mut positions[node], &others);
+                rate = self.move_node(node, &mut positions[node], &others, alone && round < SCANS);
             }
             if before - rate < 0.1 * SETTLED && round > 0 {
                 break;
@@ -109,8 +122,8 @@ impl Worst<'_> {
         }
     }
 
-    /// Scans the node's disc and refines the best point; leaves its SINR in place.
-    fn move_node(&mut self, node: usize, position: &mut Vector3<f64>, others: &[f64]) -> f64 {
+    /// Scans the node's disc, if asked to, and refines the best point; leaves its SINR in place.
+    fn move_node(&mut self, node: usize, position: &mut Vector3<f64>, others: &[f64], scan: bool) -> f64 {
         let (centre, radius) = (self.nodes[node].position_enu_m, radius_m(&self.nodes[node]));
         let mut best = (*position, self.rate_at(node, position, others));
         let consider = |search: &mut Self, at: Vector3<f64>, best: &mut (Vector3<f64>, f64)| {
@@ -121,7 +134,7 @@ impl Worst<'_> {
             }
             better
         };
-        if radius > 0.0 {
+        if radius > 0.0 && scan {
             consider(self, centre, &mut best);
             for k in 0..2 * RING {
                 let angle = std::f64::consts::TAU * (k % RING) as f64 / RING as f64;
@@ -129,8 +142,11 @@ impl Worst<'_> {
                 let (sin, cos) = libm::sincos(angle);
                 consider(self, centre + r * Vector3::new(cos, sin, 0.0), &mut best);
             }
-            let mut step = 0.25 * radius;
-            while step > 1e-3 * radius {
+        }
+        if radius > 0.0 {
+            // Without a scan it is a point that was the worst of other poses, or beside other nodes: near by.
+            let mut step = if scan { 0.25 } else { 0.1 } * radius;
+            while step > self.look.least_step * radius {
                 let mut moved = false;
                 for (dx, dy) in [(step, 0.0), (-step, 0.0), (0.0, step), (0.0, -step)] {
                     let offset = best.0 + Vector3::new(dx, dy, 0.0) - centre;
@@ -155,14 +171,6 @@ impl Worst<'_> {
     fn rate_at(&mut self, node: usize, position: &Vector3<f64>, others: &[f64]) -> f64 {
         self.trial.clear();
         self.beams.sinr(node, position, &mut self.trial);
-        let least = if self.clip { 1.0 } else { 0.0 };
-        // Eight factors at a time, as in the kernel.
-        let groups = self.user.chunks(8).zip(self.trial.chunks(8)).zip(others.chunks(8));
-        let mut total = LogSum::default();
-        groups.for_each(|((user, own), other)| {
-            let strongest = own.iter().zip(other).map(|(a, b)| a.max(*b));
-            total.push(user.iter().zip(strongest).map(|(u, s)| ((1.0 + u) / (1.0 + s)).max(least)).product());
-        });
-        total.value() / self.beams.len() as f64
+        mean_rate(&self.user, [&self.trial, others], self.look.clip)
     }
 }

@@ -22,7 +22,7 @@ use super::error::PlanError;
 use super::plan::VehiclePlan;
 use super::problem::{Fading, Objective, Problem, Radio};
 use super::setup::Setup;
-use super::worst::worst_positions;
+use super::worst::{Look, worst_positions};
 use crate::radio::link::{self, Transmitter};
 use crate::role::{PerVehicle, Role};
 use kernel::Raw;
@@ -233,7 +233,7 @@ pub(super) fn slots(
     let samples = Samples::shared(problem, options.samples.div_ceil(draws).max(least), all, options.seed);
     let to_bps = problem.radio.bandwidth_hz / std::f64::consts::LN_2;
     let mut rates: Vec<f64> =
-        clipped_by_draw(setup, &Setup::raw(vehicles), &samples, draws).iter().map(|f| f * to_bps).collect();
+        clipped_by_draw(setup, &Setup::raw(vehicles), &samples).iter().map(|f| f * to_bps).collect();
     if !alone && setup.varies() {
         // All draws meet the same few samples of jitter and scattering, whose error is much the same in each: it is
         // taken off by the mean, which is known better.
@@ -254,16 +254,15 @@ fn worst_case(setup: &Setup, raw: &Raw, options: &EvaluateOptions) -> f64 {
     let estimates: Vec<_> = setup.problem.eavesdroppers.iter().map(|e| e.position_enu_m).collect();
     let count = options.samples.clamp(LANES, WORST_SAMPLES);
     let samples = Samples::shared(setup.problem, count, vec![estimates], options.seed);
-    let (worst, _) = worst_positions(setup, raw, &samples, &[], true);
+    let (worst, _) = worst_positions(setup, raw, &samples, &[], &Look::FINAL);
     let samples = Samples::shared(setup.problem, options.samples, vec![worst], options.seed);
-    clipped_by_draw(setup, raw, &samples, 1)[0]
+    clipped_by_draw(setup, raw, &samples)[0]
 }
 
-fn clipped_by_draw(setup: &Setup, raw: &Raw, samples: &Samples, draws: usize) -> Vec<f64> {
-    let mut rates = vec![0.0; draws];
-    kernel::Workspace::default().each(&setup.scene, samples, raw, |draw, f| rates[draw] += f.max(0.0));
-    let per_draw = (samples.len() / draws) as f64;
-    rates.iter().map(|r| r / per_draw).collect()
+fn clipped_by_draw(setup: &Setup, raw: &Raw, samples: &Samples) -> Vec<f64> {
+    let mut rates = Vec::new();
+    kernel::Workspace::default().means_of_draws(&setup.scene, samples, raw, true, &mut rates);
+    rates
 }
 
 /// Mean of independent estimates and its standard error (0 of a single one).
