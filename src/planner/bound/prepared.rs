@@ -52,8 +52,9 @@ impl Prepared {
     /// `None` where neither branch and bound holds: over uncertain positions the mean may exceed every rate at the
     /// estimates.
     pub fn new(problem: &Problem) -> Option<Self> {
-        // Floors, patterns, scattering and errors of poses are in none of the derivations.
-        if !problem.has_ideal_link() || problem.eavesdroppers.iter().any(|e| e.uncertainty.is_present()) {
+        // Measured patterns, scattering and errors of poses are in none of the derivations.
+        let uncertain = problem.errs() || problem.eavesdroppers.iter().any(|e| e.uncertainty.is_present());
+        if uncertain || problem.fading.is_present() {
             return None;
         }
         let jitter = &problem.jitter;
@@ -64,7 +65,7 @@ impl Prepared {
         // Nearer to a node the links are not those of the formulas.
         let apart = |node: &Vector3<f64>| region.bounds.least_distance_squared(node) > NEAREST_M * NEAREST_M;
         let apart = apart(&Vector3::zeros()) && links.eavesdroppers.iter().all(apart);
-        let covered = euler && jitters && apart && !problem.free_yaw;
+        let covered = euler && jitters && apart && !problem.free_yaw && problem.has_ideal_link();
         Some(Self {
             pair: if covered { decisive_pair(problem, &links) } else { [0, 0] },
             links,
