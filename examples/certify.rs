@@ -1,6 +1,7 @@
 //! Tables of the certificate over the reference scenarios:
-//! `cargo run --release --no-default-features --example certify -- no-jitter|jitter|false-thresholds`, with a budget
-//! of boxes behind, and then the degrees of jitter, or which of the known plans to take (every so many-th).
+//! `cargo run --release --no-default-features --example certify -- no-jitter|jitter|gaps|false-thresholds`, with a budget
+//! of boxes behind, and then the degrees of jitter, or which of the known plans to take (every so many-th). `gaps` is the
+//! certificate of the planner's own plans by N, jitter and null floor, N = 3 being the first three of five; EVERY as before.
 //! Times are those this process spent on its core where the system says so (Linux), else elapsed.
 
 // A measuring program: it reads the clock, and a broken reference file may stop it.
@@ -9,7 +10,8 @@
 use std::time::Instant;
 
 use veilwing::planner::bound::{Budget, Certificate, Reason, best_bound, certify_each};
-use veilwing::planner::problem::Problem;
+use veilwing::planner::problem::{Pattern, Problem};
+use veilwing::planner::{Options, plan_slot};
 
 fn rows(name: &str) -> Vec<Vec<f64>> {
     let path = format!("{}/tests/reference/{name}", env!("CARGO_MANIFEST_DIR"));
@@ -101,6 +103,57 @@ fn jitter(boxes: usize, degrees: &[f64]) {
     }
 }
 
+/// Gaps of the planner's own plans after a budget of boxes (without jitter, where boxes take a tenth of the time, ten times as
+/// many), over every `every`-th scenario.
+fn gaps(boxes: usize, every: usize) {
+    println!("gap of the certificate to the plan, {boxes} boxes; within 0.1, 0.3, 1, 2 and 5%");
+    println!(
+        " N  deg  floor  scenarios  median %   mean %   most %  within                seconds: median, most  kinds"
+    );
+    for n in [2, 3, 5, 10] {
+        let nodes = rows(&format!("eavesdroppers_n{}.csv", if n == 3 { 5 } else { n }));
+        for degrees in [0.0_f64, 1.0, 2.0, 5.0] {
+            for depth_db in [None, Some(30.0), Some(20.0)] {
+                let problems = nodes.iter().step_by(every).map(|row| {
+                    let mut p = problem(&row[1..=2 * n], 0.5, degrees.to_radians());
+                    if let Some(depth_db) = depth_db {
+                        p.antennas.i = Pattern::with_null_depth(depth_db);
+                        p.antennas.j = Pattern::with_null_depth(depth_db);
+                    }
+                    p
+                });
+                let floor = depth_db.map_or("none".to_owned(), |depth_db| format!("{:.0}", -depth_db));
+                let label = format!("{n:2} {degrees:4.0} {floor:>6}");
+                print_gaps(&label, problems, if degrees > 0.0 { boxes } else { 10 * boxes });
+            }
+        }
+    }
+}
+
+/// One line of the table.
+fn print_gaps(label: &str, problems: impl Iterator<Item = Problem>, boxes: usize) {
+    let mut result = Table::new([1e-3, 3e-3, 1e-2, 2e-2, 5e-2]);
+    let (mut gaps, mut kinds) = (Vec::new(), std::collections::BTreeMap::new());
+    for p in problems {
+        let rate = plan_slot(&p, &Options::default()).unwrap().secrecy_rate_bps;
+        let (gap, _, how) = result.add(&p, rate * 1e-6, Budget { boxes, ..Budget::of(&p) });
+        gaps.push(gap * 100.0);
+        *kinds.entry(how.split(',').next().unwrap_or_default().to_owned()).or_insert(0) += 1;
+    }
+    gaps.sort_by(f64::total_cmp);
+    result.times.sort_by(f64::total_cmp);
+    let count = gaps.len();
+    println!(
+        "{label} {count:10} {:9.3} {:8.3} {:8.3}  {:?} {:14.2} {:8.2}  {kinds:?}",
+        gaps[count / 2],
+        gaps.iter().sum::<f64>() / count as f64,
+        gaps[count - 1],
+        result.within,
+        result.times[count / 2],
+        result.times[count - 1],
+    );
+}
+
 /// How attempts to certify what a known plan beats ended.
 #[derive(Default)]
 struct Attempts {
@@ -170,12 +223,16 @@ fn main() {
                 if degrees.is_empty() { &[1.0, 2.0, 5.0, 10.0] } else { &degrees },
             );
         }
+        Some("gaps") => {
+            let every = arguments.get(2).map_or(10, |a| a.parse().expect("which of the scenarios"));
+            gaps(boxes(100_000), every);
+        }
         Some("false-thresholds") => {
             let every = arguments.get(2).map_or(1, |a| a.parse().expect("which of the known plans"));
             false_thresholds(boxes(20_000_000), every);
         }
         _ => println!(
-            "usage: certify no-jitter [BOXES] | jitter [BOXES [DEGREES...]] | false-thresholds [BOXES [EVERY]]"
+            "usage: certify no-jitter [BOXES] | jitter [BOXES [DEGREES...]] | gaps [BOXES [EVERY]] | false-thresholds [BOXES [EVERY]]"
         ),
     }
 }

@@ -8,17 +8,23 @@ use crate::tables::{MHZ, Run, Times, mean, score};
 
 /// All methods without jitter, N = 2, beside MODEL's means.
 pub fn steady(run: &Run) -> Result<(), Failure> {
-    let model: [(Method, &str, Option<[f64; 6]>); 5] = [
+    let model: [(Method, &str, Option<[f64; 6]>); 7] = [
         (Method::Veilwing, "veilwing", Some([23.80, 25.38, 26.12, 26.60, 26.97, 27.26])),
         (Method::Paper, "paper", Some([23.67, 25.25, 25.99, 26.47, 26.84, 27.13])),
         (Method::JammerOrientation, "jammer-orientation", None),
         (Method::InteriorPoint, "interior-point", Some([20.75, 21.87, 22.45, 22.78, 22.89, 23.28])),
+        (Method::InteriorPointMultiStart, "interior-point-multi", None),
         (Method::Conventional, "conventional", Some([10.57, 11.37, 11.03, 12.15, 12.10, 11.93])),
+        (
+            Method::ConventionalMultiStart,
+            "conventional-multi",
+            Some([21.06, 22.65, 23.38, 23.87, 24.23, 24.52]),
+        ),
     ];
     let powers = [0.1, 0.3, 0.5, 0.7, 0.9, 1.1];
     let scenarios = data::eavesdroppers(2)?;
     println!(
-        "mean rate without jitter, N = 2, one start (veilwing: its own), figures of MODEL section 3 below"
+        "mean rate without jitter, N = 2, one start (veilwing and multi: their own), figures of MODEL section 3 below"
     );
     println!("{:20} {}", "Pmax W", powers.map(|p| format!("{p:7.1}")).join(" "));
     for (method, name, known) in model {
@@ -102,11 +108,13 @@ pub fn against_paper(run: &Run) -> Result<(), Failure> {
 
 /// All methods under jitter, N = 2, Pmax 0.5 W, beside MODEL's means; `--starts 40` for the paper's with multi-start.
 pub fn jitter(run: &Run) -> Result<(), Failure> {
-    let known: [(Method, &str, &str); 4] = [
+    let known: [(Method, &str, &str); 6] = [
         (Method::Veilwing, "veilwing", "best known 21.63 19.54 16.03 12.97"),
         (Method::Paper, "paper", "multi-start 20.72 18.62 15.14 12.23, one start 20.48 18.33 15.04 11.79"),
         (Method::InteriorPoint, "interior-point", ""),
-        (Method::Conventional, "conventional", "multi-start 11.99 10.01 7.28 5.26"),
+        (Method::InteriorPointMultiStart, "interior-point-multi", ""),
+        (Method::Conventional, "conventional", ""),
+        (Method::ConventionalMultiStart, "conventional-multi", "11.99 10.01 7.28 5.26"),
     ];
     let scenarios = data::eavesdroppers(2)?;
     println!("mean rate under jitter of 1, 2, 5, 10 deg, N = 2, Pmax 0.5 W");
@@ -120,7 +128,7 @@ pub fn jitter(run: &Run) -> Result<(), Failure> {
             means.push(mean(&rates.collect::<Result<Vec<_>, Failure>>()?));
         }
         let line = means.iter().map(|v| format!("{v:7.2}")).collect::<Vec<_>>().join(" ");
-        println!("{name:16} {line}   MODEL: {model}");
+        println!("{name:20} {line}   MODEL: {model}");
     }
     Ok(())
 }

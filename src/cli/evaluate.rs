@@ -99,6 +99,7 @@ fn score(mission: &Mission, edited: &EditedPlan, samples: usize) -> Result<PlanD
             vehicles,
             secrecy_rate_bps: score.secrecy_rate_bps,
             standard_error_bps: score.standard_error_bps,
+            objective_bps: score.objective_rate_bps,
             upper_bound_bps: cap(&problem).map_err(|error| format!("user {:?}: {error}", slot.user))?,
             upper_bound_kind: BoundKind::Cap,
             user_sinr: score.user_sinr,

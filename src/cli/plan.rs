@@ -150,6 +150,13 @@ fn write_slot(text: &mut String, mission: &Mission, slot: &SlotDocument) -> std:
         slot.status,
         slot.planning_time_s * 1e3,
     )?;
+    if slot.objective_bps != slot.secrecy_rate_bps {
+        writeln!(
+            text,
+            "  objective {:.3} bit/s/Hz: what was asked for; the rate above is the mean",
+            per_hz(slot.objective_bps)
+        )?;
+    }
     write!(
         text,
         "  upper bound {:.3} bit/s/Hz ({}), gap {:.2}%",

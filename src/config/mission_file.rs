@@ -28,7 +28,9 @@ pub const METHODS: &[(&str, Method)] = &[
     ("veilwing", Method::Veilwing),
     ("paper", Method::Paper),
     ("interior-point", Method::InteriorPoint),
+    ("interior-point-multi-start", Method::InteriorPointMultiStart),
     ("conventional", Method::Conventional),
+    ("conventional-multi-start", Method::ConventionalMultiStart),
     ("jammer-orientation", Method::JammerOrientation),
 ];
 

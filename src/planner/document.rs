@@ -41,6 +41,9 @@ pub struct SlotDocument {
     pub secrecy_rate_bps: f64,
     /// Its standard error as an estimate.
     pub standard_error_bps: f64,
+    /// The value of the objective that was asked for, bit/s: `secrecy_rate_bps` itself, or over what stays wrong during a slot
+    /// the rate with nothing wrong, the 5% quantile or the worst case.
+    pub objective_bps: f64,
     /// The rate that a slot exceeds with a probability of 95%, over what stays wrong during it; the mean where nothing does.
     pub quantile_5pct_bps: f64,
     /// The probability that a slot's rate is below the mission's target, if it has one.
@@ -118,6 +121,7 @@ impl SlotDocument {
             status: status_name(slot.status),
             secrecy_rate_bps: slot.secrecy_rate_bps,
             standard_error_bps: slot.standard_error_bps,
+            objective_bps: slot.objective_bps,
             quantile_5pct_bps: assessment.quantile_5pct_bps,
             miss_probability: assessment.miss_probability,
             loss_bps: losses(assessment),

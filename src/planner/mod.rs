@@ -129,6 +129,9 @@ struct Found {
     converged: bool,
 }
 
+/// Samples by which an objective other than the mean is scored.
+const OBJECTIVE_SAMPLES: usize = 65_536;
+
 /// Scores a configuration and, where it has no positive rate, turns both transmitters off.
 fn finish(setup: &Setup, options: &Options, found: Found) -> SlotPlan {
     let score = EvaluateOptions {
@@ -147,9 +150,12 @@ fn finish(setup: &Setup, options: &Options, found: Found) -> SlotPlan {
         evaluation = expectation::score(setup, &vehicles, &score);
         status = Status::NoPositiveRate;
     }
+    let objective = EvaluateOptions { samples: OBJECTIVE_SAMPLES, ..score };
+    let objective_bps = expectation::objective_bps(setup, &vehicles, evaluation.secrecy_rate_bps, &objective);
     SlotPlan {
         status,
         vehicles,
+        objective_bps: objective_bps.unwrap_or(evaluation.secrecy_rate_bps),
         secrecy_rate_bps: evaluation.secrecy_rate_bps,
         standard_error_bps: evaluation.standard_error_bps,
         upper_bound_bps: cap::cap_bps(setup),

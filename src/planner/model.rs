@@ -27,6 +27,8 @@ pub enum Target<'a> {
         samples: &'a Samples,
         /// How draws are combined.
         combination: Combination,
+        /// Whether [.]^+ is inside each draw's mean.
+        clip: bool,
     },
 }
 
@@ -74,14 +76,27 @@ impl Memory {
         match target {
             Target::Exact(q) => self.exact.value(scene, setup.eavesdroppers(), raw, q, Some(gradient)),
             Target::Mean { samples, clip } => self.sampled.mean(scene, samples, raw, clip, Some(gradient)),
-            Target::OverDraws { samples, combination } => {
-                let draws = &mut self.draws;
-                draws.clear();
-                self.sampled
-                    .mean_of_draws(scene, samples, raw, false, |value, gradient| draws.push(value, gradient));
-                draws.combine(combination, gradient)
+            Target::OverDraws { samples, combination, clip } => {
+                let value = self.over_draws(setup, raw, samples, combination, clip);
+                let weights = self.draws.weights();
+                self.sampled.weighted_gradient(scene, samples, raw, clip, weights, gradient);
+                value
             }
         }
+    }
+
+    /// A combination of the draws' means, without its gradient.
+    pub(super) fn over_draws(
+        &mut self,
+        setup: &Setup,
+        raw: &Raw,
+        samples: &Samples,
+        combination: Combination,
+        clip: bool,
+    ) -> f64 {
+        self.draws.values.clear();
+        self.sampled.means_of_draws(&setup.scene, samples, raw, clip, &mut self.draws.values);
+        self.draws.combine(combination)
     }
 
     /// A local maximum from `start`, which is moved into the feasible set first, or from the setup's resort if that

@@ -23,6 +23,9 @@ pub struct SlotPlan {
     pub secrecy_rate_bps: f64,
     /// Standard error of `secrecy_rate_bps` as an estimate, bit/s.
     pub standard_error_bps: f64,
+    /// What was maximised, bit/s: `secrecy_rate_bps` itself, or over uncertain positions the rate at the estimates, the 5%
+    /// quantile or the worst case, as the problem's objective says.
+    pub objective_bps: f64,
     /// Upper bound on the optimum, bit/s.
     pub upper_bound_bps: f64,
     /// What `upper_bound_bps` bounds and how firmly.

@@ -234,8 +234,12 @@ pub enum Method {
     Paper,
     /// Benchmark 1: interior point over all twelve variables, one start.
     InteriorPoint,
+    /// Benchmark 1 from many starts.
+    InteriorPointMultiStart,
     /// Benchmark 2: level vehicles, interior point over positions and powers, one start.
     Conventional,
+    /// Benchmark 2 from many starts.
+    ConventionalMultiStart,
     /// J's axis by phase 2, interior point over the rest.
     JammerOrientation,
 }

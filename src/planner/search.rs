@@ -11,6 +11,8 @@
 //! Where J's transmitter cannot give every power, it is screened between the least and the largest that it can give, and
 //! silent; every candidate is then polished at each of the levels about its own power, and the best is kept: nothing is
 //! rounded afterwards.
+//! A quantile or a worst case over positions is polished from the best ends of two screenings: by the mean, and with every
+//! node at several places at once (`robust`).
 //!
 //! Starts beyond a method's own number (`Options::starts`) are a search of another kind, to check the first against:
 //! see [`starts::ELSEWHERE`]. More candidates are polished then, in proportion.
@@ -22,7 +24,7 @@ use super::expectation::samples::{LANES, Samples, Sequence};
 use super::expectation::sobol;
 use super::model::{Local, Memory, Solver, Target};
 use super::problem::Objective;
-use super::robust::Resolution;
+use super::robust::{OverDraws, Quantile, Resolution, WorstCase};
 use super::setup::Setup;
 use super::solver::active_set;
 use super::solver::dense::Matrix;
@@ -50,10 +52,13 @@ const SCREEN_LEAST: usize = 12;
 const SCREEN_SAMPLES: usize = 64;
 /// Samples, candidates and tolerance of the polishing, stage by stage.
 const POLISH_SAMPLES: [(usize, usize, f64); 3] = [(256, 6, 1e-4), (512, 3, 1e-5), (2048, 1, 1e-7)];
-/// Candidates that are improved for a quantile, and for a worst case.
+/// Candidates that are improved for a quantile, and for a worst case: first so many of either screening.
 const FOR_QUANTILE: &[(Resolution, usize)] =
-    &[(Resolution::Coarse, 12), (Resolution::Medium, 4), (Resolution::Fine, 1)];
-const FOR_WORST_CASE: &[(Resolution, usize)] = &[(Resolution::Coarse, 4), (Resolution::Fine, 1)];
+    &[(Resolution::Coarse, 10), (Resolution::Medium, 5), (Resolution::Fine, 2)];
+const FOR_WORST_CASE: &[(Resolution, usize)] =
+    &[(Resolution::Coarse, 12), (Resolution::Medium, 4), (Resolution::Fine, 2)];
+/// Below this mean rate, in nats, with every node at several places, the signed rate and [.]^+ have optima of their own.
+const LITTLE: f64 = 1.5;
 /// Samples that share a draw of uncertain positions; without jitter a block, whose samples are then all the same.
 const SAMPLES_PER_DRAW: usize = 16;
 
@@ -86,14 +91,15 @@ fn ends(setup: &Setup, options: &Options, near: Option<Near>) -> Vec<Local> {
     match (random, setup.problem.objective) {
         (false, _) => exact(setup, options, near),
         (true, Objective::Quantile) if heeds_uncertainty => {
-            over_draws(setup, options, near, FOR_QUANTILE, robust::maximise_quantile)
+            over_draws::<Quantile>(setup, options, near, FOR_QUANTILE)
         }
         (true, Objective::WorstCase) if heeds_uncertainty => {
-            over_draws(setup, options, near, FOR_WORST_CASE, robust::maximise_worst_case)
+            over_draws::<WorstCase>(setup, options, near, FOR_WORST_CASE)
         }
         (true, _) => {
             let samples = samples(setup, options);
-            let screened = screen(setup, options, &samples, POLISH_SAMPLES[0].1);
+            let field = Field { setup, clip: false };
+            let screened = screen(setup, &field, options, &samples, POLISH_SAMPLES[0].1);
             polish(setup, options, near, &samples, screened)
         }
     }
@@ -134,23 +140,7 @@ fn exact(setup: &Setup, options: &Options, near: Option<Near>) -> Vec<Local> {
     let leaks = !setup.nulls_exactly();
     let own = if leaks { SAMPLED_STARTS } else { EXACT_STARTS };
     let count = options.starts.unwrap_or_else(|| own_starts(setup, own));
-    let mut best = Vec::new();
-    for power in powers::screened(setup) {
-        let charts = [chart(setup, true, nulled(setup, power)), chart(setup, false, power)];
-        let screened = parallel::map(options.threads, count, |memory: &mut Memory, index| {
-            let mut raw = starts::start(setup, index, options.seed);
-            let mut end = None;
-            for sharpness in SCREEN_SHARPNESS {
-                let target = Target::Exact(sharpness);
-                let chart = &charts[usize::from(starts::is_elsewhere(index))];
-                end = memory.maximise(setup, chart, target, &raw, &settings(60, 1e-6)).or(end);
-                raw = end.map_or(raw, |e| e.raw);
-            }
-            end
-        });
-        best.extend(distinct(setup, screened, candidates(EXACT_POLISHED, setup, options)));
-    }
-    let best = powers::stepped(setup, best);
+    let best = screen_exact(setup, setup, options, count, EXACT_POLISHED);
     let free = leaks || count > starts::ELSEWHERE;
     let polished = parallel::map(options.threads, best.len(), |memory: &mut Memory, index| {
         let mut end = best[index];
@@ -163,6 +153,27 @@ fn exact(setup: &Setup, options: &Options, near: Option<Near>) -> Vec<Local> {
         Some(end)
     });
     distinct(setup, polished, near.map_or(1, |n| n.most))
+}
+
+/// The best distinct ends of many starts with nothing random, for `field`: the setup's own nodes, or those that stand for them.
+fn screen_exact(setup: &Setup, field: &Setup, options: &Options, count: usize, most: usize) -> Vec<Local> {
+    let mut best = Vec::new();
+    for power in powers::screened(setup) {
+        let charts = [chart(setup, true, nulled(setup, power)), chart(setup, false, power)];
+        let screened = parallel::map(options.threads, count, |memory: &mut Memory, index| {
+            let mut raw = starts::start(setup, index, options.seed);
+            let mut end = None;
+            for sharpness in SCREEN_SHARPNESS {
+                let target = Target::Exact(sharpness);
+                let chart = &charts[usize::from(starts::is_elsewhere(index))];
+                end = memory.maximise(field, chart, target, &raw, &settings(60, 1e-6)).or(end);
+                raw = end.map_or(raw, |e| e.raw);
+            }
+            end
+        });
+        best.extend(distinct(setup, screened, candidates(most, setup, options)));
+    }
+    powers::stepped(setup, best)
 }
 
 /// The sample set of a plan; the sets of its stages are the first so many of it.
@@ -180,33 +191,40 @@ fn own_starts(setup: &Setup, [usual, many]: [usize; 2]) -> usize {
     own + more.min(MORE_STARTS)
 }
 
-/// The best distinct ends of many starts on few samples.
-fn screen(setup: &Setup, options: &Options, samples: &Samples, most: usize) -> Vec<Local> {
+/// What a screening on samples looks at.
+struct Field<'a, 'b> {
+    /// The setup's own nodes, or those that stand for them.
+    setup: &'a Setup<'b>,
+    /// Whether [.]^+ is inside.
+    clip: bool,
+}
+
+/// The best distinct ends of many starts on few samples, for `field`.
+fn screen(setup: &Setup, field: &Field, options: &Options, samples: &Samples, most: usize) -> Vec<Local> {
     let screened = powers::screened(setup);
-    powers::stepped(
-        setup,
-        screened.into_iter().flat_map(|power| screen_at(setup, options, samples, most, power)).collect(),
-    )
+    let at = |power| screen_at(setup, field, options, samples, most, power);
+    powers::stepped(setup, screened.into_iter().flat_map(at).collect())
 }
 
 /// [`screen`] with J's power as `power` says.
 fn screen_at(
     setup: &Setup,
+    &Field { setup: field, clip }: &Field,
     options: &Options,
     samples: &Samples,
     most: usize,
     power: PowerChart,
 ) -> Vec<Local> {
-    let coarse = samples.first(if setup.heeds_uncertainty() { 4 * SCREEN_SAMPLES } else { SCREEN_SAMPLES });
+    let coarse = samples.first(if field.heeds_uncertainty() { 4 * SCREEN_SAMPLES } else { SCREEN_SAMPLES });
     let charts = [chart(setup, true, power), chart(setup, false, power)];
     // With a free yaw J's axis leaves open how the noise acts on it.
     let free = |index: usize| setup.problem.free_yaw || starts::is_elsewhere(index);
     let chart_of = |index: usize| &charts[usize::from(free(index))];
-    let target = Target::Mean { samples: &coarse, clip: false };
+    let target = Target::Mean { samples: &coarse, clip };
     let count = options.starts.unwrap_or_else(|| own_starts(setup, SAMPLED_STARTS));
     let begun = parallel::map(options.threads, count, |memory: &mut Memory, index| {
         let start = starts::start(setup, index, options.seed);
-        memory.maximise(setup, chart_of(index), target, &start, &settings(SCREEN_ITERATIONS[0], 1e-4))
+        memory.maximise(field, chart_of(index), target, &start, &settings(SCREEN_ITERATIONS[0], 1e-4))
     });
     let mut begun: Vec<(usize, Local)> =
         begun.into_iter().enumerate().filter_map(|(index, end)| Some((index, end?))).collect();
@@ -218,7 +236,7 @@ fn screen_at(
             return Some(end);
         }
         let solver = continued(SCREEN_ITERATIONS[1], 1e-4, end.curvature);
-        memory.maximise(setup, chart_of(index), target, &end.raw, &solver).or(Some(end))
+        memory.maximise(field, chart_of(index), target, &end.raw, &solver).or(Some(end))
     });
     distinct(setup, ends, candidates(most, setup, options))
 }
@@ -253,25 +271,51 @@ fn polish(
     best
 }
 
-/// Another objective over uncertain positions, from the best ends for the mean: coarsely from several, finely from the
-/// best of those.
-fn over_draws(
+/// The best ends of a screening in which every uncertain node is at several places at once.
+fn screen_beset(setup: &Setup, options: &Options, most: usize) -> Vec<Local> {
+    let problem = robust::beset(setup.problem);
+    // More nodes in the same airspace: what was checked holds.
+    let Ok(field) = Setup::new(&problem) else { return Vec::new() };
+    if setup.varies() {
+        let samples = samples(&field, options);
+        let screened = |clip| screen(setup, &Field { setup: &field, clip }, options, &samples, most);
+        let mut ends = screened(false);
+        if ends.iter().all(|end| end.value < LITTLE) {
+            ends.extend(screened(true));
+        }
+        return ends;
+    }
+    let count = options.starts.unwrap_or_else(|| own_starts(setup, EXACT_STARTS));
+    screen_exact(setup, &field, options, count, most)
+}
+
+/// Another objective over uncertain positions, from the best ends of both screenings: coarsely from several, finely from
+/// the best of those.
+fn over_draws<T: OverDraws>(
     setup: &Setup,
     options: &Options,
     near: Option<Near>,
     stages: &[(Resolution, usize)],
-    maximise: impl Fn(&Setup, &Chart, Local, u64, Resolution, &mut Memory) -> Local + Sync,
 ) -> Vec<Local> {
     let most = stages.first().map_or(1, |(_, own)| *own);
-    let mut best = screen(setup, options, &samples(setup, options), most);
+    let field = Field { setup, clip: false };
+    let mut best = screen(setup, &field, options, &samples(setup, options), most);
+    best.extend(screen_beset(setup, options, most));
+    // Curvature on another chart.
+    best.iter_mut().for_each(|end| end.curvature = None);
     for (stage, &(resolution, own)) in stages.iter().enumerate() {
-        let kept = if own > 1 { candidates(own, setup, options) } else { last(&best, near) };
-        if stage > 0 || !powers::are_stepped(setup) {
+        let kept = if stage + 1 < stages.len() {
+            candidates(own, setup, options)
+        } else {
+            last(&best, near).max(own)
+        };
+        if stage > 0 {
             best.truncate(kept);
         }
+        let objective = T::new(setup, options.seed, resolution);
         let ends = parallel::map(options.threads, best.len(), |memory: &mut Memory, index| {
             let chart = chart(setup, false, powers::of(setup, &best[index].raw));
-            Some(maximise(setup, &chart, best[index], options.seed, resolution, memory))
+            Some(objective.maximise(setup, &chart, best[index], memory))
         });
         best = distinct(setup, ends, kept);
     }

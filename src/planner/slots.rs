@@ -68,6 +68,7 @@ mod tests {
             vehicles: PerVehicle { i: vehicle, j: vehicle },
             secrecy_rate_bps: 1.0,
             standard_error_bps: 0.0,
+            objective_bps: 1.0,
             upper_bound_bps: 2.0,
             upper_bound_kind: BoundKind::Cap,
             user_sinr: 1.0,

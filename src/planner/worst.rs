@@ -1,15 +1,14 @@
 //! The worst positions of uncertain eavesdroppers.
 //!
-//! For a configuration x they maximise `E max_j ln(1 + Gamma_j(e_j))`: node by node, the others held, by a scan of the
-//! disc and a pattern search with halved steps, until a whole round gains nothing; from each node's own worst point and
-//! from the worst positions known before.
+//! For a configuration x they minimise the mean rate over the attitudes' noise, signed or with `[.]^+` inside: node by node,
+//! the others held, by a scan of the disc and a pattern search with halved steps, until a whole round gains nothing; from
+//! each node's own worst point and from the worst positions known before.
 
 use nalgebra::Vector3;
 
 use super::draws::QUANTILE;
-use super::expectation::beams::Beams;
+use super::expectation::beams::{Beams, mean_rate};
 use super::expectation::kernel::Raw;
-use super::expectation::logarithm::LogSum;
 use super::expectation::samples::Samples;
 use super::problem::{Eavesdropper, Uncertainty};
 use super::setup::Setup;
@@ -18,11 +17,26 @@ use super::setup::Setup;
 pub const SETTLED: f64 = 2e-4;
 /// Points of a disc's scan: the centre and two rings.
 const RING: usize = 12;
-/// Rounds over all nodes in one search for the worst positions.
+/// Rounds over all nodes in one search for the worst positions, and those of them that scan the whole discs.
 const ROUNDS: usize = 6;
+const SCANS: usize = 2;
+
+/// How closely the worst positions are looked for.
+#[derive(Debug, Clone, Copy)]
+pub struct Look {
+    /// Whether a sample without secrecy counts as 0.
+    pub clip: bool,
+    /// Least step, as a share of a disc's radius. The rate is flat about a worst point: its error is of second order.
+    pub least_step: f64,
+}
+
+impl Look {
+    /// For a figure that is given out.
+    pub const FINAL: Self = Self { clip: true, least_step: 1e-3 };
+}
 
 /// The radius of the circle in which a node is taken to be, in metres.
-fn radius_m(node: &Eavesdropper) -> f64 {
+pub fn radius_m(node: &Eavesdropper) -> f64 {
     match node.uncertainty {
         Uncertainty::None => 0.0,
         Uncertainty::Disc { radius_m } => radius_m,
@@ -30,16 +44,20 @@ fn radius_m(node: &Eavesdropper) -> f64 {
     }
 }
 
-/// The worst positions found for a configuration and the mean signed rate there, in nats per hertz.
+/// The worst positions found for a configuration and the mean rate there, in nats per hertz.
 pub fn worst_positions(
     setup: &Setup,
     raw: &Raw,
     samples: &Samples,
     known: &[Vec<Vector3<f64>>],
+    look: &Look,
 ) -> (Vec<Vector3<f64>>, f64) {
     let nodes = &setup.problem.eavesdroppers;
     let beams = Beams::new(&setup.scene, samples, raw);
-    let mut search = Worst { beams: &beams, nodes, sinr: vec![Vec::new(); nodes.len()], trial: Vec::new() };
+    let mut user = Vec::with_capacity(beams.len());
+    beams.user_sinr(&mut user);
+    let sinr = vec![Vec::new(); nodes.len()];
+    let mut search = Worst { beams: &beams, nodes, user, look, sinr, trial: Vec::new() };
     let mut best: Option<(Vec<Vector3<f64>>, f64)> = None;
     // From each node's own worst point, and from the newest positions known.
     for from in [None, known.last()] {
@@ -47,26 +65,28 @@ pub fn worst_positions(
             Some(positions) => positions.clone(),
             None => nodes.iter().map(|e| e.position_enu_m).collect(),
         };
-        let loss = search.run(&mut positions, from.is_none());
-        if best.as_ref().is_none_or(|(_, least)| loss > *least) {
-            best = Some((positions, loss));
+        let rate = search.run(&mut positions, from.is_none());
+        if best.as_ref().is_none_or(|(_, least)| rate < *least) {
+            best = Some((positions, rate));
         }
     }
-    let (positions, loss) = best.unwrap_or_default();
-    (positions, beams.user_mean() - loss)
+    best.unwrap_or_default()
 }
 
 /// A search for the worst positions: SINR of every node at every sample, at its current position.
 struct Worst<'a> {
     beams: &'a Beams,
     nodes: &'a [Eavesdropper],
+    /// The user's SINR at every sample.
+    user: Vec<f64>,
+    look: &'a Look,
     sinr: Vec<Vec<f64>>,
     trial: Vec<f64>,
 }
 
 impl Worst<'_> {
-    /// Moves `positions` to a local maximum of `E max_j ln(1 + Gamma_j)`, which is returned; `alone` begins with each
-    /// node's own worst point.
+    /// Moves `positions` to a local minimum of the mean rate, which is returned; `alone` begins with each node's own worst
+    /// point.
     fn run(&mut self, positions: &mut [Vector3<f64>], alone: bool) -> f64 {
         for node in 0..self.nodes.len() {
             self.sinr[node].clear();
@@ -75,18 +95,18 @@ impl Worst<'_> {
             }
         }
         let mut others = Vec::new();
-        let mut loss = f64::NEG_INFINITY;
+        let mut rate = f64::INFINITY;
         for round in 0..ROUNDS {
-            let before = loss;
+            let before = rate;
             for node in 0..self.nodes.len() {
                 self.strongest_other(node, alone && round == 0, &mut others);
-                loss = self.move_node(node, &mut positions[node], &others);
+                rate = self.move_node(node, &mut positions[node], &others, alone && round < SCANS);
             }
-            if loss - before < 0.1 * SETTLED && round > 0 {
+            if before - rate < 0.1 * SETTLED && round > 0 {
                 break;
             }
         }
-        loss
+        rate
     }
 
     /// Largest SINR of the other nodes per sample; zeros when `alone`.
@@ -102,19 +122,19 @@ impl Worst<'_> {
         }
     }
 
-    /// Scans the node's disc and refines the best point; leaves its SINR in place.
-    fn move_node(&mut self, node: usize, position: &mut Vector3<f64>, others: &[f64]) -> f64 {
+    /// Scans the node's disc, if asked to, and refines the best point; leaves its SINR in place.
+    fn move_node(&mut self, node: usize, position: &mut Vector3<f64>, others: &[f64], scan: bool) -> f64 {
         let (centre, radius) = (self.nodes[node].position_enu_m, radius_m(&self.nodes[node]));
-        let mut best = (*position, self.loss_at(node, position, others));
+        let mut best = (*position, self.rate_at(node, position, others));
         let consider = |search: &mut Self, at: Vector3<f64>, best: &mut (Vector3<f64>, f64)| {
-            let loss = search.loss_at(node, &at, others);
-            let better = loss > best.1;
+            let rate = search.rate_at(node, &at, others);
+            let better = rate < best.1;
             if better {
-                *best = (at, loss);
+                *best = (at, rate);
             }
             better
         };
-        if radius > 0.0 {
+        if radius > 0.0 && scan {
             consider(self, centre, &mut best);
             for k in 0..2 * RING {
                 let angle = std::f64::consts::TAU * (k % RING) as f64 / RING as f64;
@@ -122,8 +142,11 @@ impl Worst<'_> {
                 let (sin, cos) = libm::sincos(angle);
                 consider(self, centre + r * Vector3::new(cos, sin, 0.0), &mut best);
             }
-            let mut step = 0.25 * radius;
-            while step > 1e-3 * radius {
+        }
+        if radius > 0.0 {
+            // Without a scan it is a point that was the worst of other poses, or beside other nodes: near by.
+            let mut step = if scan { 0.25 } else { 0.1 } * radius;
+            while step > self.look.least_step * radius {
                 let mut moved = false;
                 for (dx, dy) in [(step, 0.0), (-step, 0.0), (0.0, step), (0.0, -step)] {
                     let offset = best.0 + Vector3::new(dx, dy, 0.0) - centre;
@@ -145,13 +168,9 @@ impl Worst<'_> {
         best.1
     }
 
-    fn loss_at(&mut self, node: usize, position: &Vector3<f64>, others: &[f64]) -> f64 {
+    fn rate_at(&mut self, node: usize, position: &Vector3<f64>, others: &[f64]) -> f64 {
         self.trial.clear();
         self.beams.sinr(node, position, &mut self.trial);
-        // Eight factors at a time, as in the kernel.
-        let products = self.trial.chunks(8).zip(others.chunks(8));
-        let mut total = LogSum::default();
-        products.for_each(|(t, o)| total.push(t.iter().zip(o).map(|(a, b)| 1.0 + a.max(*b)).product()));
-        total.value() / self.beams.len() as f64
+        mean_rate(&self.user, [&self.trial, others], self.look.clip)
     }
 }

@@ -51,7 +51,7 @@ pub(super) fn least_harm(law: &Law, power: f64, line: Range, off: f64) -> (f64, 
 mod tests {
     use super::*;
     use crate::planner::bound::decoupled::QUADRATURE;
-    use crate::planner::bound::law::fine_mean;
+    use crate::planner::bound::law::{STATED, TAKEN, fine_mean};
     use crate::planner::bound::prepared::POINTS;
     use crate::radio::pattern::antenna_axis;
     use nalgebra::Vector3;
@@ -79,12 +79,12 @@ mod tests {
             let axis = line * angle.cos() + aside * angle.sin();
             let axis = if axis.z < 0.0 { -axis } else { axis };
             let roll = (-axis.y).clamp(-1.0, 1.0).asin();
-            let power = 10.0_f64.powf(rng.random_range(-0.5..2.5)) / (std * std);
+            let power = 10.0_f64.powf(rng.random_range(STATED)) / (std * std);
             let truth = fine_mean(std, power, [roll, axis.x.atan2(axis.z)], &line);
             let (bound, _) = least_harm(law, power, class, off);
             over = over.max(bound - truth);
             assert!(
-                bound <= truth + 0.5 * QUADRATURE,
+                bound <= truth + TAKEN * QUADRATURE,
                 "std {std} class {class:?} off {off} axis {axis:?}: {bound} above {truth}"
             );
             if off > PI / 6.0 {

@@ -309,18 +309,35 @@ pub(super) const ALL_ANGLES: Range = [-FRAC_PI_2, FRAC_PI_2];
 /// The mean of an axis' angles by the trapezoidal rule on the Gaussian density, which converges faster than any power.
 pub(super) fn fine_mean(std: f64, scale: f64, axis: [f64; 2], line: &Vector3<f64>) -> f64 {
     let step = 0.05;
+    let gain = |at: [f64; 2]| {
+        let y = crate::radio::pattern::antenna_axis(axis[0] + std * at[0], axis[1] + std * at[1], 0.0);
+        y.cross(line).norm_squared()
+    };
     let (mut sum, mut total) = (0.0, 0.0);
     for a in -130..130 {
         for b in -130..130 {
             let at = [a, b].map(|k| (f64::from(k) + 0.5) * step);
-            let weight = (-0.5 * (at[0] * at[0] + at[1] * at[1])).exp();
-            let y = crate::radio::pattern::antenna_axis(axis[0] + std * at[0], axis[1] + std * at[1], 0.0);
-            sum += weight * (scale * y.cross(line).norm_squared()).ln_1p();
-            total += weight;
+            // About a null, where the logarithm is nearly singular, sixteen steps to one.
+            let parts = if gain(at) < (4.0 * step * std).powi(2) { 16 } else { 1 };
+            for k in 0..parts * parts {
+                let part = |k: i32| ((f64::from(k) + 0.5) / f64::from(parts) - 0.5) * step;
+                let at = [at[0] + part(k / parts), at[1] + part(k % parts)];
+                let weight = (-0.5 * (at[0] * at[0] + at[1] * at[1])).exp() / f64::from(parts * parts);
+                sum += weight * (scale * gain(at)).ln_1p();
+                total += weight;
+            }
         }
     }
     sum / total / LN_2
 }
+
+/// log10 of the SINRs at one standard deviation for which margins are stated: weak ones, and up to the strongest that a
+/// link budget of the field gives.
+#[cfg(test)]
+pub(super) const STATED: std::ops::Range<f64> = -0.5..6.5;
+/// Of a margin, what the rule may take: it was measured to take half.
+#[cfg(test)]
+pub(super) const TAKEN: f64 = 0.6;
 
 #[cfg(test)]
 mod tests {
@@ -337,13 +354,13 @@ mod tests {
         least_means(ROUGH_POINTS, ROUGH_QUADRATURE);
     }
 
-    /// Margins are twice what a rule of so many points overstates.
+    /// Margins are about twice what a rule of so many points overstates, at any SINR up to 10^6.5.
     fn least_means(points: usize, margin: f64) {
         let mut rng = ChaCha8Rng::seed_from_u64(3);
         let (mut under, mut over): (f64, f64) = (0.0, 0.0);
         let laws = [1.0_f64, 2.0, 5.0, 10.0].map(|degrees| Law::new(degrees.to_radians(), points));
         let mut most: f64 = 0.0;
-        for round in 0..400 {
+        for round in 0..1200 {
             let law = &laws[round / 2 % 4];
             let std = law.std_rad;
             // Steep ones too, where the noise of roll counts for most in the pitch's share.
@@ -358,7 +375,7 @@ mod tests {
                     (line[k] + rng.random_range(-near[k]..near[k])).clamp(-FRAC_PI_2, FRAC_PI_2)
                 }
             });
-            let scale = 10.0_f64.powf(rng.random_range(-0.5..2.5)) / (std * std);
+            let scale = 10.0_f64.powf(rng.random_range(STATED)) / (std * std);
             let u = antenna_axis(line[0], line[1], 0.0);
             let truth = fine_mean(std, scale, axis, &u);
             let at = |axis: [Range; 2], line: [Range; 2]| {
@@ -388,14 +405,14 @@ mod tests {
             for bound in boxes {
                 most = most.max(bound - truth);
                 assert!(
-                    bound <= truth + 0.5 * margin,
+                    bound <= truth + TAKEN * margin,
                     "std {std} scale {scale} {axis:?} {line:?}: {bound} above {truth}"
                 );
             }
         }
         println!("{points} points: at a point {under:.4} over, {over:.4} under; over a box {most:.4} over");
         assert!(over < 2.0 * margin, "the rule understates by {over}");
-        assert!(under < 0.5 * margin, "the rule overstates by {under}");
+        assert!(under < TAKEN * margin, "the rule overstates by {under}");
     }
 
     #[test]

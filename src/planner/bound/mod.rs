@@ -15,9 +15,9 @@
 //! | kind | bounds | applies to | firmness |
 //! |---|---|---|---|
 //! | `cap` | `R` at every draw of everything | every problem | proven, rounding included |
-//! | `branch-and-bound` | `R` | no jitter, positions certain | proven, rounding included |
-//! | `without-jitter` | `R` at every draw of the noise | any jitter, positions certain | proven, loose |
-//! | `decoupled-signed` | `E[A_0 - max_j A_j]` | Euler jitter of roll and pitch at yaw 0, positions certain | up to section 4 |
+//! | `branch-and-bound` | `R` | no jitter, positions certain, floors or none | proven, rounding included |
+//! | `without-jitter` | `R` at every draw of the noise | any jitter, positions certain, floors or none | proven, loose |
+//! | `decoupled-signed` | `E[A_0 - max_j A_j]` | Euler jitter of roll and pitch at yaw 0, positions certain, no floor | up to section 4 |
 //!
 //! The best that a budget of boxes shows is given, never above the cap. Over uncertain positions the rate reported is a mean
 //! over them, which no rate at the estimates bounds: the cap alone is given (without jitter little is lost: the
@@ -49,6 +49,14 @@
 //! eavesdroppers count as deaf. *Rounding*: distances, gains and the test of definiteness carry a relative margin of
 //! 1e-11, a thousand times the rounding of the operations in between.
 //!
+//! *With floors*, `G = f + (1 - f) sin^2`, J's null leaks, and its power is worth a choice of its own. The range of `b_0`
+//! becomes a seventh side of a box, `[b, k]`, at first all that step 1 leaves. In step 1 the user's SINR is at most
+//! `a_0 / (1 + b)`, and `k` the box's own. In step 2, with `K = k d_J0^2 / rho_J`, `s = sin(u_J0, u_Jj)` and `g = sin(Y_J, u_J0)`,
+//! `b_0 <= k` reads `u (f + (1 - f) g^2) <= K`, so `u <= U = min(1, K / f)` and
+//! `b_j d_Jj^2 / rho_J <= u f + u (1 - f) (s + g)^2 <= K + (1 - f) u s^2 + 2 s sqrt((1 - f) u (K - f u))`. With `v = f u / K` the last
+//! two are `a v + b sqrt(v (1 - v))` but for a factor, concave and largest at `v = (1 + a / sqrt(a^2 + b^2)) / 2`, or at `U` if that
+//! is less. In step 3 the forms are those of `f |Y|^2 + (1 - f) |Y x u|^2`.
+//!
 //! *Under jitter* of any law, with `[.]^+` inside or not, the bound holds as it stands: at each draw of the noise `R` is the
 //! rate of a configuration of the problem without noise (all axes are admitted, so noise past a tilt limit is covered),
 //! and a mean does not exceed the supremum.
@@ -56,7 +64,8 @@
 //! # 3. With jitter: the decoupled bound
 //! *Assumptions.* Euler jitter of roll and pitch, independent Gaussian, at yaw 0; positions certain; the airspace more than a
 //! millimetre from every node. Two eavesdroppers: dropping the others from the maximum only raises the rate, so any pair
-//! bounds the whole (tried: the pairs among the three nearest to the user). Bounded is `V = E[A_0 - max_j A_j]`.
+//! bounds the whole. Of the pairs among the six nearest to the user that one is taken against which the planner does worst
+//! (any choice is sound). Bounded is `V = E[A_0 - max_j A_j]`.
 //!
 //! *Theorem.* With `F`, `L` and `S` as below, `V > T` implies `T < max_s [F(s) - L(s)] + log2(1 + S / (2^T - S))`.
 //!
@@ -105,7 +114,7 @@
 //!
 //! # 4. Margins of the decoupled bound, and what is not proven
 //! - Means are taken by a rule of 768 points; two margins of 0.008 bit/s/Hz, one for each side, stand for its error: twice
-//!   the largest measured where the SINR at one standard deviation is at most 300. A rule of 128 points with a margin of
+//!   the largest measured at any SINR at one standard deviation up to 10^6.5. A rule of 128 points with a margin of
 //!   0.045, taken likewise, excludes or halves most boxes before. Rounding is far below.
 //! - `S` (with a quarter to spare) and the 2.5 of step 4 rest on maxima over fine grids of rolls, which tests take.
 //! - Anderson's inequality holds exactly in the roll offset, and in that of pitch as far as the gain grows with it: past a
@@ -118,7 +127,8 @@
 //! Hence the kind's name. What is tested: the whole chain at every known plan stays above its rate, the table of `L`
 //! below its `l`, and false thresholds are not certified (`examples/certify.rs` runs 500 of each kind).
 //!
-//! *Not covered* by it, and given the bound of section 2 instead: body-axis jitter, yaw jitter, a free yaw.
+//! *Not covered* by it, and given the bound of section 2 instead: body-axis jitter, yaw jitter, a free yaw, floors.
+//! Covered by neither, and given the cap: measured patterns, scattering, errors of poses and of the user's position.
 
 // `!(a > b)` is how NaN is refused.
 #![allow(clippy::neg_cmp_op_on_partial_ord)]

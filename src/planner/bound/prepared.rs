@@ -10,6 +10,7 @@ use super::link::Links;
 use super::steady::{self, Outcome};
 use crate::planner::plan::BoundKind;
 use crate::planner::problem::{JitterAxes, JitterModel, Problem};
+use crate::planner::{Options, plan_slot};
 use crate::radio::jitter::is_present;
 use crate::radio::link::NEAREST_M;
 
@@ -19,6 +20,19 @@ const GAP_RATIO: f64 = 0.6;
 const STEADY_GAP: f64 = 1e-3;
 /// Points of the rule for I's means.
 pub(super) const POINTS: usize = 768;
+/// The first gap tried under jitter, over the one wanted.
+const WIDE: f64 = 16.0;
+/// Shares of the boxes left for one gap: the first and those by halves, the one wanted, and those between two gaps.
+const FIRST_SHARE: f64 = 0.4;
+const LAST_SHARE: f64 = 0.7;
+const SHARE: f64 = 0.5;
+/// Gaps this near to one another need no third between them.
+const CLOSE: f64 = 1.1;
+/// A budget's last part that is not worth another threshold.
+const LEAST_PART: usize = 50;
+/// Eavesdroppers among which a pair is looked for, and the starts of the planner for each pair.
+const NEAREST: usize = 6;
+const PAIR_STARTS: usize = 12;
 /// Relative to the cap, bounds below this are not looked for.
 const LEAST_SHARE: f64 = 1e-3;
 
@@ -28,6 +42,8 @@ pub(super) struct Prepared {
     pub region: Region,
     /// Where the decoupled bound applies.
     pub law: Option<Law>,
+    /// The eavesdroppers that the decoupled bound heeds.
+    pair: [usize; 2],
     /// What branch and bound over the positions bounds.
     pub steady_kind: BoundKind,
 }
@@ -36,8 +52,9 @@ impl Prepared {
     /// `None` where neither branch and bound holds: over uncertain positions the mean may exceed every rate at the
     /// estimates.
     pub fn new(problem: &Problem) -> Option<Self> {
-        // Floors, patterns, scattering and errors of poses are in none of the derivations.
-        if !problem.has_ideal_link() || problem.eavesdroppers.iter().any(|e| e.uncertainty.is_present()) {
+        // Measured patterns, scattering and errors of poses are in none of the derivations.
+        let uncertain = problem.errs() || problem.eavesdroppers.iter().any(|e| e.uncertainty.is_present());
+        if uncertain || problem.fading.is_present() {
             return None;
         }
         let jitter = &problem.jitter;
@@ -48,8 +65,9 @@ impl Prepared {
         // Nearer to a node the links are not those of the formulas.
         let apart = |node: &Vector3<f64>| region.bounds.least_distance_squared(node) > NEAREST_M * NEAREST_M;
         let apart = apart(&Vector3::zeros()) && links.eavesdroppers.iter().all(apart);
-        let covered = euler && jitters && apart && !problem.free_yaw;
+        let covered = euler && jitters && apart && !problem.free_yaw && problem.has_ideal_link();
         Some(Self {
+            pair: if covered { decisive_pair(problem, &links) } else { [0, 0] },
             links,
             region,
             law: covered.then(|| Law::new(jitter.std_rad, POINTS)),
@@ -90,17 +108,17 @@ impl Prepared {
         bound.boxes_used += search.boxes;
     }
 
-    /// A wide gap first, which costs little and tabulates much that the others need; then the one wanted, with most of the
-    /// budget, and if that fails what lies between; or wider ones.
+    /// A wide gap first, which costs little and tabulates much that the others need; then narrower ones, and between the least
+    /// that was shown and the largest that was not: whenever the boxes end, what was shown last is the bound.
     pub fn lower_jittered(&self, bandwidth_hz: f64, lower_bps: f64, budget: &Budget, bound: &mut Bound) {
         let mut searches = self.searches(budget);
-        let gap = budget.relative_gap.max(1e-6);
+        let wanted = budget.relative_gap.max(1e-6);
         let mut left = budget.boxes;
-        // So many times the gap wanted, by this share of what is left of the budget.
-        let mut shows = |times: f64, share: f64| {
-            let threshold_bps = lower_bps * (1.0 + times * gap);
+        // A gap, by this share of what is left of the budget.
+        let mut shows = |gap: f64, share: f64| {
+            let threshold_bps = lower_bps * (1.0 + gap);
             if bound.upper_bound_bps <= threshold_bps {
-                return true;
+                return (true, left);
             }
             let boxes = (left as f64 * share) as usize;
             let (outcome, used) = run(&mut searches, threshold_bps / bandwidth_hz, boxes);
@@ -111,14 +129,11 @@ impl Prepared {
                 bound.upper_bound_bps = threshold_bps;
                 bound.kind = BoundKind::DecoupledSigned;
             }
-            shown
+            (shown, left)
         };
-        let _ = lower_bps > 0.0
-            && if shows(8.0, 0.3) {
-                shows(1.0, 0.7) || shows(4.0, 0.5) && shows(2.0, 1.0)
-            } else {
-                shows(16.0, 0.4) || shows(32.0, 0.6) || shows(64.0, 1.0)
-            };
+        if lower_bps > 0.0 {
+            narrow(wanted, budget.boxes / LEAST_PART, &mut shows);
+        }
         if bound.kind == BoundKind::DecoupledSigned {
             return;
         }
@@ -126,22 +141,70 @@ impl Prepared {
         self.lower_steady(bandwidth_hz, lower_bps, &part, bound);
     }
 
-    /// The decoupled bound by pairs of eavesdroppers; none where it does not apply.
+    /// The decoupled bound by a pair of eavesdroppers; none where it does not apply.
     pub fn searches(&self, budget: &Budget) -> Vec<decoupled::Search<'_>> {
         let Some(law) = &self.law else { return Vec::new() };
-        let mut nearest = self.links.eavesdroppers.clone();
-        nearest.sort_by(|a, b| a.norm_squared().total_cmp(&b.norm_squared()));
-        let pairs: &[[usize; 2]] = match nearest.len() {
-            1 => &[[0, 0]],
-            2 => &[[0, 1]],
-            _ => &[[0, 1], [0, 2], [1, 2]],
-        };
-        let search = |pair: &[usize; 2]| {
-            let pair = pair.map(|k| nearest[k]);
-            decoupled::Search::new(&self.links, &self.region, law, pair, budget.resolution_m)
-        };
-        pairs.iter().map(search).collect()
+        let pair = self.pair.map(|k| self.links.eavesdroppers[k]);
+        vec![decoupled::Search::new(&self.links, &self.region, law, pair, budget.resolution_m)]
     }
+}
+
+/// Tries gaps by `shows`, which takes a gap and a share of the boxes left and says whether the gap was shown and what is left
+/// then: wider ones until one is shown, narrower ones by halves until one is not, then between the two. Ends at the gap
+/// wanted, or where a third between the two gains little, or with fewer boxes left than `least`.
+fn narrow(wanted: f64, least: usize, shows: &mut impl FnMut(f64, f64) -> (bool, usize)) {
+    let (mut gap, mut failed) = (WIDE * wanted, 0.0);
+    let (mut shown, mut left) = shows(gap, FIRST_SHARE);
+    while !shown && left > least {
+        failed = gap;
+        gap *= 2.0;
+        (shown, left) = shows(gap, SHARE);
+    }
+    while shown && failed == 0.0 && gap > wanted {
+        let next = (0.5 * gap).max(wanted);
+        (shown, left) = shows(next, if next > wanted { FIRST_SHARE } else { LAST_SHARE });
+        if shown {
+            gap = next;
+        } else {
+            failed = next;
+        }
+    }
+    while gap > (failed * CLOSE).max(wanted) && left > least {
+        let middle = (gap * failed).sqrt();
+        (shown, left) = shows(middle, SHARE);
+        if shown {
+            gap = middle;
+        } else {
+            failed = middle;
+        }
+    }
+}
+
+/// The two eavesdroppers that bound the rate most: of the nearest to the user, those two against which the planner does
+/// worst alone. A guide: every pair is as sound.
+fn decisive_pair(problem: &Problem, links: &Links) -> [usize; 2] {
+    let mut nearest: Vec<usize> = (0..links.eavesdroppers.len()).collect();
+    let distance = |k: &usize| links.eavesdroppers[*k].norm_squared();
+    nearest.sort_by(|a, b| distance(a).total_cmp(&distance(b)));
+    nearest.truncate(NEAREST);
+    let &[first, ref others @ ..] = nearest.as_slice() else { return [0, 0] };
+    let &[second, ..] = others else { return [first, first] };
+    let mut best = ([first, second], f64::INFINITY);
+    if nearest.len() == 2 {
+        return best.0;
+    }
+    let options = Options { starts: Some(PAIR_STARTS), score_samples: 512, ..Options::default() };
+    for (k, &a) in nearest.iter().enumerate() {
+        for &b in &nearest[k + 1..] {
+            let eavesdroppers = [a, b].map(|k| problem.eavesdroppers[k]).to_vec();
+            let alone = Problem { eavesdroppers, ..problem.clone() };
+            let rate = plan_slot(&alone, &options).map_or(f64::INFINITY, |plan| plan.secrecy_rate_bps);
+            if rate < best.1 {
+                best = ([a, b], rate);
+            }
+        }
+    }
+    best.0
 }
 
 /// One threshold by the decoupled bound: any pair of eavesdroppers may show it. The outcome and the boxes used.

@@ -27,11 +27,16 @@ pub(crate) enum Outcome {
     Exhausted,
 }
 
-/// A pair of boxes and a guess at the axis that resists exclusion.
+/// Interferences whose ratio, with the noise, is no larger are not told apart.
+const LEAST_RATIO: f64 = 1e-6;
+
+/// A pair of boxes, what interference over the noise the user bears there, and a guess at the axis that resists exclusion.
 #[derive(Debug, Clone, Copy)]
 struct Node {
     i: Cell,
     j: Cell,
+    /// Least and largest `b_0`. Without a floor it costs nothing to have none, and it is never split.
+    interference: [f64; 2],
     axis: Vector3<f64>,
 }
 
@@ -62,7 +67,8 @@ impl<'a> Search<'a> {
         // Beyond this distance from the user not even a silent jammer and deaf eavesdroppers give the threshold.
         let reach = (self.links.rho.i / relaxed_threshold.sinr).sqrt() * (1.0 + MARGIN);
         let Some(i) = self.region.bounds.cut_to(reach) else { return Outcome::Excluded };
-        self.stack.push(Node { i, j: self.region.bounds, axis: Vector3::x() });
+        let whole = [0.0, f64::INFINITY];
+        self.stack.push(Node { i, j: self.region.bounds, interference: whole, axis: Vector3::x() });
         let mut outcome = Outcome::Excluded;
         while let Some(node) = self.stack.pop() {
             if self.boxes >= self.budget.boxes {
@@ -72,23 +78,29 @@ impl<'a> Search<'a> {
             if self.region.too_close(&node.i, &node.j) {
                 continue;
             }
-            let Open { axis, loss_i, loss_j } =
-                match self.relaxed.examine(self.links, &node.i, &node.j, &relaxed_threshold, &node.axis) {
-                    None => continue,
-                    Some(open) => open,
-                };
+            let Some(open) = self.relaxed.examine(self.links, &node, &relaxed_threshold) else { continue };
+            let Open { axis, loss_i, loss_j, interference, loss_between } = open;
             let (p_i, p_j) = (node.i.centre(), node.j.centre());
             if outcome == Outcome::Excluded
                 && !self.region.excludes_point(&p_i)
                 && !self.region.excludes_point(&p_j)
             {
-                let rate = self.links.rate_nulled(&p_i, &p_j, &axis);
+                let rate = self.links.rate_nulled(&p_i, &p_j, &axis, between(interference));
                 if rate > threshold && !self.region.too_close(&Cell::at(&p_i), &Cell::at(&p_j)) {
                     outcome = Outcome::Refuted(rate);
                     if !self.budget.exhaustive {
                         return outcome;
                     }
                 }
+            }
+            let node = Node { axis, interference, ..node };
+            if loss_between > loss_i.max(loss_j) {
+                let [low, high] = interference;
+                let middle = between(interference);
+                for half in [[low, middle], [middle, high]] {
+                    self.stack.push(Node { interference: half, ..node });
+                }
+                continue;
             }
             let ((edge_i, length_i), (edge_j, length_j)) = (node.i.longest_edge(), node.j.longest_edge());
             if length_i.max(length_j) < smallest {
@@ -103,13 +115,13 @@ impl<'a> Search<'a> {
             if (loss_i >= loss_j && length_i >= smallest) || length_j < smallest {
                 for half in node.i.split(edge_i) {
                     if !self.region.excludes(&half) {
-                        self.stack.push(Node { i: half, axis, ..node });
+                        self.stack.push(Node { i: half, ..node });
                     }
                 }
             } else {
                 for half in node.j.split(edge_j) {
                     if !self.region.excludes(&half) {
-                        self.stack.push(Node { j: half, axis, ..node });
+                        self.stack.push(Node { j: half, ..node });
                     }
                 }
             }
@@ -141,6 +153,10 @@ struct Open {
     loss_i: f64,
     /// What the size of J's box costs.
     loss_j: f64,
+    /// What of the node's interference is possible.
+    interference: [f64; 2],
+    /// What its range costs; 0 where it is not to be split.
+    loss_between: f64,
 }
 
 /// The relaxation of one pair of boxes, with its storage.
@@ -162,6 +178,8 @@ struct Line {
     inverse_square: f64,
     /// Largest change of the inverted position, relative to it.
     spread: f64,
+    /// What is received whatever the axis: f / distance^2, from the farthest point of the box.
+    leak: f64,
 }
 
 impl Relaxed {
@@ -170,21 +188,17 @@ impl Relaxed {
     }
 
     /// `None` if no configuration with its positions in these boxes reaches the threshold.
-    fn examine(
-        &mut self,
-        links: &Links,
-        i: &Cell,
-        j: &Cell,
-        t: &Threshold,
-        hint: &Vector3<f64>,
-    ) -> Option<Open> {
+    fn examine(&mut self, links: &Links, node: &Node, t: &Threshold) -> Option<Open> {
+        let Node { i, j, interference: [least, most], axis: hint } = node;
         let (centre, radius) = (i.centre(), i.radius() * (1.0 + MARGIN));
         let nearest_squared = i.least_distance_squared(&Vector3::zeros()) * (1.0 - MARGIN);
         let interference = links.rho.i / (nearest_squared * t.sinr) * (1.0 + MARGIN) - 1.0;
-        if interference < 0.0 {
+        if interference < *least {
             return None;
         }
-        self.jam(links, j, interference.sqrt());
+        let interference = interference.min(*most);
+        self.jam(links, j, interference);
+        let depth = 1.0 - links.floor.i;
         self.lines.clear();
         for e in &links.eavesdroppers {
             let line = e - centre;
@@ -193,37 +207,50 @@ impl Relaxed {
             // Nearer than this the link is not that of the formulas, and weaker.
             let spread = if nearest > NEAREST_M { radius / nearest } else { f64::INFINITY };
             let direction = line.try_normalize(0.0).unwrap_or_else(Vector3::z);
-            self.lines.push(Line { direction, inverse_square: 1.0 / (distance * distance), spread });
+            let leak = if links.floor.i > 0.0 && nearest > NEAREST_M {
+                links.floor.i / i.greatest_distance_squared(e) * (1.0 - MARGIN)
+            } else {
+                0.0
+            };
+            let inverse_square = depth / (distance * distance);
+            self.lines.push(Line { direction, inverse_square, spread, leak });
         }
         let distance = centre.norm();
         let towards = if distance > 0.0 { centre / distance } else { Vector3::z() };
         let chord = chord(radius, distance);
-        let gain = links.rho.i / (t.power * nearest_squared) * (1.0 + MARGIN);
-        let user = User { gain, chord, towards };
+        let gain = links.rho.i / (t.power * nearest_squared * (1.0 + least)) * (1.0 + MARGIN);
+        let user = User { gain, depth, chord, towards };
         let Axis::Maybe(axis) = exclude(|y| self.tightest(y, &user, t), hint, MARGIN, STEPS) else {
             return None;
         };
         // The part of the excess at the resisting axis that would vanish with the box.
-        let own = links.rho.i / (t.power * distance * distance);
+        let own = links.rho.i / (t.power * distance * distance * (1.0 + least));
         let away = axis.dot(&towards).abs();
-        let loss_user = gain * (1.0 - (away - chord).max(0.0).powi(2)) - own * (1.0 - away * away);
+        let loss_user =
+            gain * (1.0 - depth * (away - chord).max(0.0).powi(2)) - own * (1.0 - depth * away * away);
         // One eavesdropper that hears well excludes, so the loudest counts: as bounded, with either box a point.
         let (mut bounded, mut point_i, mut point_j) = (0.0_f64, 0.0_f64, 0.0_f64);
         for ((line, &strength), &at_centre) in
             self.lines.iter().zip(&self.strength).zip(&self.strength_centre)
         {
             let sine = axis.cross(&line.direction).norm();
-            let kept = line.inverse_square * (sine - line.spread).max(0.0).powi(2);
+            let kept = line.leak + line.inverse_square * (sine - line.spread).max(0.0).powi(2);
             bounded = bounded.max(strength * kept);
-            point_i = point_i.max(strength * line.inverse_square * sine * sine);
+            point_i = point_i.max(strength * (line.leak + line.inverse_square * sine * sine));
             point_j = point_j.max(at_centre * kept);
         }
         let (loss_i, loss_j) = (loss_user + point_i - bounded, point_j - bounded);
-        Some(Open { axis, loss_i, loss_j })
+        let ratio = (1.0 + interference) / (1.0 + least);
+        let loss_between = if links.floor.j > 0.0 && ratio.is_finite() && ratio > 1.0 + LEAST_RATIO {
+            own * (1.0 - depth * away * away) * (1.0 - 1.0 / ratio.sqrt())
+        } else {
+            0.0
+        };
+        Some(Open { axis, loss_i, loss_j, interference: [*least, interference], loss_between })
     }
 
-    /// Bounds on b_j over J's box, given the root of the interference the user bears.
-    fn jam(&mut self, links: &Links, cell: &Cell, root_interference: f64) {
+    /// Bounds on b_j over J's box, given the largest interference that the user bears.
+    fn jam(&mut self, links: &Links, cell: &Cell, interference: f64) {
         let (centre, radius) = (cell.centre(), cell.radius());
         let distance = centre.norm();
         // Half-angle of the box seen from the user.
@@ -235,7 +262,8 @@ impl Relaxed {
         };
         // The user's own distance counts as NEAREST_M at least; that of an eavesdropper only ever weakens J.
         let farthest = cell.greatest_distance_squared(&Vector3::zeros()).sqrt().max(NEAREST_M);
-        let root_rho = links.rho.j.sqrt();
+        let most = Jamming::new(links, interference, farthest);
+        let here = Jamming::new(links, interference, distance.max(NEAREST_M));
         for (j, e) in links.eavesdroppers.iter().enumerate() {
             let cross = centre.cross(e).norm();
             let length = e.norm();
@@ -246,14 +274,17 @@ impl Relaxed {
             let cosine = (1.0 - sine * sine).sqrt();
             let wider = if sine >= cos_half { 1.0 } else { sine * cos_half + cosine * sin_half };
             let ratio = (farthest / nearest).min(1.0 + length.max(NEAREST_M) / nearest);
-            let root = (root_rho * length * wider / nearest_squared + root_interference * ratio)
-                .min(root_rho / nearest);
             // A box that holds the eavesdropper may silence it.
-            let upper = if nearest > 0.0 { root * root * (1.0 + MARGIN) } else { f64::INFINITY };
+            let upper = if nearest > 0.0 {
+                most.at(length * wider / nearest_squared, ratio, nearest_squared) * (1.0 + MARGIN)
+            } else {
+                f64::INFINITY
+            };
             self.strength[j] = links.rho.i / (1.0 + upper) * (1.0 - MARGIN);
-            let apart = (e - centre).norm_squared();
-            let here = root_rho * length * sine / apart + root_interference * distance / apart.sqrt();
-            self.strength_centre[j] = links.rho.i / (1.0 + here * here);
+            let apart_squared = (e - centre).norm_squared();
+            let apart = apart_squared.sqrt();
+            let here = here.at(length * sine / apart_squared, distance / apart, apart_squared);
+            self.strength_centre[j] = links.rho.i / (1.0 + here);
         }
     }
 
@@ -266,21 +297,22 @@ impl Relaxed {
         for (j, (line, strength)) in self.lines.iter().zip(&self.strength).enumerate() {
             let sine = axis.cross(&line.direction).norm();
             let kept = (sine - line.spread).max(0.0);
-            let here = strength * line.inverse_square * kept * kept;
+            let here = strength * (line.leak + line.inverse_square * kept * kept);
             if here > heard {
                 (loudest, at, heard) = (j, sine, here);
             }
         }
-        let value = one + heard - user.gain * (1.0 - away * away);
+        let value = one + heard - user.gain * (1.0 - user.depth * away * away);
         let share = split_share(user.chord, cosine);
         let wanted = Form::new(
-            user.gain * (1.0 + excess(share, user.chord)),
-            user.gain * (1.0 - share),
+            user.gain * (1.0 + user.depth * excess(share, user.chord)),
+            user.gain * user.depth * (1.0 - share),
             &user.towards,
         );
-        let Line { direction, inverse_square, spread } = self.lines[loudest];
+        let Line { direction, inverse_square, spread, leak } = self.lines[loudest];
         let share = split_share(spread, at);
         let weight = self.strength[loudest] * inverse_square;
+        let one = one + self.strength[loudest] * leak;
         let form = if share < 1.0 && weight.is_finite() {
             let kept = weight * (1.0 - share);
             Form::new(one + kept - weight * excess(share, spread), kept, &direction)
@@ -291,10 +323,58 @@ impl Relaxed {
     }
 }
 
+/// How loud J may be to an eavesdropper while the user bears so much (step 2).
+struct Jamming {
+    /// rho_J, and times `1 - f`.
+    rho: f64,
+    swing: f64,
+    /// What the user bears at most, and what J's null leaks to it at full power.
+    interference: f64,
+    leak: f64,
+    /// The largest share of its power that J may have.
+    share: f64,
+}
+
+impl Jamming {
+    /// With J at most this far from the user.
+    fn new(links: &Links, interference: f64, distance: f64) -> Self {
+        let (rho, floor) = (links.rho.j, links.floor.j);
+        let leak = floor * rho / (distance * distance);
+        let share = if leak > interference { interference / leak } else { 1.0 };
+        Self { rho, swing: (1.0 - floor) * rho, interference, leak, share }
+    }
+
+    /// The largest b_j where `sin(u_J0, u_Jj) / d_Jj` and `d_J0 / d_Jj` are at most so much, and `d_Jj^2` at least.
+    fn at(&self, sine_per_m: f64, ratio: f64, nearest_squared: f64) -> f64 {
+        let (k, leak) = (self.interference, self.leak);
+        let straight = self.swing * sine_per_m * sine_per_m;
+        let mixed = sine_per_m * ratio * self.swing.sqrt();
+        // Of `a v + b sqrt(v (1 - v))`, v the leak's share of what the user bears.
+        let share = if leak > 0.0 {
+            let (a, b) = (straight * k / leak, 2.0 * mixed * k / leak.sqrt());
+            let length = a.hypot(b);
+            let best = if length > 0.0 { 0.5 + 0.5 * a / length } else { 1.0 };
+            self.share.min(best * k / leak)
+        } else {
+            self.share
+        };
+        let both = (share * (k - share * leak).max(0.0)).sqrt();
+        let all = straight * share + k * ratio * ratio + 2.0 * mixed * both;
+        all.min(self.rho * self.share / nearest_squared)
+    }
+}
+
+/// An interference between two, in the middle of the noise with it as a logarithm.
+fn between([low, high]: [f64; 2]) -> f64 {
+    ((1.0 + low) * (1.0 + high)).sqrt() - 1.0
+}
+
 /// The user seen from I's box.
 struct User {
     /// Largest SINR over 2^T in the plane of maximum gain.
     gain: f64,
+    /// 1 - f of I's dipole.
+    depth: f64,
     /// Largest change of the direction.
     chord: f64,
     /// Direction between the user and the centre.
@@ -319,4 +399,10 @@ fn split_share(e: f64, at: f64) -> f64 {
 /// (1/t - 1) e^2.
 fn excess(share: f64, e: f64) -> f64 {
     if share < 1.0 { (1.0 / share - 1.0) * e * e } else { 0.0 }
+}
+
+/// The bound on b_j from points: distances of user and eavesdropper from J, and the sine of the angle between their lines.
+#[cfg(test)]
+pub(super) fn most_jamming(links: &Links, interference: f64, [user, node]: [f64; 2], sine: f64) -> f64 {
+    Jamming::new(links, interference, user).at(sine / node, user / node, node * node)
 }

@@ -4,7 +4,8 @@ use rand_chacha::ChaCha8Rng;
 
 use super::*;
 use crate::planner::cap;
-use crate::planner::problem::{JitterModel, Objective, Uncertainty};
+use crate::planner::problem::{JitterModel, Objective, Pattern, Uncertainty};
+use crate::planner::{Options, plan_slot};
 use crate::role::PerVehicle;
 
 fn rows(name: &str) -> Vec<Vec<f64>> {
@@ -95,7 +96,7 @@ fn prop_random_configurations_refute_what_they_beat() {
         };
         let (p_i, p_j) = (place(&mut rng), place(&mut rng));
         let axis = place(&mut rng).normalize();
-        let rate = prepared.links.rate_nulled(&p_i, &p_j, &axis);
+        let rate = prepared.links.rate_nulled(&p_i, &p_j, &axis, 0.0);
         if rate > 0.1 {
             let budget = Budget { boxes: 20_000, resolution_m: 20.0, exhaustive: true, ..Budget::STEADY };
             let answer = certify(&p, 0.999e6 * rate, budget).unwrap();
@@ -202,7 +203,7 @@ fn prop_no_sampled_configuration_of_a_field_problem_exceeds_the_bound() {
         let p_j = place(&mut rng, &e, 250.0);
         let axis = Vector3::from_fn(|_, _| rng.random_range(-1.0..1.0)).normalize();
         if (p_i - p_j).norm() >= 60.0 {
-            best = best.max(prepared.links.rate_nulled(&p_i, &p_j, &axis));
+            best = best.max(prepared.links.rate_nulled(&p_i, &p_j, &axis, 0.0));
         }
     }
     let bound =
@@ -213,4 +214,74 @@ fn prop_no_sampled_configuration_of_a_field_problem_exceeds_the_bound() {
     );
     let answer = certify(&p, best * 0.999e6, Budget { boxes: 200_000, ..Budget::STEADY }).unwrap();
     assert!(matches!(answer, Certificate::NotCertified { .. }), "{answer:?}");
+}
+
+/// A problem without jitter whose antennas leak.
+fn leaky(nodes: &[f64], [i, j]: [f64; 2]) -> Problem {
+    let mut p = problem(nodes, 0.5, 0.0);
+    p.antennas.i = Pattern::with_null_depth(i);
+    p.antennas.j = Pattern::with_null_depth(j);
+    p
+}
+
+#[test]
+fn val_with_floors_the_bound_is_above_the_plan_and_well_below_the_cap() {
+    for k in 0..6 {
+        let p = leaky(&scenario(2, k), [[30.0, 20.0], [20.0, 30.0], [30.0, 30.0]][k % 3]);
+        let rate = plan_slot(&p, &Options::default()).unwrap().secrecy_rate_bps;
+        let bound = best_bound(&p, rate, Budget { boxes: 400_000, ..Budget::STEADY }).unwrap();
+        assert!(bound.upper_bound_bps >= rate, "{k}: {bound:?} {rate}");
+        assert_eq!(bound.kind, BoundKind::BranchAndBound, "{k}");
+        let closed = (cap(&p).unwrap() - bound.upper_bound_bps) / (cap(&p).unwrap() - rate);
+        assert!(closed > 0.2, "{k}: of the way from the cap to the plan {closed}");
+    }
+}
+
+#[test]
+fn prop_with_floors_false_thresholds_are_never_certified() {
+    let mut rng = ChaCha8Rng::seed_from_u64(23);
+    let budget = Budget { boxes: 60_000, resolution_m: 20.0, exhaustive: true, ..Budget::STEADY };
+    for round in 0..40 {
+        let nodes: Vec<f64> = (0..2 * (1 + round % 4)).map(|_| rng.random_range(-500.0..500.0)).collect();
+        let p = leaky(&nodes, [rng.random_range(10.0..50.0), rng.random_range(10.0..50.0)]);
+        let links = Prepared::new(&p).unwrap().links;
+        // The best of many random configurations near the user, at any power of J.
+        let mut best: f64 = 0.0;
+        for _ in 0..2_000 {
+            let near: Vec<f64> = (0..6).map(|_| rng.random_range(-1.0..1.0)).collect();
+            let p_i = Vector3::new(60.0 * near[0], 60.0 * near[1], 80.0 + 20.0 * near[2].abs());
+            let p_j = Vector3::new(500.0 * near[3], 500.0 * near[4], 80.0 + 100.0 * near[5].abs());
+            let axis = Vector3::from_fn(|_, _| rng.random_range(-1.0..1.0)).normalize();
+            let b_0 = 10f64.powf(rng.random_range(-2.0..5.0));
+            best = best.max(links.rate_nulled(&p_i, &p_j, &axis, b_0));
+        }
+        let plan = plan_slot(&p, &Options { starts: Some(8), ..Options::default() }).unwrap();
+        for rate_bps in [best * 1e6, plan.secrecy_rate_bps] {
+            let answer = certify(&p, 0.9999 * rate_bps, budget).unwrap();
+            assert!(matches!(answer, Certificate::NotCertified { .. }), "{round}: {rate_bps} {answer:?}");
+        }
+    }
+}
+
+#[test]
+fn val_jamming_under_a_floor_is_no_more_than_its_bound_and_reaches_it() {
+    // Axis and power of J by brute force: the angle from the null, towards the eavesdropper's line and beyond.
+    let p = leaky(&[200.0, 0.0], [40.0, 20.0]);
+    let links = Prepared::new(&p).unwrap().links;
+    let (rho, f) = (links.rho.j, links.floor.j);
+    for (distance, apart, sine, interference) in
+        [(150.0_f64, 180.0_f64, 0.3_f64, 5e3_f64), (150.0, 120.0, 0.9, 40.0), (400.0, 250.0, 0.5, 1e6)]
+    {
+        let bound = steady::most_jamming(&links, interference, [distance, apart], sine);
+        let mut most: f64 = 0.0;
+        for k in 0..4_000 {
+            let g = f64::from(k) / 4_000.0;
+            let leak = rho / distance.powi(2) * (f + (1.0 - f) * g * g);
+            let share = (interference / leak).min(1.0);
+            let angle = (sine.asin() + g.asin()).min(std::f64::consts::FRAC_PI_2);
+            most = most.max(rho * share / apart.powi(2) * (f + (1.0 - f) * angle.sin().powi(2)));
+        }
+        assert!(most <= bound * (1.0 + 1e-9), "{most} {bound}");
+        assert!(most >= 0.5 * bound, "{most} {bound}");
+    }
 }

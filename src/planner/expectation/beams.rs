@@ -75,10 +75,7 @@ impl Beams {
         let budgets_m2 = parts.map(|part| self.scene.budget_m2_w * part[POWER].max(0.0));
         if let Some(depths) = self.depths {
             let links = [0, 1].map(|v: usize| Link::new(parts[v], &position, budgets_m2[v]));
-            for axes in &self.axes {
-                let a = power(&links[0], depths[0], &axes[0]);
-                push_sinr([a, power(&links[1], depths[1], &axes[1])], out);
-            }
+            pulp::Arch::new().dispatch(Heard { axes: &self.axes, links, depths, out });
             return;
         }
         let sizes = sizes(&self.scene)[node.min(1)];
@@ -94,17 +91,67 @@ impl Beams {
         }
     }
 
-    /// E ln(1 + Gamma_0) in nats per hertz.
-    #[must_use]
-    pub fn user_mean(&self) -> f64 {
-        let mut sinr = Vec::with_capacity(self.len());
-        self.sinr_at(0, self.scene.user, &mut sinr);
-        let mut sum = LogSum::default();
-        sinr.iter().for_each(|s| sum.push(1.0 + s));
-        sum.value() / self.len().max(1) as f64
+    /// Appends the user's SINR for every sample.
+    pub fn user_sinr(&self, out: &mut Vec<f64>) {
+        self.sinr_at(0, self.scene.user, out);
     }
 }
 
+/// What a node hears of plain dipoles, in the vectors of the caller.
+struct Heard<'a> {
+    axes: &'a [[[Lane; 3]; 2]],
+    links: [Link; 2],
+    depths: [f64; 2],
+    out: &'a mut Vec<f64>,
+}
+
+impl pulp::NullaryFnOnce for Heard<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        for axes in self.axes {
+            let a = power(&self.links[0], self.depths[0], &axes[0]);
+            push_sinr([a, power(&self.links[1], self.depths[1], &axes[1])], self.out);
+        }
+    }
+}
+
+/// The mean of `ln((1 + user) / (1 + s))` over samples, s the larger SINR of two nodes; with `clip`, of its positive part.
+#[must_use]
+pub fn mean_rate(user: &[f64], nodes: [&[f64]; 2], clip: bool) -> f64 {
+    pulp::Arch::new().dispatch(MeanRate { user, nodes, least: if clip { 1.0 } else { 0.0 } })
+}
+
+/// [`mean_rate`] in the vectors of the caller.
+struct MeanRate<'a> {
+    user: &'a [f64],
+    nodes: [&'a [f64]; 2],
+    least: f64,
+}
+
+impl pulp::NullaryFnOnce for MeanRate<'_> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn call(self) -> f64 {
+        let (users, _) = self.user.as_chunks::<LANES>();
+        let [(firsts, _), (seconds, _)] = self.nodes.map(|sinr| sinr.as_chunks::<LANES>());
+        let mut total = LogSum::default();
+        for ((user, first), second) in users.iter().zip(firsts).zip(seconds) {
+            let mut ratio = [0.0; LANES];
+            for l in 0..LANES {
+                let strongest = first[l].max(second[l]);
+                ratio[l] = ((1.0 + user[l]) / (1.0 + strongest)).max(self.least);
+            }
+            // As in the kernel, eight ratios are far below the largest number.
+            total.push(ratio.iter().product());
+        }
+        total.value() / self.user.len() as f64
+    }
+}
+
+#[inline(always)]
 fn push_sinr([a, b]: [Lane; 2], out: &mut Vec<f64>) {
     let mut sinr = [0.0; LANES];
     for l in 0..LANES {

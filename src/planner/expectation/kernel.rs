@@ -115,20 +115,49 @@ impl Kernel for Full {
     }
 }
 
-/// [`Workspace::mean`] in the vectors of the caller.
-struct Mean<'a, K> {
-    kernel: K,
+/// What is done with a kernel.
+trait Task {
+    type Output;
+
+    fn on<K: Kernel>(self, kernel: K) -> Self::Output;
+}
+
+/// A task in the vectors of the caller.
+struct With<K, T>(K, T);
+
+impl<K: Kernel, T: Task> pulp::NullaryFnOnce for With<K, T> {
+    type Output = T::Output;
+
+    #[inline(always)]
+    fn call(self) -> T::Output {
+        self.1.on(self.0)
+    }
+}
+
+/// A task with the leanest kernel that knows all there is, in the widest vectors of this machine: the same operations in the
+/// same order on any.
+fn dispatch<T: Task>(depths: Option<[f64; 2]>, task: T) -> T::Output {
+    let arch = pulp::Arch::new();
+    match depths {
+        Some([1.0, 1.0]) => arch.dispatch(With(Plain(plain::Ideal), task)),
+        Some(depths) => arch.dispatch(With(Plain(depths), task)),
+        None => arch.dispatch(With(Full, task)),
+    }
+}
+
+/// [`Workspace::mean`].
+struct Mean<'a> {
     workspace: &'a mut Workspace,
     at: At<'a>,
     gradient: Option<&'a mut Raw>,
 }
 
-impl<K: Kernel> pulp::NullaryFnOnce for Mean<'_, K> {
+impl Task for Mean<'_> {
     type Output = f64;
 
     #[inline(always)]
-    fn call(self) -> f64 {
-        let Self { kernel, workspace, at, gradient } = self;
+    fn on<K: Kernel>(self, kernel: K) -> f64 {
+        let Self { workspace, at, gradient } = self;
         let desired = desired(at.raw);
         let scale = 1.0 / at.samples.len() as f64;
         let mut total = 0.0;
@@ -147,28 +176,52 @@ impl<K: Kernel> pulp::NullaryFnOnce for Mean<'_, K> {
     }
 }
 
-/// [`Workspace::mean_of_draws`] in the vectors of the caller.
-struct MeanOfDraws<'a, K, F> {
-    kernel: K,
+/// [`Workspace::means_of_draws`].
+struct MeansOfDraws<'a> {
     workspace: &'a mut Workspace,
     at: At<'a>,
-    visit: F,
+    out: &'a mut Vec<f64>,
 }
 
-impl<K: Kernel, F: FnMut(f64, &Raw)> pulp::NullaryFnOnce for MeanOfDraws<'_, K, F> {
+impl Task for MeansOfDraws<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn call(self) {
-        let Self { kernel, workspace, at, mut visit } = self;
+    fn on<K: Kernel>(self, kernel: K) {
+        let Self { workspace, at, out } = self;
         let desired = desired(at.raw);
         for blocks in at.samples.draws() {
-            let mut sums = [[[0.0; LANES]; 7]; 2];
-            let mut gradient = [0.0; 14];
             let scale = 1.0 / (blocks.noise.len() * LANES) as f64;
-            let total = kernel.draw(workspace, &at, &desired, &blocks, Some(&mut sums));
-            reduce(&sums, scale, &mut gradient);
-            visit(total * scale, &gradient);
+            out.push(scale * kernel.draw(workspace, &at, &desired, &blocks, None));
+        }
+    }
+}
+
+/// [`Workspace::weighted_gradient`].
+struct WeightedGradient<'a> {
+    workspace: &'a mut Workspace,
+    at: At<'a>,
+    weights: &'a [f64],
+    gradient: &'a mut Raw,
+}
+
+impl Task for WeightedGradient<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn on<K: Kernel>(self, kernel: K) {
+        let Self { workspace, at, weights, gradient } = self;
+        let desired = desired(at.raw);
+        gradient.fill(0.0);
+        let weighed = at.samples.draws().zip(weights).filter(|(_, weight)| **weight > 0.0);
+        for (blocks, weight) in weighed {
+            let mut sums = [[[0.0; LANES]; 7]; 2];
+            let mut own = [0.0; 14];
+            kernel.draw(workspace, &at, &desired, &blocks, Some(&mut sums));
+            reduce(&sums, weight / (blocks.noise.len() * LANES) as f64, &mut own);
+            for (sum, own) in gradient.iter_mut().zip(own) {
+                *sum += own;
+            }
         }
     }
 }
@@ -186,35 +239,34 @@ impl Workspace {
         gradient: Option<&mut Raw>,
     ) -> f64 {
         let at = At { scene, samples, raw, clip };
-        // The widest vectors of this machine: the same operations in the same order on any.
-        let arch = pulp::Arch::new();
-        match at.depths() {
-            Some([1.0, 1.0]) => {
-                arch.dispatch(Mean { kernel: Plain(plain::Ideal), workspace: self, at, gradient })
-            }
-            Some(depths) => arch.dispatch(Mean { kernel: Plain(depths), workspace: self, at, gradient }),
-            None => arch.dispatch(Mean { kernel: Full, workspace: self, at, gradient }),
-        }
+        dispatch(at.depths(), Mean { workspace: self, at, gradient })
     }
 
-    /// Mean of each draw in nats per hertz, and its gradient, through `visit`.
-    pub fn mean_of_draws(
+    /// Appends the mean of each draw in nats per hertz; with `clip`, of max(f, 0).
+    pub fn means_of_draws(
         &mut self,
         scene: &Scene,
         samples: &Samples,
         raw: &Raw,
         clip: bool,
-        visit: impl FnMut(f64, &Raw),
+        out: &mut Vec<f64>,
     ) {
         let at = At { scene, samples, raw, clip };
-        let arch = pulp::Arch::new();
-        match at.depths() {
-            Some([1.0, 1.0]) => {
-                arch.dispatch(MeanOfDraws { kernel: Plain(plain::Ideal), workspace: self, at, visit });
-            }
-            Some(depths) => arch.dispatch(MeanOfDraws { kernel: Plain(depths), workspace: self, at, visit }),
-            None => arch.dispatch(MeanOfDraws { kernel: Full, workspace: self, at, visit }),
-        }
+        dispatch(at.depths(), MeansOfDraws { workspace: self, at, out });
+    }
+
+    /// The gradient of the draws' means, each by its weight; draws without any cost nothing.
+    pub fn weighted_gradient(
+        &mut self,
+        scene: &Scene,
+        samples: &Samples,
+        raw: &Raw,
+        clip: bool,
+        weights: &[f64],
+        gradient: &mut Raw,
+    ) {
+        let at = At { scene, samples, raw, clip };
+        dispatch(at.depths(), WeightedGradient { workspace: self, at, weights, gradient });
     }
 
     /// f of every sample in nats per hertz, draw by draw, through `visit(draw, f)`.
@@ -328,12 +380,11 @@ mod tests {
         let mut workspace = Workspace::default();
         let value = workspace.mean(&scene(), &samples, &RAW, false, Some(&mut wide));
         let scalar = Mean {
-            kernel: Plain([1.0; 2]),
             workspace: &mut Workspace::default(),
             at: At { scene: &scene(), samples: &samples, raw: &RAW, clip: false },
             gradient: Some(&mut narrow),
         };
-        assert_eq!(pulp::NullaryFnOnce::call(scalar), value);
+        assert_eq!(scalar.on(Plain([1.0; 2])), value);
         assert_eq!(wide, narrow);
     }
 
@@ -348,15 +399,32 @@ mod tests {
         let (mut plain, mut full) = ([0.0; 14], [0.0; 14]);
         let value = Workspace::default().mean(&scene, &samples, &RAW, true, Some(&mut plain));
         let other = Mean {
-            kernel: Full,
             workspace: &mut Workspace::default(),
             at: At { scene: &scene, samples: &samples, raw: &RAW, clip: true },
             gradient: Some(&mut full),
         };
-        let other = pulp::NullaryFnOnce::call(other);
+        let other = other.on(Full);
         assert!((value - other).abs() < 1e-12, "{value} {other}");
         for (a, b) in plain.iter().zip(&full) {
             assert!((a - b).abs() < 1e-10 * (1.0 + a.abs()), "{plain:?} {full:?}");
+        }
+    }
+    #[test]
+    fn val_draws_add_up_to_the_mean_and_its_gradient() {
+        let problem = Problem::paper([[5.0, 0.0], [-300.0, 210.0]], 0.5, 2f64.to_radians());
+        let places = [[5.0, 0.0], [40.0, 9.0], [-80.0, 60.0]]
+            .map(|[x, y]| vec![Vector3::new(x, y, 0.0), Vector3::new(-300.0, y, 0.0)]);
+        let samples = Samples::shared(&problem, 64, places, 5);
+        let mut workspace = Workspace::default();
+        for clip in [false, true] {
+            let (mut each, mut whole, mut parts) = (Vec::new(), [0.0; 14], [0.0; 14]);
+            workspace.means_of_draws(&scene(), &samples, &RAW, clip, &mut each);
+            let mean = workspace.mean(&scene(), &samples, &RAW, clip, Some(&mut whole));
+            assert!((each.iter().sum::<f64>() / 3.0 - mean).abs() < 1e-12, "{each:?} {mean}");
+            workspace.weighted_gradient(&scene(), &samples, &RAW, clip, &[1.0 / 3.0; 3], &mut parts);
+            for (a, b) in whole.iter().zip(&parts) {
+                assert!((a - b).abs() < 1e-10 * (1.0 + a.abs()), "{whole:?} {parts:?}");
+            }
         }
     }
 }

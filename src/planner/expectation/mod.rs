@@ -22,7 +22,7 @@ use super::error::PlanError;
 use super::plan::VehiclePlan;
 use super::problem::{Fading, Objective, Problem, Radio};
 use super::setup::Setup;
-use super::worst::worst_positions;
+use super::worst::{Look, worst_positions};
 use crate::radio::link::{self, Transmitter};
 use crate::role::{PerVehicle, Role};
 use kernel::Raw;
@@ -69,12 +69,13 @@ pub struct Evaluation {
 const SCRAMBLES: usize = 16;
 /// Samples that share a draw of uncertain positions.
 const PER_DRAW: usize = 2 * LANES;
-/// Most draws of the positions for a quantile.
-const QUANTILE_DRAWS: usize = 512;
-/// The same where more than the eavesdroppers' positions stays wrong.
+/// Most draws of the positions for a quantile, and least samples of the attitudes for each.
+const QUANTILE_DRAWS: usize = 2048;
+const QUANTILE_SAMPLES: usize = 128;
+/// Most draws where more than the eavesdroppers' positions stays wrong.
 const SLOT_DRAWS: usize = 1024;
-/// Most samples for a worst case.
-const WORST_SAMPLES: usize = 4096;
+/// Most samples by which the worst positions are looked for.
+const WORST_SAMPLES: usize = 1024;
 
 /// Scores poses and powers under the problem's model (2.2b): the mean over samples of both attitudes' noise, of scattered
 /// waves, and of what stays wrong during a slot.
@@ -100,18 +101,30 @@ pub fn evaluate(
         });
     }
     let mut evaluation = score(&setup, vehicles, options);
-    if setup.is_uncertain() {
-        let to_bps = problem.radio.bandwidth_hz / std::f64::consts::LN_2;
-        evaluation.objective_rate_bps = match problem.objective {
-            Objective::Mean => evaluation.secrecy_rate_bps,
-            Objective::Nominal => to_bps * nominal(&setup, &raw, options),
-            Objective::Quantile => {
-                slots(&setup, vehicles, evaluation.secrecy_rate_bps, options).quantile_bps()
-            }
-            Objective::WorstCase => to_bps * worst_case(&setup, &raw, options),
-        };
+    if let Some(objective_bps) = objective_bps(&setup, vehicles, evaluation.secrecy_rate_bps, options) {
+        evaluation.objective_rate_bps = objective_bps;
     }
     Ok(evaluation)
+}
+
+/// The mission's objective in bit/s where it is another one than the mean, which is `mean_bps`.
+pub(super) fn objective_bps(
+    setup: &Setup,
+    vehicles: &PerVehicle<VehiclePlan>,
+    mean_bps: f64,
+    options: &EvaluateOptions,
+) -> Option<f64> {
+    if !setup.is_uncertain() {
+        return None;
+    }
+    let raw = Setup::raw(vehicles);
+    let to_bps = setup.problem.radio.bandwidth_hz / std::f64::consts::LN_2;
+    match setup.problem.objective {
+        Objective::Mean => None,
+        Objective::Nominal => Some(to_bps * nominal(setup, &raw, options)),
+        Objective::Quantile => Some(slots(setup, vehicles, mean_bps, options).quantile_bps()),
+        Objective::WorstCase => Some(to_bps * worst_case(setup, &raw, options)),
+    }
 }
 
 /// [`evaluate`] of a checked problem, `objective_rate_bps` being the mean.
@@ -216,10 +229,11 @@ pub(super) fn slots(
     };
     let draws = (options.samples / share).clamp(20, most);
     let all = Samples::draws_of(problem, draws, sobol::mix(options.seed, 2));
-    let samples = Samples::shared(problem, options.samples.div_ceil(draws), all, options.seed);
+    let least = if alone { QUANTILE_SAMPLES } else { 1 };
+    let samples = Samples::shared(problem, options.samples.div_ceil(draws).max(least), all, options.seed);
     let to_bps = problem.radio.bandwidth_hz / std::f64::consts::LN_2;
     let mut rates: Vec<f64> =
-        clipped_by_draw(setup, &Setup::raw(vehicles), &samples, draws).iter().map(|f| f * to_bps).collect();
+        clipped_by_draw(setup, &Setup::raw(vehicles), &samples).iter().map(|f| f * to_bps).collect();
     if !alone && setup.varies() {
         // All draws meet the same few samples of jitter and scattering, whose error is much the same in each: it is
         // taken off by the mean, which is known better.
@@ -240,16 +254,15 @@ fn worst_case(setup: &Setup, raw: &Raw, options: &EvaluateOptions) -> f64 {
     let estimates: Vec<_> = setup.problem.eavesdroppers.iter().map(|e| e.position_enu_m).collect();
     let count = options.samples.clamp(LANES, WORST_SAMPLES);
     let samples = Samples::shared(setup.problem, count, vec![estimates], options.seed);
-    let (worst, _) = worst_positions(setup, raw, &samples, &[]);
+    let (worst, _) = worst_positions(setup, raw, &samples, &[], &Look::FINAL);
     let samples = Samples::shared(setup.problem, options.samples, vec![worst], options.seed);
-    clipped_by_draw(setup, raw, &samples, 1)[0]
+    clipped_by_draw(setup, raw, &samples)[0]
 }
 
-fn clipped_by_draw(setup: &Setup, raw: &Raw, samples: &Samples, draws: usize) -> Vec<f64> {
-    let mut rates = vec![0.0; draws];
-    kernel::Workspace::default().each(&setup.scene, samples, raw, |draw, f| rates[draw] += f.max(0.0));
-    let per_draw = (samples.len() / draws) as f64;
-    rates.iter().map(|r| r / per_draw).collect()
+fn clipped_by_draw(setup: &Setup, raw: &Raw, samples: &Samples) -> Vec<f64> {
+    let mut rates = Vec::new();
+    kernel::Workspace::default().means_of_draws(&setup.scene, samples, raw, true, &mut rates);
+    rates
 }
 
 /// Mean of independent estimates and its standard error (0 of a single one).

@@ -83,9 +83,12 @@ impl pulp::NullaryFnOnce for Blocks<'_> {
 
     #[inline(always)]
     fn call(self) -> Self::Output {
-        (0..self.count)
-            .map(|block| block_noise(self.jitter, self.is_mounted_askew, block, &self.uniform))
-            .collect()
+        // No closures here nor below: they would leave the caller's vectors.
+        let mut out = Vec::with_capacity(self.count);
+        for block in 0..self.count {
+            out.push(block_noise(self.jitter, self.is_mounted_askew, block, &self.uniform));
+        }
+        out
     }
 }
 
@@ -113,8 +116,10 @@ impl pulp::NullaryFnOnce for Waves {
         let mut out = Vec::with_capacity(self.count * self.links);
         for block in 0..self.count {
             for link in 0..self.links {
-                let part = |c| normal::quantiles(&self.uniform.lane(block, SCATTER_DIMENSION + 2 * link + c));
-                out.push([part(0), part(1)]);
+                let dimension = SCATTER_DIMENSION + 2 * link;
+                let (real, imaginary) =
+                    (self.uniform.lane(block, dimension), self.uniform.lane(block, dimension + 1));
+                out.push([normal::quantiles(&real), normal::quantiles(&imaginary)]);
             }
         }
         out
@@ -135,13 +140,24 @@ fn block_noise(jitter: &Jitter, is_mounted_askew: bool, block: usize, uniform: &
         for (vehicle, axes) in w.iter_mut().enumerate() {
             for (component, lane) in axes.iter_mut().take(components).enumerate() {
                 *lane = normal::quantiles(&uniform.lane(block, vehicle * components + component));
-                lane.iter_mut().for_each(|value| *value *= jitter.std_rad);
+                for value in lane.iter_mut() {
+                    *value *= jitter.std_rad;
+                }
             }
         }
     }
     match jitter.model {
-        JitterModel::Euler => [0, 1]
-            .map(|v: usize| Noise::Euler([0, 1, 2].map(|axis: usize| trigonometry::cos_sin(&w[v][axis])))),
+        JitterModel::Euler => {
+            let mut out = [Noise::Euler([[[0.0; LANES]; 2]; 3]); 2];
+            for (noise, axes) in out.iter_mut().zip(&w) {
+                let mut turns = [[[0.0; LANES]; 2]; 3];
+                for (turn, axis) in turns.iter_mut().zip(axes) {
+                    *turn = trigonometry::cos_sin(axis);
+                }
+                *noise = Noise::Euler(turns);
+            }
+            out
+        }
         JitterModel::Body if is_mounted_askew => [0, 1].map(|v: usize| Noise::Turn(turns(&w[v]))),
         JitterModel::Body => [0, 1].map(|v: usize| {
             let mut axis = [[0.0; LANES]; 3];
