@@ -1,6 +1,7 @@
 //! Modems that take AT commands over telnet or a serial line: Microhard pMDDL and its like.
 //!
-//! Facts, from Microhard's operating manuals and from ground stations that drive these modems:
+//! Facts, as ground stations that drive these modems have them; the maker's manuals were not at hand, so every command and where
+//! its answer stands can be given, and `veilwing radio measure` says whether they fit:
 //! - Telnet port 23 asks for `login:` and `Password:`, and says `Entering` when it takes commands; the serial console takes
 //!   them at once. A command ends with a line feed, is echoed, and is answered with its lines, then `OK` or `ERROR`.
 //! - `AT+MWTXPOWER=20` sets the power in whole dBm (7 to 30 by model), `AT+MWTXPOWER?` says it. `AT+MWRADIO=0` turns the radio off

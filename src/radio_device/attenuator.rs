@@ -1,6 +1,7 @@
 //! A programmable attenuator behind a transmitter of constant power: Mini-Circuits RUDAT and RCDAT.
 //!
-//! Facts, from Mini-Circuits' programming manual for test software and the drivers that others have published:
+//! Facts, as drivers and emulators that others have published have them; the maker's manual was not at hand, so measure yours
+//! first (`veilwing radio measure`). The framing on a serial line is the least certain:
 //! - The same commands over TCP port 23, over HTTP port 80 as `GET /:COMMAND`, and by serial line where the model has one.
 //!   `:MN?` answers the model name (`MN=RUDAT-6000-30`, or `RUDAT-6000-30`), `:ATT?` the attenuation in dB (`12.25`),
 //!   `:SETATT=12.25` answers `1` when done, `0` when refused, and `2` when the value was beyond the range and the largest was set

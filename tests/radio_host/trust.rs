@@ -70,6 +70,14 @@ async fn spec_forged_replayed_and_unsigned_leases_change_nothing_and_are_counted
         way.send_to(unsigned.raw_bytes(), ("127.0.0.1", program.port)).await.unwrap();
         other.say(MavMessage::COMMAND_INT(forged.clone()));
     }
+    // What it said goes out while it listens.
+    while heard.lock().unwrap().len() < recorded.len() + 20 {
+        tokio::select! {
+            biased;
+            frame = other.link.recv() => panic!("the radio answers a wrong key: {frame:?}"),
+            () = tokio::task::yield_now() => {}
+        }
+    }
     for frame in &recorded {
         stranger.send_to(frame, ("127.0.0.1", program.port)).unwrap();
         way.send_to(frame, ("127.0.0.1", program.port)).await.unwrap();

@@ -163,6 +163,7 @@ fn spec_a_radio_is_asked_until_it_answers_and_one_that_declares_nothing_is_taken
     assert!(compared(&world, &DEMANDS).iter().all(|check| check.result != Verdict::Fail));
     // One that says something is to say everything.
     world.give(&value(Fact::ChangeMs, 10.0));
+    world.run(ms(7000));
     assert_eq!(facts(&world, &simulated).map(|check| check.result), Some(Verdict::Warn));
 }
 
