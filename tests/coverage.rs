@@ -84,7 +84,7 @@ const SCRIPTS: &[&str] = &[
     "#,
 ];
 
-/// What these flights do not come to, and what tries it instead.
+/// What these flights need not come to, and what tries it instead.
 const ELSEWHERE: &[(&str, &[&str], &str)] = &[
     ("answer", &["VEILWING_ANSWER_LIMITS"], "another's word: no companion of ours answers so"),
     (

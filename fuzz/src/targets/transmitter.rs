@@ -53,7 +53,8 @@ const RADIO: (u8, u8) = (1, 68);
 const BOOT: u32 = 5;
 /// What a report states as power when there is none.
 const OFF: i32 = i32::MIN;
-const MOST_MESSAGES: usize = 8;
+/// What it may say at one time: a request for each of the eight facts that a radio declares, a power, and an off.
+const MOST_MESSAGES: usize = 10;
 const PARAMETER_NAME: &str = "TX_POWER";
 
 fn seeds() -> Vec<Vec<u8>> {
