@@ -2,7 +2,7 @@
 //!
 //! Each step is one POST of a JSON text with placeholders, and a place in the answer (RFC 6901).
 //!
-//! Facts of StreamCaster's ([`Settings::streamcaster`]), from published clients and emulators of its interface:
+//! Facts of StreamCaster's, from published clients and emulators of its interface:
 //! - POST to `/streamscape_api`, `{"jsonrpc":"2.0","method":"power_dBm","params":["25"],"id":"1"}` sets (answers `[""]`); without
 //!   params it says what is set, and `read_power_dBm` what is radiated (`["25"]`). An error has `error` in place of `result`.
 //! - After a change the radio may be unavailable for seconds (emulators have 5 s for a power, 30 s for a frequency), in which it

@@ -3,14 +3,14 @@
 //! No MAVLink message sets a radio's power, so this stands beside the transmitter and speaks the numbered command for it. It
 //! is fed messages ([`Host::handle_message`]), what became of the device's orders ([`Host::handle_outcome`]) and instants, and
 //! drained of messages, orders and notices. It never waits for the device: an expiry is decided by the radio's clock
-//! ([`clock`]), whatever the device is doing, and off pre-empts.
+//! (`clock`), whatever the device is doing, and off pre-empts.
 //!
-//! - [`series`]: whose command counts, and which is newer.
-//! - [`rig`]: what the device is wanted to do, what it was told, and what is known of it. A power is in force when it was read
+//! - `series`: whose command counts, and which is newer.
+//! - `rig`: what the device is wanted to do, what it was told, and what is known of it. A power is in force when it was read
 //!   back, and the radio is off when off was.
-//! - [`scale`]: which setting of the device gives which power, by its own word or by measurement; rounded down.
-//! - [`kill`]: the radio kill, kept over a restart.
-//! - [`facts`]: what the radio declares, as read-only parameters.
+//! - `scale`: which setting of the device gives which power, by its own word or by measurement; rounded down.
+//! - `kill`: the radio kill, kept over a restart.
+//! - `facts`: what the radio declares, as read-only parameters.
 
 mod answers;
 mod clock;

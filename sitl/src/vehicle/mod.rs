@@ -56,7 +56,7 @@ pub const TICKS_PER_SAMPLE: u64 = 2;
 pub const SAMPLE: Duration = Duration::from_millis(5);
 /// The companion's link; all others are ground stations', but for ...
 pub const COMPANION_LINK: usize = 0;
-/// ... the radio's, if it has one of its own ([`RadioPlace::OnItsOwn`](config::RadioPlace::OnItsOwn)).
+/// ... the radio's, if it has one of its own ([`RadioPlace::OnItsOwn`]).
 pub const RADIO_LINK: usize = 15;
 
 /// What can be seen of a vehicle from outside.

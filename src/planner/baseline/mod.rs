@@ -9,7 +9,7 @@
 //! | conventional | level | level | positions and powers |
 //!
 //! One start is the paper's, and says more of the start than of the method: `interior-point-multi-start` and
-//! `conventional-multi-start` are the same two benchmarks from [`MANY`] starts.
+//! `conventional-multi-start` are the same two benchmarks from `MANY` starts.
 //!
 //! The first start of `paper` and `jammer-orientation` has I above the user and J above the eavesdroppers' middle, low;
 //! all others, and every start of the benchmarks, are drawn uniformly: positions from the airspace, angles and powers
