@@ -281,6 +281,7 @@ mod tests {
             tx.command(&power(20.0, 1, 500), Duration::ZERO);
             assert_eq!(said(&mut tx, 199), (!read_back, false));
             assert_eq!(said(&mut tx, 200), (true, true));
+            assert_eq!(said(&mut tx, 500), (read_back, true));
             assert_eq!(said(&mut tx, 549), (read_back, true));
             assert_eq!((said(&mut tx, 550), tx.changes_at()), ((false, false), None));
         }
