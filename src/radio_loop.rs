@@ -12,7 +12,7 @@ use std::time::Duration;
 use tokio::sync::mpsc::unbounded_channel;
 use tracing::{info, warn};
 
-use crate::durable::replace;
+use crate::durable::{Keeper, replace};
 use crate::link::envelope::Enclosed;
 use crate::link::{Aboard, Clock, Form, Link, LinkAddress, LinkConfig, LinkError};
 use crate::radio_device::{Device, drive};
@@ -67,12 +67,13 @@ pub fn kept_kill(path: &Path) -> Result<bool, RadioLoopError> {
             return Err(RadioLoopError::KillContent { path: path.to_owned(), found });
         }
     };
-    keep_kill(path, killed).map_err(fault)?;
+    replace(path, kill_text(killed)).map_err(fault)?;
     Ok(killed)
 }
 
-fn keep_kill(path: &Path, killed: bool) -> io::Result<()> {
-    replace(path, if killed { KILLED } else { NOT_KILLED })
+/// What stands in the file.
+fn kill_text(killed: bool) -> &'static str {
+    if killed { KILLED } else { NOT_KILLED }
 }
 
 /// How it ended.
@@ -102,9 +103,12 @@ impl<D: Device + 'static> RadioProcess<D> {
     /// Runs until `stop`, and then until the device is off.
     ///
     /// # Errors
-    /// The link cannot be opened. The device was told nothing then.
+    /// The link cannot be opened, or a kill not be kept. The device was told nothing then.
     pub async fn run(self, clock: Clock, stop: impl Future<Output = ()>) -> Result<Stopped, RadioLoopError> {
         let own = self.settings.own;
+        let lost = "the radio kill cannot be recorded: after a restart it holds no more";
+        let kept = Keeper::spawn(self.kill_file.clone(), lost)
+            .map_err(|source| RadioLoopError::Kill { path: self.kill_file, source })?;
         let (address, config) = self.link;
         let mut link = Link::<Aboard>::open(address, config, clock.clone()).await?;
         let (orders, orders_for_device) = unbounded_channel();
@@ -125,7 +129,7 @@ impl<D: Device + 'static> RadioProcess<D> {
                 log(notice);
             }
             if let Some(killed) = host.poll_kill_record() {
-                record(self.kill_file.clone(), killed);
+                kept.keep(kill_text(killed).to_owned());
             }
             match give_up_at {
                 Some(_) if host.is_off() => break Stopped::Off,
@@ -175,13 +179,4 @@ fn log(notice: Notice) {
         Notice::Commander { .. } | Notice::Silent => info!("{notice}"),
         _ => warn!("{notice}"),
     }
-}
-
-/// Keeps a kill by a thread of its own: the disk may be slow.
-fn record(path: PathBuf, killed: bool) {
-    tokio::task::spawn_blocking(move || {
-        if let Err(error) = keep_kill(&path, killed) {
-            warn!(path = %path.display(), %error, "the radio kill cannot be recorded: after a restart it holds no more");
-        }
-    });
 }

@@ -3,10 +3,8 @@
 
 use std::io;
 use std::path::{Path, PathBuf};
-use std::sync::mpsc::{Receiver, Sender, channel};
-use std::thread::JoinHandle;
 
-use crate::durable::replace;
+use crate::durable::{Keeper, replace};
 use crate::pair::Record;
 use crate::role::Role;
 
@@ -42,10 +40,7 @@ pub enum OrdersFileError {
 
 /// The file, and the thread that writes it.
 #[derive(Debug)]
-pub struct OrdersFile {
-    records: Option<Sender<Record>>,
-    thread: Option<JoinHandle<()>>,
-}
+pub struct OrdersFile(Keeper);
 
 /// Where a vehicle's orders are kept.
 #[must_use]
@@ -66,51 +61,24 @@ impl OrdersFile {
             Err(error) if error.kind() == io::ErrorKind::NotFound => Record::default(),
             Err(error) => return Err(io(error)),
         };
-        write(&path, &record).map_err(io)?;
-        let (records, queue) = channel();
-        let thread_path = path.clone();
-        let thread = std::thread::Builder::new()
-            .name("orders".to_owned())
-            .spawn(move || run(&thread_path, &queue))
-            .map_err(io)?;
-        Ok((Self { records: Some(records), thread: Some(thread) }, record))
+        contents(&record).and_then(|contents| replace(&path, &contents)).map_err(io)?;
+        let lost = "the operator's orders cannot be recorded: after a restart they count no more";
+        let keeper = Keeper::spawn(path.clone(), lost).map_err(io)?;
+        Ok((Self(keeper), record))
     }
 
-    /// Has this written. Never waits.
+    /// Has this written. Never waits; what was given last is on disk when this is dropped.
     pub fn keep(&mut self, record: Record) {
-        if let Some(records) = &self.records {
-            // The thread ends after this.
-            records.send(record).ok();
+        match contents(&record) {
+            Ok(contents) => self.0.keep(contents),
+            Err(error) => tracing::warn!(%error, "the operator's orders cannot be written down"),
         }
     }
 }
 
-impl Drop for OrdersFile {
-    /// Waits until the last record is on disk.
-    fn drop(&mut self) {
-        self.records = None;
-        if let Some(thread) = self.thread.take() {
-            drop(thread.join());
-        }
-    }
-}
-
-fn run(path: &Path, queue: &Receiver<Record>) {
-    let mut failing = false;
-    while let Ok(first) = queue.recv() {
-        // The newest counts.
-        let record = queue.try_iter().last().unwrap_or(first);
-        let failed = write(path, &record).err();
-        if let Some(error) = failed.as_ref().filter(|_| !failing) {
-            tracing::warn!(path = %path.display(), %error, "the operator's orders cannot be recorded: after a restart they count no more");
-        }
-        failing = failed.is_some();
-    }
-}
-
-fn write(path: &Path, record: &Record) -> io::Result<()> {
+fn contents(record: &Record) -> io::Result<String> {
     let text = toml::to_string(record).map_err(io::Error::other)?;
-    replace(path, &format!("{HEADER}{text}"))
+    Ok(format!("{HEADER}{text}"))
 }
 
 #[cfg(test)]
