@@ -23,12 +23,14 @@ pub struct Facts {
 
 impl Facts {
     /// Names and values as the parameter protocol has them.
+    ///
+    /// The least power is declared in thousandths, rounded down, as powers are asked for: asked for that, the device gives it.
     pub(super) fn parameters(&self) -> [(&'static str, f64); 8] {
         let ms = |time: Duration| time.as_secs_f64() * 1e3;
         let [low_khz, high_khz] = self.band_khz.unwrap_or([-1.0, -1.0]);
         [
             ("TX_MAX_DBM", self.most_dbm),
-            ("TX_MIN_DBM", self.least_dbm),
+            ("TX_MIN_DBM", (self.least_dbm * 1e3).floor() * 1e-3),
             ("TX_OFF_MS", ms(self.off)),
             ("TX_CHANGE_MS", ms(self.change)),
             ("TX_READ_BACK", f64::from(u8::from(self.reads_back))),

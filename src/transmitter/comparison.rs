@@ -16,8 +16,8 @@ use super::{Driver, Transmitter, power_dbm};
 const REACTION: Duration = Duration::from_millis(100);
 /// J vouches for the plan's power alone, less what a radio's steps and the wire's rounding take away.
 pub const FULL_POWER: f64 = 0.99;
-/// What is commanded is rounded down to thousandths of a dBm; a radio whose least lies that little above it gives it.
-const STEP_DB: f32 = 1.5e-3;
+/// Single precision carries thousandths of a dBm so well.
+const ROUNDING_DB: f32 = 1e-5;
 /// Single precision carries frequencies and powers so well.
 const ROUNDING: f64 = 1e-6;
 
@@ -169,8 +169,10 @@ impl Transmitter {
         match &self.driver {
             Driver::Parameter(parameter) => parameter.gives_w(power_w),
             Driver::Numbered(_) | Driver::Leased(_) => {
-                let too_weak =
-                    self.declared.get(Fact::MinDbm).is_some_and(|least| power_dbm(power_w) < least - STEP_DB);
+                let too_weak = self
+                    .declared
+                    .get(Fact::MinDbm)
+                    .is_some_and(|least| power_dbm(power_w) < least - ROUNDING_DB);
                 if too_weak { 0.0 } else { power_w }
             }
             Driver::None => 0.0,

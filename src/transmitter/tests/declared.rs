@@ -90,11 +90,12 @@ fn spec_what_it_cannot_do_is_refused_by_name_with_the_value_and_what_it_should_b
         (Fact::MinDbm, 13.01, simulated, "transmitter power", Pass, "20.000 mW"),
         (
             Fact::MinDbm,
-            13.02,
+            // What is commanded for 20 mW, 13.0103 dBm, is 13.010.
+            13.011,
             simulated,
             "transmitter power",
             Fail,
-            "for bravo, should be at least 20.045 mW",
+            "for bravo, should be at least 20.003 mW",
         ),
         (Fact::ReadBack, 0.0, simulated, "TX_READ_BACK", Warn, "0, should be 1"),
         (Fact::DeadMs, 500.0, DEMANDS, "TX_DEAD_MS", Pass, "500 ms"),
