@@ -364,9 +364,9 @@ impl Flight {
     /// Lets a companion hear the next datagram that has arrived, if there is one.
     fn hear(&mut self, role: Role, process: &mut Process, observer: &mut impl Observer) -> bool {
         if let Some(bytes) = self.to_companion[role].receive(self.now) {
-            self.hear_autopilot(role, process, &bytes, observer);
+            self.hear_own(role, process, (Wire::Autopilot, &bytes), observer);
         } else if let Some(bytes) = self.from_radio[role].receive(self.now) {
-            self.hear_radio(role, process, &bytes, observer);
+            self.hear_own(role, process, (Wire::Radio, &bytes), observer);
         } else if let Some(bytes) = self.pair[role.peer()].receive(self.now) {
             self.hear_peer(role, process, &bytes, observer);
         } else {
@@ -375,54 +375,33 @@ impl Flight {
         true
     }
 
-    fn hear_autopilot(
+    /// What the vehicle passes on, or a radio says on a link of its own.
+    fn hear_own(
         &mut self,
         role: Role,
         process: &mut Process,
-        bytes: &[u8],
+        (wire, bytes): (Wire, &[u8]),
         observer: &mut impl Observer,
     ) {
         let at = process.instant(self.now);
-        process.from_vehicle.feed(bytes);
-        process.from_vehicle.end();
-        while let Some(raw) = process.from_vehicle.next_frame(&mut self.counters[role]) {
+        let radio = wire == Wire::Radio;
+        process.aboard(radio).feed(bytes);
+        process.aboard(radio).end();
+        while let Some(raw) = process.aboard(radio).next_frame(&mut self.counters[role]) {
             match raw.parse::<Aboard>() {
                 Ok(frame) => {
-                    self.log(role, Wire::Autopilot, raw.bytes(), observer);
+                    self.log(role, wire, raw.bytes(), observer);
+                    let (header, executive) = (frame.header, &mut process.executive);
                     match &frame.message {
+                        Aboard::Common(message) if radio => executive.handle_radio_link(header, message, at),
                         Aboard::Common(message) => {
-                            observer.received(self.now, role, frame.header, message);
-                            process.executive.handle_autopilot(frame.header, message, at);
+                            observer.received(self.now, role, header, message);
+                            executive.handle_autopilot(header, message, at);
                         }
-                        Aboard::Radio(message) => {
-                            process.executive.handle_radio(frame.header, message.message(), at);
+                        Aboard::Radio(message) if radio => {
+                            executive.handle_report(header, message.message(), at);
                         }
-                    }
-                    self.send(role, process, observer);
-                }
-                Err(reason) => {
-                    self.counters[role].rejected.count(reason);
-                }
-            }
-        }
-    }
-
-    /// What a radio says on a link of its own.
-    fn hear_radio(&mut self, role: Role, process: &mut Process, bytes: &[u8], observer: &mut impl Observer) {
-        let at = process.instant(self.now);
-        process.from_radio.feed(bytes);
-        process.from_radio.end();
-        while let Some(raw) = process.from_radio.next_frame(&mut self.counters[role]) {
-            match raw.parse::<Aboard>() {
-                Ok(frame) => {
-                    self.log(role, Wire::Radio, raw.bytes(), observer);
-                    match &frame.message {
-                        Aboard::Common(message) => {
-                            process.executive.handle_radio_link(frame.header, message, at);
-                        }
-                        Aboard::Radio(message) => {
-                            process.executive.handle_report(frame.header, message.message(), at);
-                        }
+                        Aboard::Radio(message) => executive.handle_radio(header, message.message(), at),
                     }
                     self.send(role, process, observer);
                 }

@@ -34,8 +34,8 @@ pub(super) struct Process {
     pub encoder: Encoder,
     /// Of the link that the radio has of its own, which counts its own frames.
     pub to_radio: Encoder,
-    pub from_vehicle: Decoder<Aboard>,
-    pub from_radio: Decoder<Aboard>,
+    from_vehicle: Decoder<Aboard>,
+    from_radio: Decoder<Aboard>,
     pub from_peer: Decoder<Envelope>,
     /// In which form it speaks to its peer.
     pub form: Form,
@@ -74,6 +74,11 @@ impl Process {
             role,
             began: now,
         }
+    }
+
+    /// What reads the datagrams of the radio's own link, or of the vehicle's.
+    pub fn aboard(&mut self, radio: bool) -> &mut Decoder<Aboard> {
+        if radio { &mut self.from_radio } else { &mut self.from_vehicle }
     }
 
     /// What its clock reads at simulation time `now`.
