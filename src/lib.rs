@@ -39,6 +39,8 @@ pub mod radio_host;
 #[cfg(feature = "companion")]
 pub mod radio_loop;
 #[cfg(feature = "companion")]
+pub mod reply;
+#[cfg(feature = "companion")]
 pub mod service;
 #[cfg(feature = "companion")]
 pub mod transmitter;

@@ -15,7 +15,7 @@ const LAYERS: [&[&str]; 15] = [
     &["geo", "radio"],
     &["planner"],
     &["schedule"],
-    &["preflight"],
+    &["preflight", "reply"],
     &["pair", "autopilot", "transmitter"],
     &["service", "radio_host"],
     &["mission"],

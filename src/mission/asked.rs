@@ -3,9 +3,10 @@
 
 use std::time::Duration;
 
-use mavlink::dialects::ardupilotmega::{COMMAND_ACK_DATA, MavCmd, MavMessage, MavResult};
+use mavlink::dialects::ardupilotmega::{MavCmd, MavMessage, MavResult};
 
 use crate::pair::orders::Order;
+use crate::reply::acknowledgement;
 use crate::time::Instant;
 
 /// What takes longer than this is said to be under way.
@@ -73,18 +74,6 @@ impl AskedFor {
         });
         answers
     }
-}
-
-/// The answer to a command of `by`.
-pub(super) fn acknowledgement(by: (u8, u8), command: MavCmd, result: MavResult) -> MavMessage {
-    let (target_system, target_component) = by;
-    MavMessage::COMMAND_ACK(COMMAND_ACK_DATA {
-        command,
-        result,
-        target_system,
-        target_component,
-        ..COMMAND_ACK_DATA::default()
-    })
 }
 
 #[cfg(test)]

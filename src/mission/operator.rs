@@ -7,9 +7,10 @@ use mavlink::dialects::ardupilotmega::{MavCmd, MavMessage, MavResult};
 use crate::autopilot::Mode;
 use crate::pair::orders::{Change, Order};
 use crate::pair::wire::{VeilwingFlags, VeilwingSilence};
+use crate::reply::acknowledgement;
 use crate::time::Instant;
 
-use super::asked::{Progress, acknowledgement};
+use super::asked::Progress;
 use super::cause::Cause;
 use super::executive::Executive;
 use super::notice::Notice;

@@ -3,7 +3,8 @@
 use mavlink::MavHeader;
 use mavlink::dialects::ardupilotmega::{MavMessage, MavResult};
 
-use super::asked::acknowledgement;
+use crate::reply::acknowledgement;
+
 use super::executive::Executive;
 use super::notice::Notice;
 

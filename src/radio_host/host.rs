@@ -14,11 +14,12 @@ use super::answers::{Answers, Waiting};
 use super::clock::RadioClock;
 use super::counters::Counters;
 use super::facts::Facts;
-use super::kill::{Kill, acknowledgement};
+use super::kill::Kill;
 use super::notice::Notice;
 use super::rig::{Fault, Order, OrderId, Outcome, Rig, Times, Turn};
 use super::scale::Scale;
 use super::series::{Place, Series, Standing};
+use crate::reply::acknowledgement;
 use crate::time::Instant;
 use crate::transmitter::wire::{VEILWING_RADIO_DATA, VeilwingRadioResult as Result};
 

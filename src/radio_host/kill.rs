@@ -1,6 +1,8 @@
 //! The radio kill (31011): latched until a person lifts it at this very radio, over every restart.
 
-use mavlink::dialects::ardupilotmega::{COMMAND_ACK_DATA, MavCmd, MavMessage, MavResult};
+use mavlink::dialects::ardupilotmega::{MavCmd, MavMessage, MavResult};
+
+use crate::reply::acknowledgement;
 
 /// Kills that wait for the radio to be off before they are answered; more than these are not answered.
 const MOST_WAITING: usize = 16;
@@ -56,16 +58,4 @@ impl Kill {
             .map(|by| acknowledgement(by, MavCmd::MAV_CMD_USER_2, MavResult::MAV_RESULT_ACCEPTED))
             .collect()
     }
-}
-
-/// The answer to a command of `by`.
-pub(super) fn acknowledgement(by: (u8, u8), command: MavCmd, result: MavResult) -> MavMessage {
-    let (target_system, target_component) = by;
-    MavMessage::COMMAND_ACK(COMMAND_ACK_DATA {
-        command,
-        result,
-        target_system,
-        target_component,
-        ..COMMAND_ACK_DATA::default()
-    })
 }

@@ -3,9 +3,9 @@
 use mavlink::dialects::ardupilotmega::{MavCmd, MavMessage, MavResult, TIMESYNC_DATA};
 
 use super::host::Host;
-use super::kill::acknowledgement;
 use super::notice::Notice;
 use super::parameters;
+use crate::reply::{self, acknowledgement};
 use crate::time::Instant;
 
 impl Host {
@@ -77,14 +77,7 @@ impl Host {
         let for_us =
             [0, own.0].contains(&question.target_system) && [0, own.1].contains(&question.target_component);
         if for_us {
-            let nanoseconds = i64::try_from(now.since_start().as_nanos()).unwrap_or(i64::MAX).max(1);
-            let (target_system, target_component) = sender;
-            self.say(MavMessage::TIMESYNC(TIMESYNC_DATA {
-                tc1: nanoseconds,
-                ts1: question.ts1,
-                target_system,
-                target_component,
-            }));
+            self.say(reply::time(sender, question, now));
         }
     }
 }

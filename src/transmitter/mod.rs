@@ -28,11 +28,10 @@ mod tests;
 use std::time::Duration;
 
 use mavlink::MavHeader;
-use mavlink::dialects::ardupilotmega::{
-    COMMAND_INT_DATA, MavCmd, MavFrame, MavMessage, MavResult, TIMESYNC_DATA,
-};
+use mavlink::dialects::ardupilotmega::{COMMAND_INT_DATA, MavCmd, MavFrame, MavMessage, MavResult};
 use num_traits::FromPrimitive;
 
+use crate::reply;
 use crate::time::Instant;
 use crate::units::{Dbm, Watts};
 pub use comparison::{Demands, FULL_POWER, Permitted};
@@ -286,14 +285,7 @@ impl Transmitter {
         match (&mut self.driver, message) {
             // So asks a radio that learns where we are from what we send, and whose link is signed (`link::dialogue`).
             (Driver::Numbered(_), MavMessage::TIMESYNC(asked)) if asked.tc1 == 0 => {
-                let (target_system, target_component) = self.settings.target;
-                let nanoseconds = i64::try_from(now.since_start().as_nanos()).unwrap_or(i64::MAX).max(1);
-                self.outbox.push_back(MavMessage::TIMESYNC(TIMESYNC_DATA {
-                    tc1: nanoseconds,
-                    ts1: asked.ts1,
-                    target_system,
-                    target_component,
-                }));
+                self.outbox.push_back(reply::time(self.settings.target, asked, now));
             }
             (Driver::Leased(leased), MavMessage::COMMAND_ACK(ack)) => {
                 leased.handle_ack(ack, now, &mut self.outbox)
