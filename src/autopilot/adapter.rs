@@ -10,9 +10,10 @@ use super::context::Context;
 use super::control::{self, Control};
 use super::discovery::Discovery;
 use super::event::Event;
+use super::fence::{self, FenceDuty, Keeper};
 use super::firmware::choice::Choice;
 use super::firmware::specifics::Specifics;
-use super::firmware::{Firmware, Mode, airframe, returning, version};
+use super::firmware::{Firmware, Mode, airframe, fencing, returning, version};
 use super::link::LinkWatch;
 use super::outbox::{Address, Outbox};
 use super::parameter::Parameters;
@@ -62,6 +63,7 @@ pub struct Autopilot {
     commands: CommandQueue,
     parameters: Parameters,
     texts: Texts,
+    fence: Keeper,
     control: Control,
     stream: Stream,
     stall: Stall,
@@ -91,6 +93,7 @@ impl Autopilot {
             commands: CommandQueue::default(),
             parameters: Parameters::default(),
             texts: Texts::default(),
+            fence: Keeper::new(settings.fence.clone(), settings.mission_origin),
             control: Control::new(),
             stream: Stream::new(&settings),
             stall: Stall::default(),
@@ -131,6 +134,10 @@ impl Autopilot {
                 self.choose_actuation(now);
             }
             MavMessage::STATUSTEXT(m) => self.texts.handle(m, now, &mut self.out),
+            _ if fence::is_of_a_list(message) => {
+                self.fence.handle(message, &self.telemetry.state, now, &mut self.out);
+                self.advance_fence(now);
+            }
             _ => {
                 self.telemetry.handle(message, now, &mut self.out);
                 self.hand(now, |control, _, context| control.handle_telemetry(context));
@@ -156,6 +163,7 @@ impl Autopilot {
             self.hand(now, |control, _, context| control.advance(streamed_for, context));
             self.advance_specifics(now);
             self.parameters.refresh(!self.telemetry.state.is_armed(), now);
+            self.advance_fence(now);
         }
         self.pump(now);
     }
@@ -183,6 +191,7 @@ impl Autopilot {
             (alive(self.peer.as_ref().map(|_| self.telemetry.clock.timeout())), "autopilot's clock"),
             (alive(self.telemetry.timeout()), "GPS receiver"),
             (alive(self.control.timeout()), "control"),
+            (alive(self.peer.as_ref().and_then(|_| self.fence.timeout(self.state()))), "fence"),
         ]
         .into_iter()
         .filter_map(|(at, reason)| at.map(|at| (at, reason)))
@@ -388,6 +397,11 @@ impl Autopilot {
             let home_m = self.state().home_enu_m.map(|home| home.value.z);
             all.extend(returning::checks(peer.firmware, &self.parameters, home_m, band_m));
         }
+        all.extend(self.fence.checks(self.state()));
+        if let Some(fence) = self.settings.fence.as_ref().filter(|fence| fence.duty != FenceDuty::None) {
+            let home = self.state().home_enu_m.map(|home| home.value);
+            all.extend(fencing::checks(peer.firmware, &self.parameters, fence, home));
+        }
         all
     }
 
@@ -418,6 +432,7 @@ impl Autopilot {
     /// Asks an autopilot of which nothing is known for all that is needed.
     fn begin(&mut self, firmware: Firmware, now: Instant) {
         self.parameters.read(firmware.parameters());
+        self.fence.forget();
         self.hand(now, |_, specifics, context| specifics.begin(context));
         self.streams.start(firmware, self.settings.rate_hz, &mut self.commands, now);
     }
@@ -453,6 +468,13 @@ impl Autopilot {
             && let Some(question) = self.telemetry.clock.ask(peer.address, now)
         {
             self.out.send(question);
+        }
+    }
+
+    fn advance_fence(&mut self, now: Instant) {
+        if let Some(peer) = &self.peer {
+            let ends = (self.settings.own, peer.address);
+            self.fence.advance(&self.telemetry.state, ends, now, &mut self.out);
         }
     }
 

@@ -3,6 +3,7 @@
 use std::fmt;
 use std::time::Duration;
 
+use super::fence::Fence;
 use super::position_control;
 use crate::geo::Geodetic;
 use crate::schedule::trajectory::Limits;
@@ -67,6 +68,8 @@ pub struct Settings {
     /// The lowest and the highest altitude at which the autopilot's own return is to cross, in metres above the mission's
     /// origin; `None`: any.
     pub return_altitude_m: Option<[f64; 2]>,
+    /// The fence that the autopilot is to have; `None`: nothing is said of one.
+    pub fence: Option<Fence>,
     /// What transits ask of the vehicle at most: the autopilot's own limits are checked against it.
     pub transit: Limits,
     /// Largest rate at which a commanded attitude turns, in rad/s.
@@ -104,6 +107,7 @@ impl Settings {
             mission_origin,
             planned_tilt_rad: std::f64::consts::FRAC_PI_2,
             return_altitude_m: None,
+            fence: None,
             transit: Limits::new(8.0, 3.0, 30f64.to_radians()),
             tilt_rate_rad_s: 30f64.to_radians(),
             setpoint_lifetime: Duration::from_millis(200),

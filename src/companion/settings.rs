@@ -2,14 +2,15 @@
 
 use std::time::Duration;
 
-use crate::autopilot;
-use crate::config::{ExposedLink, Mission, Transmitter, Vehicle};
+use crate::autopilot::{self, Fence, FenceDuty};
+use crate::config::{ExposedLink, Mission, Transmitter, Vehicle, fence_corners};
 use crate::link::Form;
 use crate::mission::{Operators, Permission, Scene, Settings};
 use crate::pair::{self, Record};
 use crate::planner::problem::{Airframe, Airspace};
 use crate::preflight::{Check, Verdict, check};
 use crate::role::{PerVehicle, Role};
+use crate::schedule::outset::Outset;
 use crate::service::Ceilings;
 use crate::transmitter::{self, Demands, Permitted};
 
@@ -41,6 +42,7 @@ pub fn settings(mission: &Mission, vehicle: &Vehicle, boot_id: u32, start_unaske
     };
     autopilot.transit = limits[role];
     autopilot.return_altitude_m = return_altitude_m(role, &mission.airspace);
+    autopilot.fence = Some(fence(mission, vehicle));
     autopilot.tilt_rate_rad_s = limits[role].tilt_rate_rad_s;
     autopilot.firmware = vehicle.autopilot.firmware;
     autopilot.actuation = vehicle.autopilot.actuation;
@@ -72,7 +74,7 @@ pub fn settings(mission: &Mission, vehicle: &Vehicle, boot_id: u32, start_unaske
             || (mission.emission.is_some() && vehicle.exposed_links().is_empty()),
         permission: permission(mission, vehicle),
         demands: demands(mission, vehicle),
-        link_checks: link_checks(vehicle),
+        given_checks: link_checks(vehicle).into_iter().chain(return_check(&mission.airspace)).collect(),
         radio_apart: vehicle.transmitter.link.is_some(),
         operators: match vehicle.autopilot.key_file {
             Some(_) => Operators::Proven,
@@ -101,6 +103,37 @@ fn return_altitude_m(role: Role, airspace: &Airspace) -> Option<[f64; 2]> {
         Role::J => [middle_m + 0.5 * apart_m, high_m],
     };
     (low_m + apart_m <= middle_m - 0.5 * apart_m).then_some(band_m)
+}
+
+/// Whether there is room for the two altitudes. No place of the homes would do instead: each lies in the other's area, and on
+/// the straight way home from somewhere.
+fn return_check(airspace: &Airspace) -> Option<Check> {
+    let [low_m, high_m] = airspace.altitude_m;
+    let least_m = 3.0 * airspace.min_separation_m;
+    return_altitude_m(Role::I, airspace).is_none().then(|| {
+        let detail = format!(
+            "the altitude band is {} m thick, should be at least {least_m} m, in the mission on both vehicles: there is no room for two \
+             that are the separation apart and above the other's home, so that an autopilot's own return may meet the other vehicle",
+            high_m - low_m
+        );
+        check("return altitudes", Verdict::Warn, detail)
+    })
+}
+
+/// The fence that the autopilot is to have: none where no autopilot keeps so many corners, which
+/// [`Vehicle::check_against`] refuses unless the vehicle file asks for none.
+fn fence(mission: &Mission, vehicle: &Vehicle) -> Fence {
+    let (duty, Outset { corners, tight }) = match fence_corners(mission) {
+        Ok(fence) => (vehicle.autopilot.fence, fence),
+        Err(_) => (FenceDuty::None, Outset { corners: Vec::new(), tight: 0 }),
+    };
+    Fence {
+        duty,
+        corners_enu_m: corners,
+        tight,
+        top_m: mission.airspace.altitude_m[1],
+        home_within_m: mission.airspace.min_separation_m,
+    }
 }
 
 /// The mission's permission to radiate, as far as this vehicle needs it.
@@ -224,6 +257,13 @@ mod tests {
         let mut thin = mission.airspace.clone();
         thin.altitude_m = [20.0, 30.0];
         assert_eq!(Role::BOTH.map(|role| return_altitude_m(role, &thin)), [None; 2]);
+        // Then the preflight warns, with what would do.
+        assert_eq!(return_check(&mission.airspace), None);
+        let warning = return_check(&thin).unwrap();
+        assert!(warning.result == Verdict::Warn, "{warning:?}");
+        assert!(warning.detail.contains("10 m thick, should be at least 15 m"), "{warning:?}");
+        thin.altitude_m = [20.0, 35.0];
+        assert_eq!(return_check(&thin), None);
     }
 
     #[test]

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use nalgebra::Vector2;
 
-use crate::autopilot::{Actuation, FirmwareChoice};
+use crate::autopilot::{Actuation, FenceDuty, FirmwareChoice};
 use crate::geo::{Enu, Geodetic};
 use crate::link::{HostPort, LinkAddress};
 use crate::planner::problem::{Airframe, Airspace, JitterAxes, JitterModel, Method, Objective, Uncertainty};
@@ -484,6 +484,8 @@ pub struct Autopilot {
     pub rate_hz: f64,
     /// Newtons per unit of thrust along body x, y, z, for [`Actuation::ThrustVector`]; `None`: from the autopilot.
     pub thrust_n: Option<[f64; 3]>,
+    /// What becomes of the mission's area in the autopilot.
+    pub fence: FenceDuty,
 }
 
 impl Default for Autopilot {
@@ -498,6 +500,7 @@ impl Default for Autopilot {
             component_id: 191,
             rate_hz: 50.0,
             thrust_n: None,
+            fence: FenceDuty::Upload,
         }
     }
 }

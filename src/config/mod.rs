@@ -41,6 +41,7 @@ pub use radio_draft::{
 };
 pub use schema::{Part, schema, schema_of};
 pub use vehicle::Vehicle;
+pub(crate) use vehicle::fence_corners;
 pub use vehicle_links::ExposedLink;
 
 #[cfg(test)]

@@ -14,8 +14,9 @@ use super::mission_checks::ORIGIN_HELP;
 use super::reader::Section;
 use super::vehicle_links::{self, KEY_FILES, key_file_fault};
 use super::{permission, reading, vehicle_file};
-use crate::autopilot::{Actuation, FirmwareChoice};
+use crate::autopilot::{Actuation, FENCE_MARGIN_M, FenceDuty, FirmwareChoice, MOST_FENCE_CORNERS};
 use crate::role::Role;
+use crate::schedule::outset::{Outset, outset};
 use crate::time::Utc;
 use crate::transmitter::Kind;
 
@@ -144,6 +145,16 @@ impl Vehicle {
                 }
             }
         }
+        if self.autopilot.fence != FenceDuty::None
+            && let Err(Corners(count)) = fence_corners(mission)
+        {
+            let message = format!(
+                "the mission's area makes a fence of {count} corners, and no autopilot keeps more than {MOST_FENCE_CORNERS}"
+            );
+            let help = "give airspace.area_enu_m fewer corners, on both vehicles, or say fence = \"none\""
+                .to_owned();
+            all.push(Severity::Error, file.at("autopilot.fence"), message, help);
+        }
         for link in self.exposed_links() {
             let (message, help) = vehicle_links::exposure(&link);
             all.push(Severity::Error, file.at(link.setting), message, help);
@@ -197,6 +208,25 @@ impl Vehicle {
             },
         ]
     }
+}
+
+/// More corners than any autopilot keeps.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Corners(pub usize);
+
+/// The fence that an autopilot is given for a mission: its area and a margin.
+///
+/// # Errors
+/// [`Corners`], if they are too many.
+pub(crate) fn fence_corners(mission: &Mission) -> Result<Outset, Corners> {
+    let area = &mission.airspace.area_enu_m;
+    if area.len() > MOST_FENCE_CORNERS {
+        return Err(Corners(area.len()));
+    }
+    // A mission's area has an interior: that was checked when it was read.
+    let fence = outset(area, FENCE_MARGIN_M).map_err(|_| Corners(area.len()))?;
+    let count = fence.corners.len();
+    if count > MOST_FENCE_CORNERS { Err(Corners(count)) } else { Ok(fence) }
 }
 
 /// A limit of the vehicle and what the mission plans with.

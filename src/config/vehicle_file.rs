@@ -6,7 +6,7 @@ use super::draft::{Autopilot, Limits, Transmitter, VehicleDraft};
 use super::kind::{Choice, Flag, Integer, List, Number, Numbers, Parsed, Text};
 use super::mission_file::{climb, power, speed, tilt, tilt_rate};
 use super::reader::Section;
-use crate::autopilot::{Actuation, FirmwareChoice};
+use crate::autopilot::{Actuation, FenceDuty, FirmwareChoice};
 use crate::link::LinkAddress;
 use crate::role::Role;
 use crate::transmitter::{Kind, Level, PowerParameter, Protocol, Unit};
@@ -157,6 +157,15 @@ fn autopilot(s: &mut Section<'_, '_>, autopilot: &mut Autopilot) {
          autopilot's CA_ROTOR* parameters.",
         Numbers([("x", NEWTONS), ("y", NEWTONS), ("z", NEWTONS)]),
         &mut autopilot.thrust_n,
+    );
+    let duties =
+        Choice(&[("upload", FenceDuty::Upload), ("check", FenceDuty::Check), ("none", FenceDuty::None)]);
+    s.set(
+        "fence",
+        "The mission's area in the autopilot itself, with a rally point at home. \"upload\": written unless it is there, and read \
+         back; \"check\": read and compared alone; \"none\": not asked for.",
+        duties,
+        &mut autopilot.fence,
     );
 }
 

@@ -156,7 +156,7 @@ impl Executive {
         let mut checks = self.autopilot.preflight(now);
         checks.extend(self.radio_checks(now));
         checks.push(self.ground.plan_check());
-        checks.extend(self.settings.link_checks.iter().cloned());
+        checks.extend(self.settings.given_checks.iter().cloned());
         checks.extend(self.permission_check(now));
         if self.autopilot.state().is_armed() {
             let detail = "the vehicle is armed already: land and disarm it first";

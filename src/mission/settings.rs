@@ -65,8 +65,9 @@ pub struct Settings {
     pub permission: Permission,
     /// What is asked of the radio, beside the plan's powers.
     pub demands: Demands,
-    /// The preflight's checks of who can speak on a real transmitter's links; none where nothing real is radiated.
-    pub link_checks: Vec<Check>,
+    /// The preflight's checks that the files alone decide: who can speak on a real transmitter's links, whether the altitude
+    /// band has room for two return altitudes.
+    pub given_checks: Vec<Check>,
     /// The radio has a link of its own: nothing that the autopilot's link brings is the radio's.
     pub radio_apart: bool,
     /// Whose commands are obeyed.

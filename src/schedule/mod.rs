@@ -10,6 +10,7 @@ mod error;
 pub mod geofence;
 mod legs;
 pub mod order;
+pub mod outset;
 mod route;
 pub mod separation;
 mod sequence;

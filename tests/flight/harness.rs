@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use mavlink::MavHeader;
 use mavlink::dialects::ardupilotmega::{COMMAND_LONG_DATA, MavCmd, MavMessage, MavParamType, PARAM_SET_DATA};
-use veilwing::autopilot::Actuation;
+use veilwing::autopilot::{Actuation, FenceDuty};
 use veilwing::config::{Mission, MissionDraft, Vehicle};
 use veilwing::desk::simulation::{self, Given, Observer, on_this_machine, vehicle_draft, world_config};
 pub use veilwing::desk::simulation::{Path, index};
@@ -63,6 +63,7 @@ fn vehicle(mission: &Mission, role: Role, setup: &Setup) -> Vehicle {
     draft.transmitter.simulated = simulated;
     draft.transmitter.link = setup.radio_apart.then(|| on_this_machine(3));
     draft.pair_tunnel = tunnel;
+    draft.autopilot.fence = setup.fence[role];
     // Nothing is signed in virtual time; what is at stake here is the mission's leave, not the links'.
     draft.autopilot.key_file = (!simulated).then(|| "autopilot.key".into());
     draft.transmitter.key_file = (!simulated && setup.radio_apart).then(|| "radio.key".into());
@@ -85,6 +86,8 @@ pub struct Log {
     pub health: Vec<(Duration, Role, MavMessage)>,
     /// Acknowledgements of commands to a companion.
     pub acks: Vec<(Duration, Role, MavMessage)>,
+    /// What the companions said of fences and rally points.
+    pub plans: Vec<(Duration, Role, MavMessage)>,
     /// Changes of what is on the air.
     pub on_air: Vec<(Duration, [bool; 2])>,
 }
@@ -102,6 +105,8 @@ pub struct Setup {
     pub devices: PerVehicle<RadioDevice>,
     /// Whose pair messages ride in TUNNEL.
     pub tunnel: PerVehicle<bool>,
+    /// What becomes of the fence in each autopilot.
+    pub fence: PerVehicle<FenceDuty>,
     pub pair: Path,
     /// An ArduCopter of the 6DoF frame, whose bridge script dies of a burst of commands.
     pub bridged: Option<Role>,
@@ -119,6 +124,7 @@ impl Default for Setup {
             radio_apart: false,
             devices: PerVehicle::default(),
             tunnel: PerVehicle::default(),
+            fence: PerVehicle::default(),
             pair: Path::GOOD,
             bridged: None,
             slip: None,
@@ -396,6 +402,10 @@ impl Observer for Log {
                 self.offs[role].push(at);
             }
             message @ MavMessage::COMMAND_ACK(_) => self.acks.push((at, role, message.clone())),
+            message @ (MavMessage::MISSION_COUNT(_)
+            | MavMessage::MISSION_ITEM_INT(_)
+            | MavMessage::MISSION_REQUEST_LIST(_)
+            | MavMessage::MISSION_REQUEST_INT(_)) => self.plans.push((at, role, message.clone())),
             _ => {}
         }
     }

@@ -10,6 +10,7 @@ mod devices;
 mod emission;
 mod face;
 mod faults;
+mod fence;
 mod forged;
 mod guard;
 mod harness;

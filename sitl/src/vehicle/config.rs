@@ -143,6 +143,8 @@ pub struct VehicleConfig {
     pub traps: Traps,
     /// A slip planted on purpose in what the autopilot hears, for tests of tests.
     pub slip: Option<Slip>,
+    /// The ceiling that its owner has set in the autopilot, above home: GF_MAX_VER_DIST, FENCE_ALT_MAX.
+    pub flies_below_m: f64,
     /// Time from power-on until the autopilot agrees to arm.
     pub ready_after_s: f64,
     /// The transmitter's own limit.
@@ -178,6 +180,7 @@ impl VehicleConfig {
             battery: BatteryConfig::default(),
             traps: Traps::default(),
             slip: None,
+            flies_below_m: 500.0,
             ready_after_s: 2.0,
             transmitter_max_dbm: 30.0,
             power_form: PowerForm::default(),
@@ -208,6 +211,7 @@ impl VehicleConfig {
         let mut finite = vec![
             ("heading_rad", self.heading_rad),
             ("ready_after_s", self.ready_after_s),
+            ("flies_below_m", self.flies_below_m),
             ("transmitter_max_dbm", self.transmitter_max_dbm),
             ("wind.turbulence_m_s", self.wind.turbulence_m_s),
             ("sensors.position_std_m", self.sensors.position_std_m),

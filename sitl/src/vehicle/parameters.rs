@@ -149,7 +149,7 @@ impl Parameters {
 }
 
 /// PX4's, with the defaults of a vehicle prepared for companion flight where the stock ones would end it
-/// (COM_OBL_RC_ACT, FD_FAIL_R/P) or make a lost rotor fatal (CA_FAILURE_MODE).
+/// (COM_OBL_RC_ACT, FD_FAIL_R/P) or make a lost rotor fatal (CA_FAILURE_MODE), and that returns at its fence (GF_ACTION).
 const PX4: &[(&str, Value)] = &[
     ("BAT_CRIT_THR", Value::Real(0.07)),
     ("BAT_EMERGEN_THR", Value::Real(0.05)),
@@ -167,6 +167,9 @@ const PX4: &[(&str, Value)] = &[
     ("COM_RC_OVERRIDE", Value::Int(1)),
     ("FD_FAIL_P", Value::Int(0)),
     ("FD_FAIL_R", Value::Int(0)),
+    ("GF_ACTION", Value::Int(3)),
+    ("GF_MAX_HOR_DIST", Value::Real(0.0)),
+    ("GF_MAX_VER_DIST", Value::Real(0.0)),
     ("LNDMC_ROT_MAX", Value::Real(20.0)),
     ("LNDMC_TRIG_TIME", Value::Real(1.0)),
     ("LNDMC_XY_VEL_MAX", Value::Real(1.5)),
@@ -188,7 +191,7 @@ const PX4: &[(&str, Value)] = &[
     ("THR_MDL_FAC", Value::Real(1.0)),
 ];
 
-/// ArduCopter's; lengths and speeds in centimetres, as it has them.
+/// ArduCopter's; lengths and speeds in centimetres, as it has them. Its fence is switched on, without the circle about home.
 const ARDUCOPTER: &[(&str, Value)] = &[
     ("ARMING_CHECK", Value::Int(1)),
     ("BATT_CAPACITY", Value::Int(3300)),
@@ -197,6 +200,12 @@ const ARDUCOPTER: &[(&str, Value)] = &[
     ("BATT_FS_LOW_ACT", Value::Int(2)),
     ("BATT_LOW_MAH", Value::Int(660)),
     ("DISARM_DELAY", Value::Int(10)),
+    ("FENCE_ACTION", Value::Int(1)),
+    ("FENCE_ALT_MAX", Value::Real(100.0)),
+    ("FENCE_ENABLE", Value::Int(1)),
+    ("FENCE_MARGIN", Value::Real(2.0)),
+    ("FENCE_RADIUS", Value::Real(300.0)),
+    ("FENCE_TYPE", Value::Int(5)),
     ("FRAME_CLASS", Value::Int(3)),
     ("FRAME_TYPE", Value::Int(1)),
     ("FS_GCS_ENABLE", Value::Int(0)),
@@ -208,6 +217,7 @@ const ARDUCOPTER: &[(&str, Value)] = &[
     ("PSC_JERK_XY", Value::Real(5.0)),
     ("PSC_JERK_Z", Value::Real(5.0)),
     ("RTL_ALT", Value::Int(3000)),
+    ("RTL_CONE_SLOPE", Value::Real(0.0)),
     ("SCR_ENABLE", Value::Int(1)),
     ("SCR_VM_I_COUNT", Value::Int(10_000)),
     ("SYSID_THISMAV", Value::Int(1)),

@@ -5,6 +5,7 @@
 pub(super) mod airframe;
 mod ardupilot;
 pub(super) mod choice;
+pub(super) mod fencing;
 mod mode;
 mod px4;
 pub(super) mod returning;

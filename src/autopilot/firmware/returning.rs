@@ -9,8 +9,6 @@ use crate::preflight::Verdict::{Fail, Pass, Warn};
 use crate::preflight::{Check, check};
 
 const PX4: Alias = Alias(&[("RTL_RETURN_ALT", 1.0)]);
-/// PX4 climbs less the nearer it is to home, unless this is 0.
-const PX4_CONE: &str = "RTL_CONE_ANG";
 const ARDUCOPTER: Alias = Alias(&[("RTL_ALT", 0.01), ("RTL_ALT_M", 1.0)]);
 
 fn altitude(firmware: Firmware) -> Alias {
@@ -20,12 +18,18 @@ fn altitude(firmware: Firmware) -> Alias {
     }
 }
 
+/// Both climb less the nearer they are to home, unless this is 0.
+fn cone(firmware: Firmware) -> &'static str {
+    match firmware {
+        Firmware::Px4 => "RTL_CONE_ANG",
+        Firmware::ArduPilot => "RTL_CONE_SLOPE",
+    }
+}
+
 /// Asks for what the checks look at.
 pub(in crate::autopilot::firmware) fn read(firmware: Firmware, parameters: &mut Parameters) {
     altitude(firmware).ask(parameters);
-    if firmware == Firmware::Px4 {
-        parameters.read_also([PX4_CONE.to_owned()]);
-    }
+    parameters.read_also([cone(firmware).to_owned()]);
 }
 
 /// The altitude against the lowest and the highest that it may be, in metres above the mission's origin; `home_m` is home's.
@@ -53,11 +57,9 @@ pub(in crate::autopilot) fn checks(
             check(name, Warn, detail)
         }
     };
-    let cone = (firmware == Firmware::Px4).then(|| {
-        parameters.check(PX4_CONE, |value| match value {
-            0.0 => (Pass, ""),
-            _ => (Warn, "0: near its home it would return below that altitude"),
-        })
+    let cone = parameters.check(cone(firmware), |value| match value {
+        0.0 => (Pass, ""),
+        _ => (Warn, "0: near its home it would return below that altitude"),
     });
-    std::iter::once(altitude).chain(cone).collect()
+    vec![altitude, cone]
 }

@@ -8,9 +8,10 @@ use super::ardupilot::bridge::Bridge;
 use super::mode::Mode;
 use super::px4::land_detector::{LEVEL_BELOW_RAD, LandDetectorGuard};
 use super::px4::rotors::RotorScales;
-use super::{ardupilot, px4, returning};
+use super::{ardupilot, fencing, px4, returning};
 use crate::autopilot::command::{CommandQueue, Outcome, Purpose};
 use crate::autopilot::context::Context;
+use crate::autopilot::fence::FenceDuty;
 use crate::autopilot::parameter::Parameters;
 use crate::autopilot::settings::{Actuation, Settings};
 use crate::autopilot::state::Version;
@@ -100,6 +101,10 @@ impl Specifics {
         let state = context.state;
         if state.is_disarmed() && context.settings.return_altitude_m.is_some() {
             returning::read(context.firmware, context.parameters);
+        }
+        let fenced = context.settings.fence.as_ref().is_some_and(|fence| fence.duty != FenceDuty::None);
+        if state.is_disarmed() && fenced {
+            fencing::read(context.firmware, context.parameters);
         }
         match self {
             Self::Px4 { guard, .. } => {

@@ -74,6 +74,7 @@ fn spec_vehicle_defaults_are_those_of_the_interface() {
     );
     assert_eq!((least.autopilot.system_id, least.autopilot.component_id), (Some(2), 191));
     assert_eq!(least.autopilot.rate_hz, 50.0);
+    assert_eq!(least.autopilot.fence, crate::autopilot::FenceDuty::Upload);
     let leased = Transmitter {
         kind: Kind::Numbered { command: 31010 },
         simulated: true,

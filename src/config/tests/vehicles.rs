@@ -308,3 +308,28 @@ fn spec_a_key_file_open_to_others_is_refused() {
     assert!(open.contains("its mode is 640") && open.contains("chmod 600"), "{open}");
     assert_eq!(sound.key_file, Some(key));
 }
+
+#[test]
+fn spec_an_area_of_more_corners_than_an_autopilot_keeps_is_refused_unless_no_fence_is_asked_for() {
+    let round = |corners: u32| {
+        let corner = |k: u32| {
+            let angle = f64::from(k) * std::f64::consts::TAU / f64::from(corners);
+            nalgebra::Vector2::new(angle.cos(), angle.sin()) * 400.0
+        };
+        let area = (0..corners).map(corner).collect();
+        mission(DEMO).changed(|draft| draft.airspace.area_enu_m = area).unwrap()
+    };
+    assert!(vehicle(VEHICLE_I).check_against(&round(255)).is_empty());
+    let findings = vehicle(VEHICLE_I).check_against(&round(256));
+    let [finding] = findings.list() else { panic!("{findings}") };
+    assert_eq!(finding.severity, Severity::Error);
+    assert!(
+        finding.message.contains("a fence of 256 corners") && finding.help.contains("fence = \"none\""),
+        "{findings}"
+    );
+    let none = VEHICLE_I.replace("fence = \"upload\"", "fence = \"none\"  ");
+    assert!(vehicle(&none).check_against(&round(256)).is_empty());
+    let wrong = VEHICLE_I.replace("fence = \"upload\"", "fence = \"yes\"   ");
+    let findings = Vehicle::parse("v.toml", &wrong).unwrap_err().to_string();
+    assert!(findings.contains("fence") && findings.contains("\"check\""), "{findings}");
+}

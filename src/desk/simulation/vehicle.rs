@@ -1,7 +1,7 @@
 //! The settings of a simulated vehicle's companion.
 
-use crate::autopilot::Actuation;
-use crate::config::{Diagnostics, Mission, Vehicle, VehicleDraft};
+use crate::autopilot::{Actuation, FenceDuty};
+use crate::config::{Diagnostics, Mission, Vehicle, VehicleDraft, fence_corners};
 use crate::link::{HostPort, LinkAddress};
 use crate::planner::problem::Airframe;
 use crate::role::Role;
@@ -18,6 +18,9 @@ pub fn vehicle_draft(mission: &Mission, role: Role, ports: [u16; 2]) -> VehicleD
     draft.autopilot.actuation = actuation(mission, role);
     // As the simulated PX4 does.
     draft.autopilot.tracks_pose = true;
+    if fence_corners(mission).is_err() {
+        draft.autopilot.fence = FenceDuty::None;
+    }
     draft.autopilot.system_id = Some(if index(role) == 0 { 1 } else { 2 });
     draft
 }

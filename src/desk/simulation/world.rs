@@ -19,6 +19,8 @@ use super::imperfections::{Imperfections, uncertainty};
 /// The air where nothing is said of it: its mean velocity, and the wind at 6 m that its turbulence belongs to.
 const BREEZE_ENU_M_S: [f64; 3] = [2.0, -1.0, 0.0];
 const TURBULENCE_M_S: f64 = 2.2;
+/// An owner sets the autopilot's ceiling so far above the altitude band.
+const CEILING_M: f64 = 15.0;
 /// Homes lie this far apart, or three separations if that is more.
 const HOMES_APART_M: f64 = 20.0;
 
@@ -150,6 +152,8 @@ fn vehicle(mission: &Mission, role: Role, home: Vector2<f64>, link: &Imperfectio
         errors: link.errors[role],
         antenna: link.antennas[role].clone(),
         transmitter_max_dbm: ceiling.max(30.0),
+        // What the preflight asks for.
+        flies_below_m: mission.airspace.altitude_m[1] + CEILING_M,
         ..sim::VehicleConfig::new(sim_role)
     }
 }

@@ -24,15 +24,6 @@ impl Autopilot {
                     PING_DATA { target_system: from.system_id, target_component: from.component_id, ..m };
                 router.send(To::Link(from.link), COMPONENT, &MavMessage::PING(reply));
             }
-            MavMessage::MISSION_REQUEST_LIST(m) => {
-                let reply = MISSION_COUNT_DATA {
-                    target_system: from.system_id,
-                    target_component: from.component_id,
-                    mission_type: m.mission_type,
-                    ..MISSION_COUNT_DATA::DEFAULT
-                };
-                router.send(To::Link(from.link), COMPONENT, &MavMessage::MISSION_COUNT(reply));
-            }
             _ => {}
         }
     }

@@ -1,4 +1,5 @@
-//! What the autopilot does by itself when something is missing: the stream, the estimate, the ground station, charge.
+//! What the autopilot does by itself when something is missing: the stream, the estimate, the ground station, charge; and at its
+//! fence (`enclosure`).
 
 use std::time::Duration;
 
@@ -23,7 +24,7 @@ pub(super) enum Charge {
 
 /// What a failsafe changes to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Action {
+pub(super) enum Action {
     Nothing,
     Go(Mode),
 }
@@ -35,6 +36,7 @@ impl Autopilot {
         self.watch_attitude(sensed, router);
         self.watch_battery(sensed, router);
         self.watch_ground_station(sensed, router);
+        self.watch_fence(sensed, router);
     }
 
     /// PX4's offboard loss and return. ArduCopter says nothing and does nothing (see `flight`).
@@ -157,7 +159,7 @@ impl Autopilot {
         }
     }
 
-    fn fall_back(&mut self, action: Action, text: &str, sensed: &Sensed, router: &mut Router) {
+    pub(super) fn fall_back(&mut self, action: Action, text: &str, sensed: &Sensed, router: &mut Router) {
         self.text(MavSeverity::MAV_SEVERITY_CRITICAL, text, router);
         if let Action::Go(mode) = action
             && self.mode != mode
@@ -168,7 +170,7 @@ impl Autopilot {
         }
     }
 
-    fn terminate(&mut self, why: &str, router: &mut Router) {
+    pub(super) fn terminate(&mut self, why: &str, router: &mut Router) {
         self.text(MavSeverity::MAV_SEVERITY_EMERGENCY, why, router);
         self.disarm();
     }

@@ -255,16 +255,19 @@ impl Autopilot {
             Firmware::Px4 => f64::from(self.parameters.real("RTL_RETURN_ALT")),
             Firmware::ArduCopter => f64::from(self.parameters.real("RTL_ALT")) / 100.0,
         };
+        // ArduCopter stays below its ceiling, as far as that needs no descent.
+        let above_m = self.highest_return_m().map_or(above_m, |most_m| above_m.min(most_m));
         let altitude = (self.home_enu_m.z + above_m).max(self.flight.hold_enu_m.z);
+        let goal = self.return_enu_m;
         let mut target = self.flight.hold();
         target.position_enu_m[2] = Some(altitude);
         if sensed.position_enu_m.z > altitude - 1.0 {
-            target.position_enu_m[0] = Some(self.home_enu_m.x);
-            target.position_enu_m[1] = Some(self.home_enu_m.y);
+            target.position_enu_m[0] = Some(goal.x);
+            target.position_enu_m[1] = Some(goal.y);
         }
-        if (sensed.position_enu_m.xy() - self.home_enu_m.xy()).norm() < ARRIVED_M {
+        if (sensed.position_enu_m.xy() - goal.xy()).norm() < ARRIVED_M {
             self.flight.over_home = true;
-            self.flight.hold_enu_m = Vector3::new(self.home_enu_m.x, self.home_enu_m.y, altitude);
+            self.flight.hold_enu_m = Vector3::new(goal.x, goal.y, altitude);
         }
         Guidance::Fly(target, limits)
     }

@@ -19,6 +19,7 @@
 mod answers;
 mod arducopter;
 mod commands;
+mod enclosure;
 mod failsafe;
 mod files;
 mod flight;
@@ -26,6 +27,7 @@ mod land;
 mod modes;
 mod offboard;
 mod parameter_protocol;
+mod plans;
 mod reposition;
 mod script;
 mod shaper;
@@ -97,6 +99,8 @@ pub(crate) struct Autopilot {
     ready_after: Duration,
     pub parameters: Parameters,
     tuning: tuning::Tuning,
+    plans: plans::Plans,
+    enclosure: enclosure::Enclosure,
     offboard: offboard::Offboard,
     script: script::Script,
     /// ArduCopter: the target of its own that follows the companion's.
@@ -115,6 +119,8 @@ pub(crate) struct Autopilot {
     flight: flight::Flight,
     ground: land::Ground,
     home_enu_m: Vector3<f64>,
+    /// Where the present return goes: home, or the rally point.
+    return_enu_m: Vector3<f64>,
     pub estimator_ok: bool,
     pub gps_ok: bool,
     estimator_lost_at: Option<Duration>,
@@ -148,6 +154,9 @@ impl Autopilot {
             parameters.set("RTL_RETURN_ALT", super::parameters::Value::Real(60.0));
             parameters.set("RTL_ALT", super::parameters::Value::Int(6000));
         }
+        for name in ["GF_MAX_VER_DIST", "FENCE_ALT_MAX"] {
+            parameters.set(name, super::parameters::Value::Real(config.flies_below_m as f32));
+        }
         let origin = config.home() + Vector3::from(config.local_origin_offset_enu_m);
         Self {
             system_id: config.system_id,
@@ -163,6 +172,8 @@ impl Autopilot {
             ready_after: Duration::try_from_secs_f64(config.ready_after_s).unwrap_or_default(),
             tuning: tuning::Tuning::of(&parameters, config.firmware),
             parameters,
+            plans: plans::Plans::default(),
+            enclosure: enclosure::Enclosure::default(),
             offboard: offboard::Offboard::default(),
             script: script::Script::default(),
             shaper: None,
@@ -178,6 +189,7 @@ impl Autopilot {
             flight: flight::Flight::at(config.home(), config.heading_rad),
             ground: land::Ground::standing(),
             home_enu_m: config.home(),
+            return_enu_m: config.home(),
             estimator_ok: true,
             gps_ok: true,
             estimator_lost_at: None,
@@ -205,13 +217,14 @@ impl Autopilot {
     /// Starts where another autopilot's program has ended, with its parameters: a restart in mid-flight or not.
     pub fn boot(&mut self, before: &Self, mission: Origin, sensed: &Sensed) {
         self.parameters = before.parameters.clone();
+        self.plans = before.plans.kept();
         self.tuning = tuning::Tuning::of(&self.parameters, self.firmware);
         self.booted_at = sensed.now;
         self.silent_until = sensed.now + BOOT_TIME;
         self.next_heartbeat = self.silent_until;
         // A new estimator begins where it is.
         self.frame = local_frame(mission, sensed.position_enu_m, self.firmware);
-        self.home_enu_m = before.home_enu_m;
+        (self.home_enu_m, self.return_enu_m) = (before.home_enu_m, before.home_enu_m);
         self.traces = before.traces;
         self.traces.changes(before.mode, self.mode, sensed.now);
         (self.grounded, self.landed) = (sensed.contact, sensed.contact);
@@ -284,6 +297,7 @@ impl Autopilot {
             MavMessage::PARAM_SET(m) => self.set_parameter(&m, router),
             MavMessage::FILE_TRANSFER_PROTOCOL(m) => self.file_request(from, &m, router),
             MavMessage::SETUP_SIGNING(m) => self.set_up_signing(&m, router),
+            plan if plans::is_one(&plan) => self.handle_plan(from, &plan, now, router),
             question => self.answer(from, question, now, router),
         }
     }
@@ -345,6 +359,7 @@ impl Autopilot {
         self.tell(sensed, router);
         self.watch_land(sensed, router);
         self.watch(sensed, router);
+        self.watch_plans(sensed.now, router);
         let guidance = self.guide(sensed, router);
         self.tilted_by_the_dead(guidance, sensed)
     }
@@ -403,6 +418,9 @@ impl Autopilot {
             self.script.guided_ends();
         }
         self.shaper = None;
+        if mode == Mode::ReturnToLaunch {
+            self.return_enu_m = self.return_point(sensed.position_enu_m);
+        }
         self.traces.changes(self.mode, mode, sensed.now);
         self.mode = mode;
         self.resumes = false;
