@@ -93,6 +93,7 @@ fn fly(role: &str, seconds: f64, links: &str) {
         transmitter: Transmitter::new(transmitter_settings(&vehicle, std::process::id()), clock.now()),
         settings: settings(&mission, &vehicle, std::process::id(), true),
         orders: None,
+        computer: Some(std::env::temp_dir()),
         planner: Box::new(move || Ok(plan(&mission))),
     };
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");

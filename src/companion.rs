@@ -3,10 +3,12 @@
 //! Planning runs on a thread of its own and arrives as an input. Setpoints are due at instants of the executive's
 //! choosing; the loop sleeps until the earliest (never between two of them for a fixed length).
 
+mod health;
 pub mod orders_file;
 pub mod settings;
 
 use std::future::Future;
+use std::path::PathBuf;
 use std::time::Duration;
 
 use mavlink::dialects::ardupilotmega::MavSeverity;
@@ -40,6 +42,8 @@ pub struct Companion {
     pub pair: (LinkAddress, LinkConfig, Form),
     /// Keeps the operator's orders for the next process; `None`: there is none.
     pub orders: Option<OrdersFile>,
+    /// Tells the ground station how this computer and this directory's disk fare; `None`: says nothing of them.
+    pub computer: Option<PathBuf>,
     /// Makes the plan; runs on a thread of its own.
     pub planner: Box<dyn FnOnce() -> Result<Plan, String> + Send>,
 }
@@ -74,6 +78,10 @@ impl Companion {
         let mut stop = std::pin::pin!(stop);
         let mut stopping = false;
         let mut orders = self.orders;
+        let mut health = self.computer.and_then(|directory| {
+            let watch = health::Watch::begin(directory);
+            watch.map_err(|error| warn!(%error, "the ground hears nothing of this computer")).ok()
+        });
         loop {
             if let Some((record, orders)) = executive.poll_record().zip(orders.as_mut()) {
                 orders.keep(record);
@@ -123,6 +131,10 @@ impl Companion {
                 frame = autopilot.recv() => hear(&mut executive, &frame, &clock),
                 frame = heard(&mut radio) => hear_radio(&mut executive, &frame, &clock),
                 frame = pair.recv() => executive.handle_pair(&frame.message, clock.now()),
+                look = health::next(&mut health) => {
+                    let status = health::message(&look, clock.utc());
+                    autopilot.send(executive.own(), &Aboard::Common(status));
+                }
                 plan = planned(&mut planning) => executive.handle_plan(plan.map_err(CompanionError::Plan)?),
             }
         }

@@ -1,4 +1,6 @@
-//! Small files that outlive a power cut.
+//! Files that outlive a power cut: small ones, replaced as a whole, and (`append`) those that grow.
+
+pub mod append;
 
 use std::fs::{self, File};
 use std::io::{self, Write};
@@ -25,6 +27,14 @@ pub fn replace(path: &Path, contents: &str) -> io::Result<()> {
     file.sync_all()?;
     fs::rename(&new, path)?;
     // The rename is on disk when the directory is.
+    sync_directory_of(path)
+}
+
+/// Waits until the names in a file's directory are on disk.
+///
+/// # Errors
+/// The directory cannot be opened, or the disk does not take it.
+pub fn sync_directory_of(path: &Path) -> io::Result<()> {
     let directory = path.parent().filter(|parent| !parent.as_os_str().is_empty());
     File::open(directory.unwrap_or(Path::new(".")))?.sync_all()
 }

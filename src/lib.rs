@@ -13,9 +13,13 @@ pub mod units;
 #[cfg(feature = "companion")]
 pub mod autopilot;
 #[cfg(feature = "companion")]
+pub mod bench;
+#[cfg(feature = "companion")]
 pub mod cli;
 #[cfg(feature = "companion")]
 pub mod companion;
+#[cfg(feature = "companion")]
+pub mod computer;
 #[cfg(feature = "companion")]
 pub mod config;
 #[cfg(feature = "desk")]
@@ -24,6 +28,8 @@ pub mod desk;
 pub mod durable;
 #[cfg(feature = "companion")]
 pub mod link;
+#[cfg(feature = "companion")]
+pub mod logbook;
 #[cfg(feature = "companion")]
 pub mod mission;
 #[cfg(feature = "companion")]

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// From the ground up; what shares a row does not know each other.
-const LAYERS: [&[&str]; 15] = [
+const LAYERS: [&[&str]; 16] = [
     &["role", "time", "units", "durable"],
     // A pose knows its antenna's axis: `geo` uses `radio::pattern` and nothing else of it.
     &["geo", "radio"],
@@ -20,11 +20,12 @@ const LAYERS: [&[&str]; 15] = [
     &["service", "radio_host"],
     &["mission"],
     &["link"],
-    &["radio_device"],
+    &["radio_device", "logbook", "computer"],
     &["config"],
     &["planning"],
     &["companion", "radio_loop"],
     &["desk"],
+    &["bench"],
     &["cli"],
 ];
 /// Everything the planner's library is made of.

@@ -25,7 +25,7 @@ use super::settings::{Actuation, Settings};
 use super::stall::Stall;
 use super::state::{Timed, VehicleState};
 use super::statustext::Texts;
-use super::streams::Streams;
+use super::streams::{Streams, Wanted};
 use super::telemetry::Telemetry;
 use crate::geo::Attitude;
 use crate::preflight::Check;
@@ -360,6 +360,11 @@ impl Autopilot {
     #[must_use]
     pub fn utc_uncertainty(&self) -> Option<Duration> {
         self.telemetry.utc.uncertainty()
+    }
+
+    /// The telemetry that is asked for, once the autopilot is found.
+    pub fn wanted(&self) -> impl Iterator<Item = Wanted> {
+        self.streams.wanted()
     }
 
     /// The thrust command that hovers, as learned so far (`thrust_vector`).

@@ -50,3 +50,4 @@ pub use param_value::ParamValue;
 pub use setpoint::Setpoint;
 pub use settings::{Actuation, FirmwareChoice, Settings};
 pub use state::{Battery, Landed, Sampled, Timed, VehicleState};
+pub use streams::Wanted;

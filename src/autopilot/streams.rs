@@ -53,6 +53,19 @@ pub(super) struct Streams {
     request_at: Option<Instant>,
 }
 
+/// A stream that is asked for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Wanted {
+    /// The message's number.
+    pub id: u32,
+    /// Its name.
+    pub name: &'static str,
+    /// How many a second.
+    pub rate_hz: f64,
+    /// Position or attitude: nothing flies without them.
+    pub essential: bool,
+}
+
 /// How a stream comes, for the preflight checks.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct StreamReport {
@@ -168,6 +181,12 @@ impl Streams {
 
     pub(super) fn timeout(&self) -> Option<Instant> {
         [self.window_since.map(|since| since + WINDOW), self.request_at].into_iter().flatten().min()
+    }
+
+    /// What is asked for.
+    pub(super) fn wanted(&self) -> impl Iterator<Item = Wanted> {
+        let supported = self.streams.iter().filter(|stream| stream.supported);
+        supported.map(|s| Wanted { id: s.id, name: s.name, rate_hz: s.rate_hz, essential: s.essential })
     }
 
     /// How every stream comes.

@@ -12,21 +12,24 @@ use tokio::signal::unix::{self, SignalKind};
 use crate::companion::Companion;
 use crate::companion::orders_file::{self, OrdersFile};
 use crate::companion::settings::{allow_for_clock_rate, pair_form, settings, transmitter_settings};
+#[cfg(feature = "desk")]
 use crate::config::file::usable_directory;
 use crate::config::{Mission, Vehicle};
 use crate::link::clock::Clock;
 use crate::link::signing::RADIO_STATUS_ID;
-use crate::link::{Key, LinkConfig, SigningConfig, TlogWriter};
+use crate::link::{Key, LinkConfig, SigningConfig};
 use crate::mission::Outcome;
+use crate::planner::slots::Plan;
 use crate::planning;
 use crate::transmitter::Transmitter;
 
+use super::recording::Recording;
 use super::{Exit, interrupt, load_mission};
 
 /// Names of the links, in logs and file names.
-const AUTOPILOT: &str = "autopilot";
-const RADIO: &str = "transmitter";
-const PAIR: &str = "pair";
+pub(super) const AUTOPILOT: &str = "autopilot";
+pub(super) const RADIO: &str = "transmitter";
+pub(super) const PAIR: &str = "pair";
 
 /// Run the companion of one vehicle, beside its autopilot.
 #[derive(Debug, clap::Args)]
@@ -46,6 +49,10 @@ pub(super) struct Args {
     /// Stop, in order, when stdin ends: with the program that started this one, however that ended.
     #[arg(long, hide = true)]
     until_stdin_ends: bool,
+    /// The log directory is this one flight's: the logs themselves go there. `veilwing sitl` gives each flight one.
+    #[cfg(feature = "desk")]
+    #[arg(long, hide = true)]
+    log_dir_is_the_flight_s: bool,
     /// Take the time from stdin instead of this machine's clock: `veilwing sitl --in-step` gives it.
     #[cfg(feature = "desk")]
     #[arg(long, hide = true, conflicts_with_all = ["clock_rate", "until_stdin_ends"])]
@@ -82,7 +89,11 @@ fn fly(args: &Args, mission: Mission, vehicle: &Vehicle) -> Result<Exit, String>
     }
     let clock = Clock::start(args.clock_rate).map_err(|error| error.to_string())?;
     let (runtime, _handled) = runtime()?;
-    let companion = companion(args, mission, vehicle, &clock)?;
+    let recording = recording(args, &mission, vehicle, &clock)?;
+    let companion = match companion(args, mission, vehicle, &clock, &recording) {
+        Ok(companion) => companion,
+        Err(error) => return Err(recording.failed(error, &clock)),
+    };
     if args.until_stdin_ends {
         std::thread::spawn(|| {
             // However the reading ends, nobody is at the other end.
@@ -90,12 +101,23 @@ fn fly(args: &Args, mission: Mission, vehicle: &Vehicle) -> Result<Exit, String>
             let _ = kill_process(getpid(), Signal::TERM);
         });
     }
-    let outcome = runtime.block_on(companion.run(clock, interrupt::requested()));
-    Ok(end(outcome.map_err(|error| error.to_string())?))
+    let outcome = runtime.block_on(companion.run(clock.clone(), interrupt::requested()));
+    recording.end(&clock, outcome.map_err(|error| error.to_string())).map(end)
+}
+
+/// Where this flight is recorded.
+fn recording(args: &Args, mission: &Mission, vehicle: &Vehicle, clock: &Clock) -> Result<Recording, String> {
+    #[cfg(feature = "desk")]
+    if args.log_dir_is_the_flight_s {
+        usable_directory(&vehicle.log_dir).map_err(|error| format!("[log] dir: {error}"))?;
+        return Ok(Recording::into(&vehicle.log_dir));
+    }
+    let _ = args;
+    Recording::begin(mission, vehicle, clock).map_err(|error| format!("[log] dir: {error}"))
 }
 
 /// The event loop's runtime, and a handler that it keeps.
-fn runtime() -> Result<(Runtime, unix::Signal), String> {
+pub(super) fn runtime() -> Result<(Runtime, unix::Signal), String> {
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()
@@ -121,18 +143,14 @@ fn end(outcome: Outcome) -> Exit {
     }
 }
 
-fn companion(args: &Args, mission: Mission, vehicle: &Vehicle, clock: &Clock) -> Result<Companion, String> {
-    usable_directory(&vehicle.log_dir).map_err(|error| format!("[log] dir: {error}"))?;
+fn companion(
+    args: &Args,
+    mission: Mission,
+    vehicle: &Vehicle,
+    clock: &Clock,
+    recording: &Recording,
+) -> Result<Companion, String> {
     let role = vehicle.role;
-    let name = role.key();
-    let link = |to: &str, peer_system, key_file: Option<&Path>| -> Result<LinkConfig, String> {
-        let signing = key_file.map(|path| signing(path, to, vehicle)).transpose()?;
-        let path = vehicle.log_dir.join(format!("{name}-{to}.tlog"));
-        let tlog = TlogWriter::create(&path).map_err(|error| error.to_string())?;
-        // Ground stations speak through the autopilot; nobody speaks through the peer.
-        let accept_foreign = to == AUTOPILOT;
-        Ok(LinkConfig { name: to.into(), peer_system, accept_foreign, signing, tlog: Some(tlog) })
-    };
     let boot_id = boot_id(clock);
     let mut settings = settings(&mission, vehicle, boot_id, args.start);
     let (orders, kept) =
@@ -142,25 +160,71 @@ fn companion(args: &Args, mission: Mission, vehicle: &Vehicle, clock: &Clock) ->
     let (autopilot, radio) = (&vehicle.autopilot, &vehicle.transmitter);
     let radio_system = radio.system_id.or(autopilot.system_id);
     let radio_link = match &radio.link {
-        Some(address) => Some((address.clone(), link(RADIO, radio_system, radio.key_file.as_deref())?)),
+        Some(address) => {
+            Some((address.clone(), link(recording, vehicle, RADIO, radio_system, radio.key_file.as_deref())?))
+        }
         None => None,
     };
     Ok(Companion {
         autopilot: (
             autopilot.link.clone(),
-            link(AUTOPILOT, autopilot.system_id, autopilot.key_file.as_deref())?,
+            link(recording, vehicle, AUTOPILOT, autopilot.system_id, autopilot.key_file.as_deref())?,
         ),
         radio: radio_link,
         pair: (
             vehicle.pair_link.clone(),
-            link(PAIR, vehicle.pair_peer_system, vehicle.key_file.as_deref())?,
+            link(recording, vehicle, PAIR, vehicle.pair_peer_system, vehicle.key_file.as_deref())?,
             pair_form(vehicle),
         ),
         transmitter: Transmitter::new(transmitter_settings(vehicle, boot_id), clock.now()),
         orders: Some(orders),
+        computer: has_own_time(args).then(|| vehicle.log_dir.clone()),
         settings,
-        planner: Box::new(move || planning::plan(&mission).map_err(|error| error.to_string())),
+        planner: planner(mission, clock.clone(), recording.clone()),
     })
+}
+
+/// By this machine's clock, and not by one that a simulation gives out: there nothing may depend on how the machine fares.
+fn has_own_time(args: &Args) -> bool {
+    #[cfg(feature = "desk")]
+    let given = args.clock_from_stdin;
+    #[cfg(not(feature = "desk"))]
+    let given = {
+        let _ = args;
+        false
+    };
+    !given
+}
+
+/// Makes the plan, and has it kept with the flight's logs.
+fn planner(
+    mission: Mission,
+    clock: Clock,
+    recording: Recording,
+) -> Box<dyn FnOnce() -> Result<Plan, String> + Send> {
+    Box::new(move || {
+        let options = planning::options(&mission);
+        let timed =
+            planning::plan_with(&mission, &options, || clock.now()).map_err(|error| error.to_string())?;
+        let plan = timed.plan.clone();
+        recording.keep_plan(mission, options, timed);
+        Ok(plan)
+    })
+}
+
+/// What the link called `to` is told.
+pub(super) fn link(
+    recording: &Recording,
+    vehicle: &Vehicle,
+    to: &str,
+    peer_system: Option<u8>,
+    key_file: Option<&Path>,
+) -> Result<LinkConfig, String> {
+    let signing = key_file.map(|path| signing(path, to, vehicle)).transpose()?;
+    let tlog = recording.tlog(&format!("{}-{to}.tlog", vehicle.role.key()))?;
+    // Ground stations speak through the autopilot; nobody speaks through the peer.
+    let accept_foreign = to == AUTOPILOT;
+    Ok(LinkConfig { name: to.into(), peer_system, accept_foreign, signing, tlog: Some(tlog) })
 }
 
 /// How the link called `to` signs. Each has a record of timestamps of its own, and a link id: with one key on several
@@ -181,6 +245,6 @@ fn signing(key_file: &Path, to: &str, vehicle: &Vehicle) -> Result<SigningConfig
 }
 
 /// Different at each start: the clock's microseconds, which no restart can repeat within 70 minutes.
-fn boot_id(clock: &Clock) -> u32 {
+pub(super) fn boot_id(clock: &Clock) -> u32 {
     (clock.utc().unix_us & u64::from(u32::MAX)) as u32
 }

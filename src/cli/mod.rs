@@ -14,6 +14,7 @@ macro_rules! eprint {
     }};
 }
 
+mod bench;
 #[cfg(feature = "desk")]
 mod calibrate;
 #[cfg(feature = "desk")]
@@ -22,11 +23,14 @@ mod check;
 mod evaluate;
 #[cfg(feature = "desk")]
 mod figures;
+mod flight_log;
 mod fly;
 mod interrupt;
+mod logs;
 mod plan;
 mod planning;
 mod radio;
+mod recording;
 #[cfg(feature = "desk")]
 mod report;
 mod schema;
@@ -39,6 +43,8 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand, ValueEnum};
 use tracing_subscriber::EnvFilter;
+use tracing_subscriber::layer::{Layer, SubscriberExt};
+use tracing_subscriber::util::SubscriberInitExt;
 
 /// How a command ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -103,6 +109,8 @@ enum Command {
     Campaign(campaign::Args),
     Fly(fly::Args),
     Radio(radio::Args),
+    Bench(bench::Args),
+    Logs(logs::Args),
     #[cfg(feature = "desk")]
     Report(report::Args),
     #[cfg(feature = "desk")]
@@ -114,7 +122,7 @@ enum Command {
 #[must_use]
 pub fn main() -> ExitCode {
     let cli = Cli::parse();
-    start_log(cli.log_format);
+    start_log(cli.log_format, matches!(cli.command, Command::Fly(_) | Command::Radio(_) | Command::Bench(_)));
     interrupt::watch();
     let exit = match &cli.command {
         Command::Check(args) => check::run(args),
@@ -128,6 +136,8 @@ pub fn main() -> ExitCode {
         Command::Campaign(args) => campaign::run(args),
         Command::Fly(args) => fly::run(args),
         Command::Radio(args) => radio::run(args),
+        Command::Bench(args) => bench::run(args),
+        Command::Logs(args) => logs::run(args),
         #[cfg(feature = "desk")]
         Command::Report(args) => report::run(args),
         #[cfg(feature = "desk")]
@@ -140,19 +150,23 @@ pub fn main() -> ExitCode {
 /// The log on stderr is JSON.
 static JSON_LOG: std::sync::atomic::AtomicBool = std::sync::atomic::AtomicBool::new(false);
 
-fn start_log(format: LogFormat) {
+fn start_log(format: LogFormat, recorded: bool) {
     JSON_LOG.store(matches!(format, LogFormat::Json), std::sync::atomic::Ordering::Relaxed);
     let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("info"));
-    let log = tracing_subscriber::fmt()
-        .with_env_filter(filter)
+    let lines = tracing_subscriber::fmt::layer()
         .with_writer(std::io::stderr)
         .with_target(false)
         // It would panic when stderr takes nothing: in flight, when the terminal or the pipe behind it is gone.
         .log_internal_errors(false);
-    match format {
-        LogFormat::Text => log.with_ansi(std::io::IsTerminal::is_terminal(&std::io::stderr())).init(),
-        LogFormat::Json => log.json().init(),
-    }
+    let lines = match format {
+        LogFormat::Text => lines.with_ansi(std::io::IsTerminal::is_terminal(&std::io::stderr())).boxed(),
+        LogFormat::Json => lines.json().boxed(),
+    };
+    // What records its flights has its log there too.
+    tracing_subscriber::registry()
+        .with(lines.with_filter(filter))
+        .with(recorded.then(flight_log::layer))
+        .init();
 }
 
 /// A line of progress on stderr: a record of the log where that is JSON.
@@ -187,6 +201,21 @@ fn print_text(text: &str) -> Exit {
         }
         _ => Exit::Done,
     }
+}
+
+/// Words in lines of at most so many characters; a longer word has a line of its own.
+fn folded(text: &str, width: usize) -> Vec<String> {
+    let mut lines = Vec::<String>::new();
+    for word in text.split_whitespace() {
+        match lines.last_mut() {
+            Some(line) if line.chars().count() + 1 + word.chars().count() <= width => {
+                line.push(' ');
+                line.push_str(word);
+            }
+            _ => lines.push(word.to_owned()),
+        }
+    }
+    lines
 }
 
 /// Loads a mission; warnings and errors go to stderr as `file:line:column: message`.

@@ -30,7 +30,16 @@ pub(crate) struct TimedPlan {
 /// Plans every slot of the mission.
 pub(crate) fn plan_mission(mission: &Mission, options: &Options) -> Result<TimedPlan, PlanningError> {
     let clock = Clock::real();
-    let planning::Timed { plan, planning_time } = planning::plan_with(mission, options, || clock.now())?;
+    assessed(mission, options, planning::plan_with(mission, options, || clock.now())?)
+}
+
+/// A plan with what each slot's rate leaves out.
+pub(crate) fn assessed(
+    mission: &Mission,
+    options: &Options,
+    timed: planning::Timed,
+) -> Result<TimedPlan, PlanningError> {
+    let planning::Timed { plan, planning_time } = timed;
     let bound_time = vec![Duration::ZERO; planning_time.len()];
     let score =
         EvaluateOptions { samples: ASSESSED_SAMPLES, seed: options.seed, ..EvaluateOptions::default() };

@@ -6,10 +6,10 @@ mod measure;
 
 use std::path::{Path, PathBuf};
 
+use super::recording::Recording;
 use super::{Exit, interrupt};
 use crate::config::RadioFile;
-use crate::config::file::usable_directory;
-use crate::link::{Clock, Form, Key, LinkConfig, SigningConfig, TlogWriter};
+use crate::link::{Clock, Form, Key, LinkConfig, SigningConfig};
 use crate::radio_device::{AnyDevice, Line, gpio};
 use crate::radio_host::Settings;
 use crate::radio_loop::{RadioProcess, Stopped, kept_kill};
@@ -54,11 +54,22 @@ fn host(file: &Path) -> Exit {
         Ok(runtime) => (runtime, Clock::real()),
         Err(error) => return unusable(&error),
     };
-    let process = match process(file, &radio, &clock) {
-        Ok(process) => process,
+    // Off before anything else can fail.
+    let line = match kill_line(file, &radio) {
+        Ok(line) => line,
         Err(error) => return unusable(&error),
     };
-    match runtime.block_on(process.run(clock, interrupt::requested())) {
+    let recording = match Recording::begin_radio(&radio, &clock) {
+        Ok(recording) => recording,
+        Err(error) => return unusable(&format!("[log] dir: {error}")),
+    };
+    let process = match process(&radio, line, &clock, &recording) {
+        Ok(process) => process,
+        Err(error) => return unusable(&recording.failed(error, &clock)),
+    };
+    let stopped = runtime.block_on(process.run(clock.clone(), interrupt::requested()));
+    recording.end_radio(&clock, &stopped);
+    match stopped {
         Ok(Stopped::Off) => Exit::Interrupted,
         Ok(Stopped::ByLine) => {
             eprintln!(
@@ -103,10 +114,12 @@ fn kill_line(file: &Path, radio: &RadioFile) -> Result<Option<Box<dyn Line>>, St
     gpio::open(&settings).map(Some).map_err(|error| format!("{}: [kill_line]: {error}", file.display()))
 }
 
-fn process(file: &Path, radio: &RadioFile, clock: &Clock) -> Result<RadioProcess<AnyDevice>, String> {
-    // Off before anything else can fail.
-    let line = kill_line(file, radio)?;
-    usable_directory(&radio.log_dir).map_err(|error| format!("[log] dir: {error}"))?;
+fn process(
+    radio: &RadioFile,
+    line: Option<Box<dyn Line>>,
+    clock: &Clock,
+    recording: &Recording,
+) -> Result<RadioProcess<AnyDevice>, String> {
     let kill_file = radio.log_dir.join("radio.kill");
     let killed = kept_kill(&kill_file).map_err(|error| error.to_string())?;
     if killed {
@@ -122,7 +135,7 @@ fn process(file: &Path, radio: &RadioFile, clock: &Clock) -> Result<RadioProcess
             unsigned_allowed: Vec::new(),
         }),
     };
-    let tlog = TlogWriter::create(&radio.log_dir.join("radio.tlog")).map_err(|error| error.to_string())?;
+    let tlog = recording.tlog("radio.tlog")?;
     let signed = signing.is_some();
     let link = LinkConfig {
         name: "radio".to_owned(),

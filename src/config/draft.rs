@@ -9,6 +9,7 @@ use nalgebra::Vector2;
 use crate::autopilot::{Actuation, FenceDuty, FirmwareChoice};
 use crate::geo::{Enu, Geodetic};
 use crate::link::{HostPort, LinkAddress};
+use crate::logbook::Limits as LogbookLimits;
 use crate::planner::problem::{Airframe, Airspace, JitterAxes, JitterModel, Method, Objective, Uncertainty};
 use crate::role::{PerVehicle, Role};
 use crate::schedule::order::Order;
@@ -433,6 +434,8 @@ pub struct VehicleDraft {
     pub limits: Limits,
     /// Directory for logs.
     pub log_dir: PathBuf,
+    /// What recorded flights may take there.
+    pub log_limits: LogLimits,
 }
 
 impl VehicleDraft {
@@ -450,12 +453,38 @@ impl VehicleDraft {
             pair_tunnel: false,
             limits: Limits::default(),
             log_dir: PathBuf::from("flight-logs"),
+            log_limits: LogLimits::default(),
         }
     }
 
     /// Before a file is read: what must be given is anything.
     pub(super) fn blank() -> Self {
         Self::new(Role::I, listening_on(14_600))
+    }
+}
+
+/// What recorded flights may take, in units of 10^6 bytes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct LogLimits {
+    /// All together.
+    pub max_mb: u64,
+    /// What they leave free on their disk.
+    pub min_free_mb: u64,
+}
+
+impl Default for LogLimits {
+    fn default() -> Self {
+        Self { max_mb: 8_000, min_free_mb: 500 }
+    }
+}
+
+impl LogLimits {
+    /// The same in bytes.
+    #[must_use]
+    pub fn in_bytes(self) -> LogbookLimits {
+        let [max_bytes, min_free_bytes] =
+            [self.max_mb, self.min_free_mb].map(|megabytes| megabytes.saturating_mul(1_000_000));
+        LogbookLimits { max_bytes, min_free_bytes }
     }
 }
 

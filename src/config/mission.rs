@@ -231,6 +231,12 @@ impl Mission {
         measured.then(|| self.document.to_toml())
     }
 
+    /// The mission as one file: as it was read, with the rows of measured patterns in it.
+    #[must_use]
+    pub fn to_file(&self) -> String {
+        self.with_rows().unwrap_or_else(|| self.document.text.to_string())
+    }
+
     /// The JSON Schema of the mission file.
     #[must_use]
     pub fn schema() -> Json {

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use super::draft::LogLimits;
 use crate::link::{HostPort, LinkAddress};
 use crate::radio_device::gpio::Electrical;
 use crate::radio_device::parameter::Unit;
@@ -307,6 +308,8 @@ pub struct RadioHostDraft {
     pub kill_line: Option<KillLineDraft>,
     /// Where the kill and the link's timestamps are kept.
     pub log_dir: PathBuf,
+    /// What recorded runs may take there.
+    pub log_limits: LogLimits,
 }
 
 impl RadioHostDraft {
@@ -343,6 +346,7 @@ impl RadioHostDraft {
             parameter: None,
             kill_line: None,
             log_dir: PathBuf::from("radio-logs"),
+            log_limits: LogLimits::default(),
         }
     }
 }

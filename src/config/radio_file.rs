@@ -6,7 +6,7 @@ use super::radio_draft::{
     ParameterDraft, RadioHostDraft,
 };
 use super::reader::Section;
-use super::vehicle_file::{PROTOCOL, PROTOCOLS};
+use super::vehicle_file::{PROTOCOL, PROTOCOLS, log_limits};
 use crate::link::LinkAddress;
 use crate::radio_device::gpio::Electrical;
 use crate::radio_device::parameter::Unit;
@@ -60,9 +60,10 @@ pub(super) fn describe(s: &mut Section<'_, '_>, draft: &mut RadioHostDraft) {
     s.table("log", "What is kept from one run to the next.", |s| {
         let mut dir = draft.log_dir.display().to_string();
         let sentence =
-            "Directory for the radio kill and the link's timestamps; relative to the working directory.";
+            "Directory for logs, the radio kill and the link's timestamps; relative to the working directory.";
         s.set("dir", sentence, PATH, &mut dir);
         draft.log_dir = dir.into();
+        log_limits(s, &mut draft.log_limits);
     });
 }
 

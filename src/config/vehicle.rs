@@ -89,6 +89,12 @@ impl Vehicle {
         self.document.to_toml()
     }
 
+    /// The text of the file as it was read; of a vehicle that was filled in, of one that says the same.
+    #[must_use]
+    pub fn to_file(&self) -> String {
+        if self.document.text.is_empty() { self.to_toml() } else { self.document.text.to_string() }
+    }
+
     /// An error at a setting, found by whoever uses it.
     pub(crate) fn error_at(&self, setting: &str, message: String, help: String) -> Diagnostics {
         let mut all = Diagnostics::new(&self.document.file, self.document.text.clone());

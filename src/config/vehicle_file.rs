@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::draft::{Autopilot, Limits, Transmitter, VehicleDraft};
+use super::draft::{Autopilot, Limits, LogLimits, Transmitter, VehicleDraft};
 use super::kind::{Choice, Flag, Integer, List, Number, Numbers, Parsed, Text};
 use super::mission_file::{climb, power, speed, tilt, tilt_rate};
 use super::reader::Section;
@@ -17,6 +17,8 @@ const LINK: Parsed<LinkAddress> = Parsed::new(
 );
 const NEWTONS: Number = Number::within("N", 0.01, 1e5);
 const ID: Integer = Integer { min: 1, max: 255 };
+/// Up to a petabyte.
+const MEGABYTES: Integer = Integer { min: 0, max: 1_000_000_000 };
 
 /// Reads, or checks, or describes, a whole vehicle file.
 pub(super) fn describe(s: &mut Section<'_, '_>, draft: &mut VehicleDraft) {
@@ -42,7 +44,24 @@ pub(super) fn describe(s: &mut Section<'_, '_>, draft: &mut VehicleDraft) {
         let mut dir = draft.log_dir.display().to_string();
         s.set("dir", "Directory for logs; relative to the working directory.", PATH, &mut dir);
         draft.log_dir = dir.into();
+        log_limits(s, &mut draft.log_limits);
     });
+}
+
+/// What recorded flights may take, here and in the radio file.
+pub(super) fn log_limits(s: &mut Section<'_, '_>, limits: &mut LogLimits) {
+    s.set(
+        "max_mb",
+        "What recorded flights may take together, in MB: beyond it the oldest go, never the one under way nor the last before it.",
+        MEGABYTES,
+        &mut limits.max_mb,
+    );
+    s.set(
+        "min_free_mb",
+        "What they leave free on their disk, in MB: below it the oldest go likewise.",
+        MEGABYTES,
+        &mut limits.min_free_mb,
+    );
 }
 
 fn pair(s: &mut Section<'_, '_>, draft: &mut VehicleDraft) {

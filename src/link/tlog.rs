@@ -1,24 +1,17 @@
 //! Telemetry logs as ground stations read them: before each frame its UTC in microseconds, 8 bytes, big-endian.
 //! Frames of both directions, without signatures (a signed log could be replayed, and is larger).
 
-use std::fs::{File, OpenOptions};
-use std::io::{self, BufReader, Read, Seek, SeekFrom, Write};
+use std::fs::File;
+use std::io::{self, BufReader, Read};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
-use std::thread::JoinHandle;
 
 use mavlink::{MAV_STX, MAV_STX_V2, consts};
 
 use super::frame::RawFrame;
+use crate::durable::append::{Append, Appender, Keeping};
 use crate::mission::Notice;
 use crate::time::Utc;
 
-/// Records that wait for the disk: some seconds of a busy link.
-const QUEUE_RECORDS: usize = 4096;
-/// What is written at once, about.
-const BATCH_BYTES: usize = 64 * 1024;
 const STAMP_BYTES: usize = 8;
 
 /// Why a telemetry log cannot be written or read.
@@ -53,14 +46,16 @@ pub enum TlogError {
 
 type Record = (Utc, RawFrame);
 
+impl Append for Record {
+    fn append_to(&self, batch: &mut Vec<u8>) {
+        append_record(batch, self.0, self.1.bytes());
+    }
+}
+
 /// Writes a telemetry log from a thread of its own: neither a slow nor a full disk holds up the caller.
 /// Dropping it writes what is still queued.
 #[derive(Debug)]
-pub struct TlogWriter {
-    queue: Option<SyncSender<Record>>,
-    dropped: Arc<AtomicU64>,
-    thread: Option<JoinHandle<()>>,
-}
+pub struct TlogWriter(Appender<Record>);
 
 impl TlogWriter {
     /// Creates the log, or empties the one that is there.
@@ -68,101 +63,36 @@ impl TlogWriter {
     /// # Errors
     /// [`TlogError::Create`].
     pub fn create(path: &Path) -> Result<Self, TlogError> {
+        Self::keep(path, Keeping::default())
+    }
+
+    /// Creates the log, to be kept like this.
+    ///
+    /// # Errors
+    /// [`TlogError::Create`].
+    pub fn keep(path: &Path, keeping: Keeping) -> Result<Self, TlogError> {
         let failed = |source| TlogError::Create { path: path.to_owned(), source };
-        let file = OpenOptions::new().write(true).create(true).truncate(true).open(path).map_err(failed)?;
-        let (queue, records) = sync_channel(QUEUE_RECORDS);
-        let dropped = Arc::new(AtomicU64::new(0));
-        let disk = Disk { file, path: path.to_owned(), good_bytes: 0, failing: false };
-        let lost = Arc::clone(&dropped);
-        let thread = std::thread::Builder::new()
-            .name("tlog".to_owned())
-            .spawn(move || disk.run(&records, &lost))
-            .map_err(failed)?;
-        Ok(Self { queue: Some(queue), dropped, thread: Some(thread) })
+        Appender::start(path, keeping, told).map(Self).map_err(failed)
     }
 
     /// Queues a frame, whose signature must be gone ([`RawFrame::without_signature`]). Never waits.
     pub fn record(&self, utc: Utc, frame: RawFrame) {
-        let queued = self.queue.as_ref().is_some_and(|queue| queue.try_send((utc, frame)).is_ok());
-        if !queued {
-            self.dropped.fetch_add(1, Ordering::Relaxed);
-        }
+        self.0.push((utc, frame));
     }
 
     /// Records lost so far: the disk was slow or full.
     #[must_use]
     pub fn dropped(&self) -> u64 {
-        self.dropped.load(Ordering::Relaxed)
+        self.0.dropped()
     }
 }
 
-impl Drop for TlogWriter {
-    fn drop(&mut self) {
-        // Without its sender the queue ends, and then the thread.
-        self.queue = None;
-        if let Some(thread) = self.thread.take() {
-            // It cannot have panicked, and if it had, there would be nothing left to save.
-            drop(thread.join());
-        }
-    }
-}
-
-/// The thread's side.
-struct Disk {
-    file: File,
-    path: PathBuf,
-    /// Up to here the file holds whole records.
-    good_bytes: u64,
-    failing: bool,
-}
-
-impl Disk {
-    fn run(mut self, records: &Receiver<Record>, lost: &AtomicU64) {
-        let mut batch = Vec::with_capacity(BATCH_BYTES + STAMP_BYTES + consts::MAX_FRAME_SIZE);
-        while let Ok(first) = records.recv() {
-            batch.clear();
-            let mut count = 0;
-            let mut next = Some(first);
-            while let Some((utc, frame)) = next {
-                append_record(&mut batch, utc, frame.bytes());
-                count += 1;
-                next = if batch.len() < BATCH_BYTES { records.try_recv().ok() } else { None };
-            }
-            match self.write(&batch) {
-                Ok(()) => self.report_recovery(),
-                Err(error) => {
-                    lost.fetch_add(count, Ordering::Relaxed);
-                    self.report_failure(&error);
-                }
-            }
-        }
-    }
-
-    /// Writes all of `batch` or, as far as the disk lets us, nothing: half a record would hide all that follow.
-    fn write(&mut self, batch: &[u8]) -> io::Result<()> {
-        let written = self.file.write_all(batch);
-        if written.is_err() {
-            // On a disk that takes neither, the next write fails as well, and is as well reported.
-            self.file.set_len(self.good_bytes).ok();
-            self.file.seek(SeekFrom::Start(self.good_bytes)).ok();
-        } else {
-            self.good_bytes += batch.len() as u64;
-        }
-        written
-    }
-
-    fn report_failure(&mut self, error: &io::Error) {
-        if !self.failing {
-            self.failing = true;
-            tracing::warn!(path = %self.path.display(), %error, "{}", Notice::LosingLog);
-        }
-    }
-
-    fn report_recovery(&mut self) {
-        if self.failing {
-            self.failing = false;
-            tracing::info!(path = %self.path.display(), "{}", Notice::LogTakenAgain);
-        }
+/// Says that the disk takes nothing, and that it takes records again.
+fn told(path: &Path, error: Option<&io::Error>) {
+    let path = path.display();
+    match error {
+        Some(error) => tracing::warn!(%path, %error, "{}", Notice::LosingLog),
+        None => tracing::info!(%path, "{}", Notice::LogTakenAgain),
     }
 }
 

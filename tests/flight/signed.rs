@@ -50,6 +50,7 @@ fn companion(role: Role, ports: [u16; 2], directory: &Path, clock: &Clock) -> Co
         transmitter: Transmitter::new(transmitter_settings(&vehicle, 1), clock.now()),
         settings: told,
         orders: None,
+        computer: None,
         planner: Box::new(move || Ok(plan)),
     }
 }

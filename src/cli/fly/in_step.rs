@@ -9,7 +9,7 @@ use std::pin::Pin;
 use tokio::runtime::Runtime;
 use tokio::sync::Notify;
 
-use super::{Args, companion, end, runtime};
+use super::{Args, companion, end, recording, runtime};
 use crate::cli::step::{Done, Order};
 use crate::cli::{Exit, interrupt};
 use crate::companion::CompanionError;
@@ -24,7 +24,11 @@ pub(super) fn fly(args: &Args, mission: Mission, vehicle: &Vehicle) -> Result<Ex
     let mut orders = stdin().lock();
     let (clock, hand) = begin(&mut orders)?;
     let (runtime, _handled) = runtime()?;
-    let companion = companion(args, mission, vehicle, &clock)?;
+    let recording = recording(args, &mission, vehicle, &clock)?;
+    let companion = match companion(args, mission, vehicle, &clock, &recording) {
+        Ok(companion) => companion,
+        Err(error) => return Err(recording.failed(error, &clock)),
+    };
     let asked = Notify::new();
     let stop = async {
         tokio::select! {
@@ -32,9 +36,10 @@ pub(super) fn fly(args: &Args, mission: Mission, vehicle: &Vehicle) -> Result<Ex
             () = asked.notified() => {}
         }
     };
-    let run = std::pin::pin!(companion.run(clock, stop));
+    let run = std::pin::pin!(companion.run(clock.clone(), stop));
     // Where nobody gives out time any more, nobody's time runs.
-    Ok(follow(orders, &hand, &runtime, run, &asked)?.map_or(Exit::Interrupted, end))
+    let outcome = follow(orders, &hand, &runtime, run, &asked);
+    recording.end(&clock, outcome.map(|outcome| outcome.unwrap_or(Outcome::Interrupted))).map(end)
 }
 
 /// No vehicle but a simulated one may live by a time that is made up.

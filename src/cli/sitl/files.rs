@@ -7,7 +7,7 @@ use serde::Serialize;
 use crate::companion::orders_file;
 use crate::config::file::{unwritable, usable_directory, write_whole};
 use crate::config::{Mission, Vehicle};
-use crate::desk::report::{self, Timeline};
+use crate::desk::report::{self, Timeline, directory};
 use crate::role::Role;
 
 use crate::cli::report::{REPORT, write};
@@ -27,6 +27,24 @@ impl Directory {
         );
         usable_directory(&path)?;
         Ok(Self { path, temporary: out.is_none() })
+    }
+
+    /// One for a flight that begins. A directory with a flight in it is refused, unless that is to go: then its files do.
+    pub fn of_flight(out: Option<&Path>, overwrite: bool) -> Result<Self, String> {
+        let directory = Self::new(out)?;
+        let earlier = flight_in(&directory.path);
+        if let Some(file) = earlier.first().filter(|_| !overwrite) {
+            return Err(format!(
+                "there is a flight in {} already ({}): give --out another directory, or --overwrite to lose that flight",
+                directory.path.display(),
+                file.display()
+            ));
+        }
+        for file in earlier {
+            let file = directory.path.join(file);
+            std::fs::remove_file(&file).map_err(|error| unwritable(&file, &error))?;
+        }
+        Ok(directory)
     }
 
     pub fn path(&self) -> &Path {
@@ -71,6 +89,21 @@ impl Drop for Directory {
             let _ = std::fs::remove_dir_all(&self.path);
         }
     }
+}
+
+/// The files of a simulated flight that are in a directory, without its plan: that may be a mission's alone.
+fn flight_in(directory: &Path) -> Vec<PathBuf> {
+    let Ok(found) = std::fs::read_dir(directory) else { return Vec::new() };
+    let is_flight_s = |name: &str| {
+        let log = name.starts_with("companion-") && name.ends_with(".log");
+        let named = ["summary.json", REPORT, directory::SCENE, directory::TIMELINE, directory::EVENTS];
+        log || name.ends_with(".tlog") || named.contains(&name)
+    };
+    let names = found.flatten().map(|file| file.file_name());
+    let mut names: Vec<PathBuf> =
+        names.filter(|name| name.to_str().is_some_and(is_flight_s)).map(PathBuf::from).collect();
+    names.sort();
+    names
 }
 
 /// Writes the vehicle file of one companion: loopback links, a simulated transmitter, with a link of its own if it has a

@@ -52,6 +52,9 @@ pub(super) struct Args {
     /// Keep plan, summary, logs and a .tlog of every link in this directory.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Fly into a directory that has a flight already: its files go.
+    #[arg(long, requires = "out")]
+    overwrite: bool,
     /// What goes wrong, a TOML file (config/faults.toml); what it leaves open is drawn by the mission's seed.
     #[arg(long, value_name = "FILE")]
     faults: Option<PathBuf>,
@@ -93,7 +96,7 @@ pub(super) fn run(args: &Args) -> Exit {
 
 fn fly(args: &Args, mission: &Mission, faults: &Faults) -> Result<Exit, String> {
     let wall = Clock::real();
-    let directory = files::Directory::new(args.out.as_deref())?;
+    let directory = files::Directory::of_flight(args.out.as_deref(), args.overwrite)?;
     let options = crate::planning::options(mission);
     let timed = plan_mission(mission, &options).map_err(|error| error.to_string())?;
     let plan = plan_document(mission, &options, &timed);

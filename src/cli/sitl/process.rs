@@ -138,7 +138,7 @@ pub(super) fn spawn_companion(
         None => vec!["--clock-from-stdin".to_owned()],
     };
     let mut child = Command::new(program)
-        .args(["--log-format", "json", "fly"])
+        .args(["--log-format", "json", "fly", "--log-dir-is-the-flight-s"])
         .arg(mission)
         .arg("--vehicle")
         .arg(vehicle)

@@ -120,11 +120,19 @@ fn frames(path: &Path, role: Role, events: &mut Vec<Event>) -> Result<Vec<(u64, 
     for record in TlogReader::open(path).map_err(failed)? {
         match record {
             Ok((utc, frame)) => frames.push((utc.unix_us, frame)),
-            Err(TlogError::Truncated { .. }) => {
+            // A power cut leaves half a record, or a block that was never written. What is no log from its beginning is none.
+            Err(error @ (TlogError::Truncated { .. } | TlogError::Damaged { .. }))
+                if !frames.is_empty() || matches!(error, TlogError::Truncated { .. }) =>
+            {
                 let name = path.file_name().unwrap_or_default().to_string_lossy();
                 let mut event = notice(f64::INFINITY, role, Severity::Warning, String::new());
                 event.kind = EventKind::Process;
-                event.text = format!("log {name} ends inside a record: its writer was cut off");
+                event.text = match error {
+                    TlogError::Damaged { offset } => {
+                        format!("log {name} is damaged at byte {offset}: read up to there")
+                    }
+                    _ => format!("log {name} ends inside a record: its writer was cut off"),
+                };
                 events.push(event);
             }
             Err(error) => return Err(failed(error)),
