@@ -99,7 +99,7 @@ fn spec_what_cannot_work_is_refused_with_a_reason() {
         (&["--own-radio-links"], "--own-radio-links"),
         (&["--device-ms", "20"], "--device-ms"),
         (&["--device-dead-ms", "soon"], "give milliseconds"),
-        (&["--radio-hosts", "smoke"], "smoke"),
+        (&["!", "--radio-hosts", "smoke"], "smoke"),
         (&["!", "--faults", faults], "befalls radio hosts, and there are none: give --radio-hosts KIND"),
         (&["!", "--device-goes-dark"], "--radio-hosts"),
     ];
