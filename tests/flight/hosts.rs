@@ -102,6 +102,16 @@ fn spec_a_device_without_its_host_goes_on_for_ever_unless_it_has_a_dead_man_of_i
         // I's lease outlives J's device by what the lease has left: S3's exception, and no more than it.
         let longest = if role == Role::I { 0.0 } else { 120.0 };
         assert!(saved.unprotected_ms <= longest, "{}", saved.flight.story());
+        let sooner = befallen(RadioFault::HostKill, role, device([20, 50], Some(100)), FOR_GOOD);
+        println!(
+            "{role}: unprotected {} ms at 400 ms, {} ms at 100 ms",
+            saved.unprotected_ms, sooner.unprotected_ms
+        );
+        assert_only_excused(&sooner, "quick dead-man");
+        match role {
+            Role::I => assert_eq!(sooner.unprotected_ms, 0.0),
+            Role::J => assert!(sooner.unprotected_ms > 100.0 && sooner.unprotected_ms <= 400.0),
+        }
         // A host that goes on finds its lease past, and turns its device off first of all.
         let stopped = befallen(RadioFault::HostStop, role, device([20, 50], None), FOR_A_WHILE);
         let off_after = stopped.off_after.unwrap();

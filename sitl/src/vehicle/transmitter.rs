@@ -20,7 +20,6 @@ pub use device::RadioDevice;
 use numbered::Numbered;
 pub(super) use numbered::{REPORT_CRC_EXTRA, REPORT_ID, Report};
 pub use outside::DevicePower;
-use outside::Outside;
 
 /// The component id of a payload radio (MAV_COMP_ID_TELEMETRY_RADIO).
 pub const COMPONENT: u8 = 68;
@@ -76,7 +75,7 @@ pub(crate) struct Transmitter {
     /// A fault: it has no power, and so is off and silent.
     pub dark: bool,
     /// Another device radiates in place of its own.
-    outside: Option<Outside>,
+    outside: Option<DevicePower>,
 }
 
 impl Transmitter {
@@ -118,12 +117,12 @@ impl Transmitter {
 
     /// What is on the air.
     pub fn emission(&self) -> Option<Emission> {
-        self.outside.map_or_else(|| self.device.emission(), Outside::emission)
+        self.outside.map_or_else(|| self.device.emission(), DevicePower::emission)
     }
 
     /// A device that is not simulated here radiates this from now on, in place of its own.
-    pub fn radiate_by(&mut self, power: Option<DevicePower>) {
-        self.outside = Some(Outside(power));
+    pub fn radiate_by(&mut self, power: DevicePower) {
+        self.outside = Some(power);
     }
 
     /// What is left of the command in force, as far as it is known: nobody here knows what another device was told.
@@ -166,7 +165,7 @@ impl Transmitter {
     /// Whether it radiates otherwise than a radio in order would by the same commands.
     pub fn is_out_of_order(&self) -> bool {
         if let Some(outside) = self.outside {
-            return outside.is_out_of_order();
+            return outside.astray;
         }
         let what = |emission: Option<Emission>| emission.map(|e| (e.power_dbm, e.slot));
         what(self.told) != what(self.due)

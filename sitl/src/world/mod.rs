@@ -236,9 +236,8 @@ impl World {
         }
     }
 
-    /// From now on a vehicle radiates what another device does, as its host says, and not what its own radio was told by MAVLink;
-    /// `None`: that device is off.
-    pub fn set_device_power(&mut self, vehicle: usize, power: Option<DevicePower>) {
+    /// From now on a vehicle radiates what another device does, as its host says, and not what its own radio was told by MAVLink.
+    pub fn set_device_power(&mut self, vehicle: usize, power: DevicePower) {
         let Some(target) = self.vehicles.get_mut(vehicle) else { return };
         let before = (target.transmitter().emission(), target.transmitter().is_out_of_order());
         target.transmitter_mut().radiate_by(power);

@@ -148,7 +148,9 @@ pub(super) async fn fly(mut setup: Setup<'_>) -> Result<Flight, String> {
     let clock = Clock::start(setup.speed).map_err(|error| error.to_string())?;
     if let Some(radios) = &mut radios {
         radios.serve(&clock);
-        Role::BOTH.into_iter().for_each(|role| setup.world.set_device_power(index(role), None));
+        Role::BOTH
+            .into_iter()
+            .for_each(|role| setup.world.set_device_power(index(role), DevicePower::default()));
     }
     let mut supervisor = Supervisor::new(setup.faults.clone(), setup.longest);
     let mut host = Host {
@@ -283,7 +285,7 @@ impl Host<'_> {
         let now = self.setup.world.now();
         let Some(radios) = &self.radios else { return };
         let (slot, astray) = (self.links.asked_slot(role), radios.is_astray(role, now));
-        let power = dbm.map(|dbm| DevicePower { dbm, slot, astray });
+        let power = DevicePower { dbm, slot, astray };
         self.on_air[role] = dbm;
         self.setup.world.set_device_power(index(role), power);
     }

@@ -123,7 +123,7 @@ impl Flight {
     /// ([`RadioPlace::OnItsOwn`](veilwing_sitl::RadioPlace::OnItsOwn)).
     pub fn host_radio(&mut self, role: Role, model: DeviceModel) {
         self.hosted[role] = Hosted::start(role, model, self.setup.seed, self.now);
-        self.world.set_device_power(index(role), None);
+        self.world.set_device_power(index(role), DevicePower::default());
     }
 
     /// The radio host aboard, if there is one.
@@ -170,7 +170,7 @@ impl Flight {
     fn radiate(&mut self, role: Role) {
         let Some(hosted) = &self.hosted[role] else { return };
         let astray = hosted.device().is_astray(self.now);
-        let power = hosted.device().power_dbm().map(|dbm| DevicePower { dbm, slot: hosted.slot(), astray });
+        let power = DevicePower { dbm: hosted.device().power_dbm(), slot: hosted.slot(), astray };
         self.world.set_device_power(index(role), power);
     }
 
