@@ -1,8 +1,9 @@
 //! The radio host's event loop: its link, its device and its clock around [`Host`].
 //!
 //! Outputs first, then inputs. The device is driven by a task of its own, so that nothing it does or does not do delays an
-//! expiry, an answer or an off. When it is told to stop, it is off, and was read back so, or has tried for
-//! [`STOP_WITHIN`], before it ends.
+//! expiry, an answer or an off. The kill line is driven from this loop itself, before the device is told anything: a loop that
+//! hangs does not feed a one-shot. When it is told to stop, it is off, and was read back so, or has tried for [`STOP_WITHIN`],
+//! before it ends.
 
 use std::future::Future;
 use std::io;
@@ -15,7 +16,7 @@ use tracing::{info, warn};
 use crate::durable::{Keeper, replace};
 use crate::link::envelope::Enclosed;
 use crate::link::{Aboard, Clock, Form, Link, LinkAddress, LinkConfig, LinkError};
-use crate::radio_device::{Device, drive};
+use crate::radio_device::{Device, Line, drive};
 use crate::radio_host::{Host, Notice, Said, Settings};
 use crate::time::Instant;
 use crate::transmitter::wire;
@@ -81,6 +82,8 @@ fn kill_text(killed: bool) -> &'static str {
 pub enum Stopped {
     /// The device was read back off.
     Off,
+    /// It was not; the kill line keeps it silent, as far as the line stays where it is without this program.
+    ByLine,
     /// It was not, and may radiate.
     MayRadiate,
 }
@@ -95,6 +98,8 @@ pub struct RadioProcess<D> {
     pub settings: Settings,
     /// What is driven.
     pub device: D,
+    /// Its kill line, driven off when it was opened; with [`Settings::line`], or neither.
+    pub line: Option<Box<dyn Line>>,
     /// Where a kill is kept.
     pub kill_file: PathBuf,
 }
@@ -116,8 +121,18 @@ impl<D: Device + 'static> RadioProcess<D> {
         let device = tokio::spawn(drive(self.device, orders_for_device, outcomes_of_device));
         let mut host = Host::new(self.settings, clock.now());
         let mut stop = std::pin::pin!(stop);
+        let mut line = self.line;
+        let mut line_obeys = true;
         let mut give_up_at: Option<Instant> = None;
         let stopped = loop {
+            while let Some(level) = host.poll_line() {
+                let driven = line.as_mut().map(|line| line.drive(level));
+                if let (Some(Err(error)), true) = (&driven, line_obeys) {
+                    warn!(%error, "the kill line does not obey");
+                }
+                line_obeys = matches!(driven, Some(Ok(())));
+                host.handle_line(level, line_obeys, clock.now());
+            }
             while let Some(order) = host.poll_order() {
                 // The task ends after this loop does.
                 let _ = orders.send(order);
@@ -133,6 +148,7 @@ impl<D: Device + 'static> RadioProcess<D> {
             }
             match give_up_at {
                 Some(_) if host.is_off() => break Stopped::Off,
+                Some(at) if at <= clock.now() && host.is_silent() => break Stopped::ByLine,
                 Some(at) if at <= clock.now() => break Stopped::MayRadiate,
                 _ => {}
             }

@@ -10,7 +10,7 @@ use super::{Exit, interrupt};
 use crate::config::RadioFile;
 use crate::config::file::usable_directory;
 use crate::link::{Clock, Form, Key, LinkConfig, SigningConfig, TlogWriter};
-use crate::radio_device::AnyDevice;
+use crate::radio_device::{AnyDevice, Line, gpio};
 use crate::radio_host::Settings;
 use crate::radio_loop::{RadioProcess, Stopped, kept_kill};
 use crate::transmitter::wire::WHOLE;
@@ -62,12 +62,19 @@ fn host(file: &Path) -> Exit {
         Ok(runtime) => (runtime, Clock::real()),
         Err(error) => return unusable(&error),
     };
-    let process = match process(&radio, &clock) {
+    let process = match process(file, &radio, &clock) {
         Ok(process) => process,
         Err(error) => return unusable(&error),
     };
     match runtime.block_on(process.run(clock, interrupt::requested())) {
         Ok(Stopped::Off) => Exit::Interrupted,
+        Ok(Stopped::ByLine) => {
+            eprintln!(
+                "error: the device was not read back off: the kill line keeps it silent, as far as its pull resistor does \
+                 without this program; cut its supply"
+            );
+            Exit::Bad
+        }
         Ok(Stopped::MayRadiate) => {
             eprintln!("error: the device was not read back off: it may radiate; cut its supply");
             Exit::Bad
@@ -98,7 +105,15 @@ fn load(loaded: Result<RadioFile, crate::config::Diagnostics>) -> Result<RadioFi
     }
 }
 
-fn process(radio: &RadioFile, clock: &Clock) -> Result<RadioProcess<AnyDevice>, String> {
+/// The file's kill line, driven off.
+fn kill_line(file: &Path, radio: &RadioFile) -> Result<Option<Box<dyn Line>>, String> {
+    let Some((settings, _)) = radio.kill_line() else { return Ok(None) };
+    gpio::open(&settings).map(Some).map_err(|error| format!("{}: [kill_line]: {error}", file.display()))
+}
+
+fn process(file: &Path, radio: &RadioFile, clock: &Clock) -> Result<RadioProcess<AnyDevice>, String> {
+    // Off before anything else can fail.
+    let line = kill_line(file, radio)?;
     usable_directory(&radio.log_dir).map_err(|error| format!("[log] dir: {error}"))?;
     let kill_file = radio.log_dir.join("radio.kill");
     let killed = kept_kill(&kill_file).map_err(|error| error.to_string())?;
@@ -136,11 +151,12 @@ fn process(radio: &RadioFile, clock: &Clock) -> Result<RadioProcess<AnyDevice>, 
         facts: radio.facts(),
         scale: radio.scale.clone(),
         below_db: radio.device.tolerance_db,
+        line: radio.kill_line().map(|(_, times)| times),
         killed,
         seed,
         clock_began_ms: u32::try_from(seed / 1000 % u64::from(WHOLE)).unwrap_or_default(),
     };
-    let device = radio.device().ok_or("the file names no device")?;
+    let device = radio.device(clock).ok_or("the file names no device")?;
     let form = if radio.tunnel { Form::Tunnel { to_system: 0 } } else { Form::Plain };
-    Ok(RadioProcess { link: (radio.address.clone(), link), form, settings, device, kill_file })
+    Ok(RadioProcess { link: (radio.address.clone(), link), form, settings, device, line, kill_file })
 }

@@ -14,9 +14,9 @@ use super::radio_file;
 use super::reader::Section;
 use super::reading;
 use super::vehicle_links::key_file_fault;
-use crate::link::{HostPort, LinkAddress};
-use crate::radio_device::{AnyDevice, Reading, at, attenuator, command, json_rpc};
-use crate::radio_host::{Facts, MOST_SETTINGS, Point, Scale, ScaleError, points_of_csv};
+use crate::link::{Clock, HostPort, LinkAddress};
+use crate::radio_device::{AnyDevice, Reading, at, attenuator, command, gpio, json_rpc, parameter};
+use crate::radio_host::{Facts, LineTimes, MOST_SETTINGS, Point, Scale, ScaleError, Silence, points_of_csv};
 
 /// A validated radio file: its settings, which are read as its own fields ([`RadioHostDraft`]), and the scale of its device.
 #[derive(Debug, Clone)]
@@ -105,21 +105,38 @@ impl RadioFile {
     #[must_use]
     pub fn facts(&self) -> Facts {
         let device = &self.draft.device;
-        let time = |ms: f64| Duration::from_secs_f64(ms * 1e-3);
+        let oneshot_ms = self.draft.kill_line.as_ref().and_then(|line| line.oneshot_ms);
         Facts {
             least_dbm: self.scale.least_dbm(),
             most_dbm: self.scale.most_dbm(),
             off: time(device.off_ms),
             change: time(device.change_ms),
             reads_back: self.reads_back(),
-            dead: device.dead_ms.map(time),
+            dead: device.dead_ms.or(oneshot_ms).map(time),
             band_khz: device.band_khz,
         }
     }
 
+    /// The kill line, if there is one: which it is, and what its hardware does.
+    #[must_use]
+    pub fn kill_line(&self) -> Option<(gpio::Settings, LineTimes)> {
+        let line = self.draft.kill_line.as_ref()?;
+        let which = match (line.line, &line.name) {
+            (Some(offset), _) => gpio::Which::Offset(u32::try_from(offset).unwrap_or(u32::MAX)),
+            (None, name) => gpio::Which::Name(name.clone()?),
+        };
+        let silence = match (line.silent_ms, line.oneshot_ms) {
+            (Some(ms), _) => Silence::AtLevel(time(ms)),
+            (None, Some(ms)) => Silence::WithoutEdges(time(ms)),
+            (None, None) => Silence::Unknown,
+        };
+        let settings = gpio::Settings { chip: line.chip.clone(), line: which, off_level: line.off_level };
+        Some((settings, LineTimes { silence, alone: has_no_off(&self.draft) }))
+    }
+
     /// The device, not spoken to yet. `None` never comes of a file that was validated.
     #[must_use]
-    pub fn device(&self) -> Option<AnyDevice> {
+    pub fn device(&self, clock: &Clock) -> Option<AnyDevice> {
         let draft = &self.draft;
         Some(match draft.device.kind {
             DeviceKind::Command => {
@@ -156,6 +173,20 @@ impl RadioFile {
                     off_reads: at.off_reads,
                 }))
             }
+            DeviceKind::Parameter => {
+                let radio = draft.parameter.as_ref()?;
+                let weakest = self.scale.settings().iter().min_by(|a, b| a.dbm.total_cmp(&b.dbm))?;
+                let settings = parameter::Settings {
+                    link: radio.address.clone(),
+                    own: (draft.system_id, draft.component_id),
+                    target: (radio.system_id, radio.component_id),
+                    name: radio.name.clone(),
+                    protocol: radio.protocol,
+                    unit: radio.unit,
+                    off: radio.off_value.map_or(parameter::Off::Least(weakest.value), parameter::Off::Value),
+                };
+                AnyDevice::Parameter(Box::new(parameter::ByParameter::new(settings, clock.clone())))
+            }
         })
     }
 
@@ -170,8 +201,19 @@ impl RadioFile {
                 draft.json_rpc.as_ref().is_some_and(|radio| radio.read.is_some() || radio.set.is_none())
             }
             DeviceKind::At => draft.at.as_ref().is_some_and(|at| at.reads_back),
+            DeviceKind::Parameter => true,
         }
     }
+}
+
+fn time(ms: f64) -> Duration {
+    Duration::from_secs_f64(ms * 1e-3)
+}
+
+/// Whether only a kill line can silence the device.
+fn has_no_off(draft: &RadioHostDraft) -> bool {
+    draft.device.kind == DeviceKind::Parameter
+        && draft.parameter.as_ref().is_some_and(|parameter| parameter.off_value.is_none())
 }
 
 fn programs(draft: &CommandDraft) -> command::Settings {
@@ -263,6 +305,7 @@ fn check(draft: &RadioHostDraft, file: &mut Document) {
     tables(draft, file);
     device(draft, file);
     addresses(draft, file);
+    off(draft, file);
     if draft.key_file.is_none()
         && !draft.address.is_point_to_point()
         && file.sound(&["link.address", "link.key_file"])
@@ -282,7 +325,7 @@ fn tables(draft: &RadioHostDraft, file: &mut Document) {
         return;
     }
     let wanted = draft.device.kind;
-    for kind in [DeviceKind::Command, DeviceKind::Attenuator, DeviceKind::JsonRpc, DeviceKind::At] {
+    for kind in DeviceKind::ALL {
         let key = kind.key();
         let given = file.given(key);
         if kind == wanted && !given {
@@ -335,6 +378,53 @@ fn device(draft: &RadioHostDraft, file: &mut Document) {
             "device.band_khz",
             format!("the band ends at {to} kHz, where it begins or before, {from} kHz"),
             "swap them",
+        );
+    }
+}
+
+/// There is an off, and it comes in the time that the file declares.
+fn off(draft: &RadioHostDraft, file: &mut Document) {
+    if !file.sound(&["device", "parameter", "kill_line"]) {
+        return;
+    }
+    let Some(line) = &draft.kill_line else {
+        if has_no_off(draft) {
+            file.missing(
+                file.at("parameter"),
+                "nothing silences the radio: the parameter has no off value, and there is no kill line".to_owned(),
+                "give [kill_line] with silent_ms or oneshot_ms, or off_value, if there is a value at which nothing is radiated"
+                    .to_owned(),
+            );
+        }
+        return;
+    };
+    let off_ms = draft.device.off_ms;
+    match line.silent_ms.or(line.oneshot_ms) {
+        None if has_no_off(draft) => file.missing(
+            file.at("kill_line"),
+            "off is the kill line's alone, and nothing says how long it takes".to_owned(),
+            "give silent_ms, or oneshot_ms where a one-shot is behind it: measure it".to_owned(),
+        ),
+        None => file.warning(
+            file.at("kill_line"),
+            "nothing says how long the line takes: it is driven, but a device that does not answer is not known to be off"
+                .to_owned(),
+            "give silent_ms, or oneshot_ms where a one-shot is behind it: measure it".to_owned(),
+        ),
+        Some(ms) if has_no_off(draft) && ms > off_ms => file.error(
+            file.at("device.off_ms"),
+            format!("`off_ms` is {off_ms}, and off is the kill line's alone, which takes {ms} ms"),
+            format!("give off_ms = {ms} or more, or hardware that is faster"),
+        ),
+        Some(_) => {}
+    }
+    if let (Some(dead_ms), Some(oneshot_ms)) = (draft.device.dead_ms, line.oneshot_ms)
+        && dead_ms < oneshot_ms
+    {
+        file.warning(
+            file.at("device.dead_ms"),
+            format!("`dead_ms` is {dead_ms}, and the kill line's one-shot holds for {oneshot_ms} ms"),
+            "remove it, unless something else silences the radio sooner".to_owned(),
         );
     }
 }

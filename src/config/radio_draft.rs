@@ -3,6 +3,9 @@
 use std::path::PathBuf;
 
 use crate::link::{HostPort, LinkAddress};
+use crate::radio_device::gpio::Electrical;
+use crate::radio_device::parameter::Unit;
+use crate::transmitter::Protocol;
 
 /// Which protocol drives the device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -15,9 +18,15 @@ pub enum DeviceKind {
     JsonRpc,
     /// AT commands.
     At,
+    /// A MAVLink parameter.
+    Parameter,
 }
 
 impl DeviceKind {
+    /// All of them.
+    pub(super) const ALL: [Self; 5] =
+        [Self::Command, Self::Attenuator, Self::JsonRpc, Self::At, Self::Parameter];
+
     /// As the file spells it, and its table.
     #[must_use]
     pub fn key(self) -> &'static str {
@@ -26,6 +35,7 @@ impl DeviceKind {
             Self::Attenuator => "attenuator",
             Self::JsonRpc => "json_rpc",
             Self::At => "at",
+            Self::Parameter => "parameter",
         }
     }
 }
@@ -197,6 +207,69 @@ impl Default for AtDraft {
     }
 }
 
+/// A radio with a power parameter.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ParameterDraft {
+    /// Where it is.
+    pub address: LinkAddress,
+    /// Its MAVLink system.
+    pub system_id: u8,
+    /// Its component.
+    pub component_id: u8,
+    /// The parameter.
+    pub name: String,
+    /// How it is set.
+    pub protocol: Protocol,
+    /// What its value is.
+    pub unit: Unit,
+    /// The value that is off; `None`: there is none.
+    pub off_value: Option<f64>,
+}
+
+impl Default for ParameterDraft {
+    fn default() -> Self {
+        Self {
+            address: port(14_550),
+            system_id: 1,
+            component_id: crate::radio_host::COMPONENT,
+            name: String::new(),
+            protocol: Protocol::Extended,
+            unit: Unit::Setting,
+            off_value: None,
+        }
+    }
+}
+
+/// A kill line.
+#[derive(Debug, Clone, PartialEq)]
+pub struct KillLineDraft {
+    /// The chip's device file.
+    pub chip: PathBuf,
+    /// The line's offset.
+    pub line: Option<u64>,
+    /// Or its name.
+    pub name: Option<String>,
+    /// The level at which the transmitter is silent.
+    pub off_level: Electrical,
+    /// From that level to silence, at the longest.
+    pub silent_ms: Option<f64>,
+    /// For how long an edge holds, at the longest.
+    pub oneshot_ms: Option<f64>,
+}
+
+impl Default for KillLineDraft {
+    fn default() -> Self {
+        Self {
+            chip: PathBuf::from("/dev/gpiochip0"),
+            line: None,
+            name: None,
+            off_level: Electrical::Low,
+            silent_ms: None,
+            oneshot_ms: None,
+        }
+    }
+}
+
 /// A whole radio file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RadioHostDraft {
@@ -228,6 +301,10 @@ pub struct RadioHostDraft {
     pub json_rpc: Option<JsonRpcDraft>,
     /// A modem.
     pub at: Option<AtDraft>,
+    /// A radio with a power parameter.
+    pub parameter: Option<ParameterDraft>,
+    /// A kill line, beside any of them.
+    pub kill_line: Option<KillLineDraft>,
     /// Where the kill and the link's timestamps are kept.
     pub log_dir: PathBuf,
 }
@@ -263,6 +340,8 @@ impl RadioHostDraft {
             attenuator: None,
             json_rpc: None,
             at: None,
+            parameter: None,
+            kill_line: None,
             log_dir: PathBuf::from("radio-logs"),
         }
     }

@@ -2,10 +2,14 @@
 
 use super::kind::{Choice, Flag, Integer, List, Number, Numbers, Parsed, Text};
 use super::radio_draft::{
-    AtDraft, AttenuatorDraft, CommandDraft, DeviceDraft, DeviceKind, JsonRpcDraft, RadioHostDraft,
+    AtDraft, AttenuatorDraft, CommandDraft, DeviceDraft, DeviceKind, JsonRpcDraft, KillLineDraft,
+    ParameterDraft, RadioHostDraft,
 };
 use super::reader::Section;
+use super::vehicle_file::{PROTOCOL, PROTOCOLS};
 use crate::link::LinkAddress;
+use crate::radio_device::gpio::Electrical;
+use crate::radio_device::parameter::Unit;
 
 const PATH: Text = Text { max_chars: 4096 };
 const LINE: Text = Text { max_chars: 2000 };
@@ -49,6 +53,10 @@ pub(super) fn describe(s: &mut Section<'_, '_>, draft: &mut RadioHostDraft) {
     s.set_optional_table("attenuator", "For kind \"attenuator\".", &mut draft.attenuator, attenuator);
     s.set_optional_table("json_rpc", "For kind \"json_rpc\".", &mut draft.json_rpc, json_rpc);
     s.set_optional_table("at", "For kind \"at\".", &mut draft.at, at);
+    s.set_optional_table("parameter", "For kind \"parameter\".", &mut draft.parameter, parameter);
+    let sentence = "A line to the transmitter's enable, beside a device of any kind: it goes off with every off, and needs no \
+                    answer of the device's. Linux alone.";
+    s.set_optional_table("kill_line", sentence, &mut draft.kill_line, kill_line);
     s.table("log", "What is kept from one run to the next.", |s| {
         let mut dir = draft.log_dir.display().to_string();
         let sentence =
@@ -102,9 +110,10 @@ fn device(s: &mut Section<'_, '_>, device: &mut DeviceDraft) {
         ("attenuator", DeviceKind::Attenuator),
         ("json_rpc", DeviceKind::JsonRpc),
         ("at", DeviceKind::At),
+        ("parameter", DeviceKind::Parameter),
     ]);
-    let sentence = "How it is driven: by programs, as an attenuator, by JSON over HTTP, by AT commands; with a table of \
-                    that name.";
+    let sentence = "How it is driven: by programs, as an attenuator, by JSON over HTTP, by AT commands, by a MAVLink \
+                    parameter; with a table of that name.";
     s.set_required("kind", sentence, kinds, &mut device.kind);
     s.set_optional(
         "least",
@@ -149,7 +158,8 @@ fn device(s: &mut Section<'_, '_>, device: &mut DeviceDraft) {
     );
     s.set_optional(
         "dead_ms",
-        "The longest until the device is silent by itself when this program dies. Unset: never.",
+        "The longest until the device is silent by itself when this program dies. Unset: what the kill line's one-shot \
+         holds; without one, never.",
         MS,
         &mut device.dead_ms,
     );
@@ -267,4 +277,49 @@ fn at(s: &mut Section<'_, '_>, modem: &mut AtDraft) {
     s.set("read_off", "Says whether it is off.", LINE, &mut modem.read_off);
     s.set("read_off_after", "What stands before that.", LINE, &mut modem.read_off_after);
     s.set("off_reads", "The number that means off.", SETTING, &mut modem.off_reads);
+}
+
+fn parameter(s: &mut Section<'_, '_>, parameter: &mut ParameterDraft) {
+    let (mut system, mut component) = (u64::from(parameter.system_id), u64::from(parameter.component_id));
+    s.set_required("address", "Where the radio is, or comes from.", LINK, &mut parameter.address);
+    s.set_required("system_id", "MAVLink system of the radio on that link.", ID, &mut system);
+    s.set("component_id", "Its MAVLink component.", ID, &mut component);
+    (parameter.system_id, parameter.component_id) = (byte(system), byte(component));
+    s.set_required("name", "Name of the power parameter.", Text { max_chars: 16 }, &mut parameter.name);
+    s.set("protocol", PROTOCOL, Choice(&PROTOCOLS), &mut parameter.protocol);
+    let units = Choice(&[("setting", Unit::Setting), ("mW", Unit::Milliwatt), ("W", Unit::Watt)]);
+    let sentence =
+        "What its value is: the setting itself (dBm, a level), or, of settings in dBm, \"mW\" or \"W\".";
+    s.set("unit", sentence, units, &mut parameter.unit);
+    let sentence = "The value at which nothing is radiated. Unset: there is none, off is the kill line's, and the device is told \
+                    its weakest setting.";
+    s.set_optional("off_value", sentence, Number::within("", -1e6, 1e6), &mut parameter.off_value);
+}
+
+fn kill_line(s: &mut Section<'_, '_>, line: &mut KillLineDraft) {
+    let mut chip = line.chip.display().to_string();
+    s.set_required(
+        "chip",
+        "The chip's device file, /dev/gpiochipN; `gpiodetect` lists them.",
+        PATH,
+        &mut chip,
+    );
+    line.chip = chip.into();
+    let offsets = Integer { min: 0, max: 65_535 };
+    s.set_optional("line", "The line's offset on the chip.", offsets, &mut line.line);
+    let sentence = "The line's name, in place of its offset; `gpioinfo` shows it.";
+    s.set_optional("name", sentence, Text { max_chars: 31 }, &mut line.name);
+    s.alternatives(&[&["line"], &["name"]], true);
+    let levels = Choice(&[("low", Electrical::Low), ("high", Electrical::High)]);
+    let sentence =
+        "The level at which the transmitter is silent, which must be that of the board's pull resistor.";
+    s.set_required("off_level", sentence, levels, &mut line.off_level);
+    let sentence = "The longest from that level to silence. Unset, without oneshot_ms: the line is driven, and its off proves \
+                    nothing.";
+    s.set_optional("silent_ms", sentence, MS, &mut line.silent_ms);
+    let sentence = "Behind the line is a retriggered one-shot, which lets the transmitter radiate for at most so long after an \
+                    edge away from off_level, whatever level the line stays at. While it radiates the line has six edges in \
+                    that time.";
+    s.set_optional("oneshot_ms", sentence, MS, &mut line.oneshot_ms);
+    s.excludes("oneshot_ms", "silent_ms");
 }

@@ -244,6 +244,12 @@ fn transmitter(s: &mut Section<'_, '_>, transmitter: &mut Transmitter) {
     };
 }
 
+/// How a power parameter is set, here and in the radio file.
+pub(super) const PROTOCOLS: [(&str, Protocol); 3] =
+    [("ext", Protocol::Extended), ("classic", Protocol::Classic), ("bytewise", Protocol::Bytewise)];
+pub(super) const PROTOCOL: &str = "\"ext\": PARAM_EXT_SET; \"classic\": PARAM_SET, integers as floats (C cast); \"bytewise\": \
+                                   PARAM_SET, integers byte by byte.";
+
 /// The settings of a transmitter's power parameter, and whether they suffice if it is `used`.
 fn parameter(s: &mut Section<'_, '_>, parameter: &mut Option<PowerParameter>, used: bool) {
     let mut name = parameter.as_ref().map(|parameter| parameter.name.clone());
@@ -256,8 +262,7 @@ fn parameter(s: &mut Section<'_, '_>, parameter: &mut Option<PowerParameter>, us
         Some(Unit::Levels(levels)) => ("levels", levels),
     };
     s.set_optional("name", "Name of the power parameter.", Text { max_chars: 16 }, &mut name);
-    let protocols = Choice(&[("ext", Protocol::Extended), ("classic", Protocol::Classic)]);
-    s.set("protocol", "\"ext\": PARAM_EXT_SET; \"classic\": PARAM_SET.", protocols, &mut protocol);
+    s.set("protocol", PROTOCOL, Choice(&PROTOCOLS), &mut protocol);
     let units = Choice(&[("W", "W"), ("mW", "mW"), ("dBm", "dBm"), ("levels", "levels")]);
     s.set("unit", "Unit of the power parameter.", units, &mut unit);
     let value = Number::within("", -1e6, 1e6);

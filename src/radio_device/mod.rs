@@ -5,15 +5,19 @@
 //! ([`worker::drive`]): what is under way is dropped, connection and all, so that whatever a device still has to say to the
 //! old order is not taken for an answer to the new one.
 //!
+//! A kill line ([`Line`]) is none of them, and goes with any: it is driven by whoever gives the orders, at once.
+//!
 //! What is read from a device is bounded ([`MOST_BYTES`]). Each backend's module says what its makers' documents say, and what
 //! the device cannot do.
 
 pub mod at;
 pub mod attenuator;
 pub mod command;
+pub mod gpio;
 mod http;
 pub mod json_rpc;
 mod lines;
+pub mod parameter;
 mod reading;
 mod template;
 mod worker;
@@ -24,7 +28,7 @@ use std::io;
 pub use reading::Reading;
 pub use worker::drive;
 
-use crate::radio_host::Fault;
+use crate::radio_host::{Fault, Level};
 
 /// The most that is read of one answer of a device's.
 pub const MOST_BYTES: usize = 64 * 1024;
@@ -42,6 +46,15 @@ pub trait Device: Send {
     /// # Errors
     /// It is not certainly there.
     fn set(&mut self, setting: f64) -> impl Future<Output = Result<Option<f64>, DeviceError>> + Send;
+}
+
+/// A wire to the transmitter's enable, which needs no answer of anybody's.
+pub trait Line: std::fmt::Debug + Send {
+    /// At `level`, read back where that can be. Takes no longer than a register does to be written.
+    ///
+    /// # Errors
+    /// It is not certainly there.
+    fn drive(&mut self, level: Level) -> Result<(), gpio::LineError>;
 }
 
 /// What went wrong, for the log.
@@ -101,6 +114,8 @@ pub enum AnyDevice {
     JsonRpc(json_rpc::JsonRpc),
     /// A modem.
     At(at::Modem),
+    /// A radio with a power parameter.
+    Parameter(Box<parameter::ByParameter>),
 }
 
 impl Device for AnyDevice {
@@ -110,6 +125,7 @@ impl Device for AnyDevice {
             Self::Attenuator(device) => device.off().await,
             Self::JsonRpc(device) => device.off().await,
             Self::At(device) => device.off().await,
+            Self::Parameter(device) => device.off().await,
         }
     }
 
@@ -119,6 +135,7 @@ impl Device for AnyDevice {
             Self::Attenuator(device) => device.set(setting).await,
             Self::JsonRpc(device) => device.set(setting).await,
             Self::At(device) => device.set(setting).await,
+            Self::Parameter(device) => device.set(setting).await,
         }
     }
 }

@@ -15,6 +15,7 @@ use super::clock::RadioClock;
 use super::counters::Counters;
 use super::facts::Facts;
 use super::kill::Kill;
+use super::line::{Level, LineTimes};
 use super::notice::Notice;
 use super::rig::{Fault, Order, OrderId, Outcome, Rig, Times, Turn};
 use super::scale::Scale;
@@ -57,6 +58,8 @@ pub struct Settings {
     pub scale: Scale,
     /// How far below the power that was set it may be read back, in dB.
     pub below_db: f64,
+    /// Its kill line, if it has one.
+    pub line: Option<LineTimes>,
     /// A radio kill of an earlier process holds.
     pub killed: bool,
     /// What series are drawn by; another at each start.
@@ -102,7 +105,7 @@ impl Host {
         Self {
             clock: RadioClock::new(settings.clock_began_ms),
             series: Series::new(settings.seed),
-            rig: Rig::new(settings.scale.clone(), times, settings.below_db, now),
+            rig: Rig::new(settings.scale.clone(), times, settings.below_db, settings.line, now),
             lease: None,
             kill: Kill::new(settings.killed),
             answers: Answers::default(),
@@ -157,6 +160,13 @@ impl Host {
         self.follow(turn, now);
     }
 
+    /// Takes whether the kill line was driven as [`Self::poll_line`] said, and read back where that can be.
+    pub fn handle_line(&mut self, level: Level, obeyed: bool, now: Instant) {
+        self.run_out(now);
+        let turn = self.rig.handle_line(level, obeyed, now);
+        self.follow(turn, now);
+    }
+
     /// Does what is due at `now`.
     pub fn handle_timeout(&mut self, now: Instant) {
         self.run_out(now);
@@ -185,6 +195,12 @@ impl Host {
         self.rig.is_off()
     }
 
+    /// Whether nothing is radiated, by the device's word or by the kill line.
+    #[must_use]
+    pub fn is_silent(&self) -> bool {
+        self.rig.is_silent()
+    }
+
     /// The next message to send.
     pub fn poll_transmit(&mut self) -> Option<Said> {
         self.out.pop_front()
@@ -193,6 +209,11 @@ impl Host {
     /// The next order for the device: it pre-empts the one before.
     pub fn poll_order(&mut self) -> Option<(OrderId, Order)> {
         self.rig.poll_order()
+    }
+
+    /// The next level of the kill line, before any order for the device.
+    pub fn poll_line(&mut self) -> Option<Level> {
+        self.rig.poll_line()
     }
 
     /// What the operator should know; it is also sent as STATUSTEXT.
@@ -284,7 +305,7 @@ impl Host {
         let asked_dbm = f64::from(command.param1);
         if asked_dbm == f64::NEG_INFINITY {
             self.silence(now);
-            return self.rig.fault().map(result_of);
+            return self.rig.fault().filter(|_| !self.rig.is_silent()).map(result_of);
         }
         let expires_ms = command.y.cast_unsigned();
         let ahead_ms = self.clock.ahead_ms(expires_ms, now);
@@ -340,14 +361,20 @@ impl Host {
         match turn {
             Turn::Nothing => {}
             Turn::Stale => self.counters.stale_outcomes += 1,
-            Turn::Silent if !self.was_silent => {
+            Turn::Cut if self.rig.fault().is_some_and(|fault| fault != Fault::Line) => self.tell_of_line(),
+            Turn::Silent | Turn::Cut if !self.was_silent => {
                 self.was_silent = true;
                 self.tell(Notice::Silent);
             }
-            Turn::Silent | Turn::Reached => {}
+            Turn::Silent | Turn::Cut | Turn::Reached => {}
             Turn::Failed(fault) => {
                 let was_on = self.lease.take().is_some();
-                self.tell(if was_on { Notice::Fault(fault) } else { Notice::MayRadiate(fault) });
+                match fault {
+                    _ if was_on => self.tell(Notice::Fault(fault)),
+                    Fault::Line if self.rig.is_silent() => self.tell(Notice::Fault(fault)),
+                    _ if self.rig.is_cut() => self.tell_of_line(),
+                    _ => self.tell(Notice::MayRadiate(fault)),
+                }
                 for waiting in self.answers.take(|_| true) {
                     self.answer(waiting, result_of(fault), now);
                 }
@@ -356,13 +383,20 @@ impl Host {
         self.answer_settled(now);
     }
 
+    /// Says that the line alone keeps the radio silent, and why it has to.
+    fn tell_of_line(&mut self) {
+        if let Some(fault) = self.rig.fault() {
+            self.tell(Notice::ByLine(fault));
+        }
+    }
+
     /// Answers what waited for the device to be where it is.
     pub(super) fn answer_settled(&mut self, now: Instant) {
-        let (reached, off) = (self.rig.is_reached(), self.rig.was_off());
+        let (reached, off) = (self.rig.is_reached(), self.rig.is_silent());
         for waiting in self.answers.take(|waiting| reached || off && waiting.off) {
             self.answer(waiting, Result::VEILWING_RADIO_RESULT_ACCEPTED, now);
         }
-        if self.rig.is_off() {
+        if self.rig.is_silent() && !self.rig.is_wanted_on() {
             for answer in self.kill.answers() {
                 self.say(answer);
             }
@@ -422,7 +456,9 @@ impl Host {
 fn result_of(fault: Fault) -> Result {
     match fault {
         Fault::Late => Result::VEILWING_RADIO_RESULT_DEVICE_LATE,
-        Fault::Unreachable | Fault::Refused | Fault::Garbled => Result::VEILWING_RADIO_RESULT_DEVICE_ERROR,
+        Fault::Unreachable | Fault::Refused | Fault::Garbled | Fault::Line => {
+            Result::VEILWING_RADIO_RESULT_DEVICE_ERROR
+        }
         Fault::OtherPower | Fault::StillOn => Result::VEILWING_RADIO_RESULT_OTHER_POWER,
     }
 }

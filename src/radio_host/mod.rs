@@ -8,6 +8,7 @@
 //! - `series`: whose command counts, and which is newer.
 //! - `rig`: what the device is wanted to do, what it was told, and what is known of it. A power is in force when it was read
 //!   back, and the radio is off when off was.
+//! - `line`: the kill line beside the device, if there is one.
 //! - `scale`: which setting of the device gives which power, by its own word or by measurement; rounded down.
 //! - `kill`: the radio kill, kept over a restart.
 //! - `facts`: what the radio declares, as read-only parameters.
@@ -18,6 +19,7 @@ mod counters;
 mod facts;
 mod host;
 mod kill;
+mod line;
 mod notice;
 mod parameters;
 mod requests;
@@ -31,6 +33,7 @@ mod tests;
 pub use counters::Counters;
 pub use facts::Facts;
 pub use host::{Host, Settings};
+pub use line::{Feed, Level, LineTimes, Silence};
 pub use notice::Notice;
 pub use rig::{Fault, Order, OrderId, Outcome, Times};
 pub use scale::{MOST_SETTINGS, Point, Scale, ScaleError, Setting, points_of_csv};

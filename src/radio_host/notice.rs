@@ -20,6 +20,8 @@ pub enum Notice {
     Fault(Fault),
     /// Off was not confirmed: the device may radiate. It is told again until it is.
     MayRadiate(Fault),
+    /// The device did not confirm off; the kill line keeps the radio silent.
+    ByLine(Fault),
     /// A lease ended while the radio was on.
     RanOut,
     /// The radio kill.
@@ -41,7 +43,7 @@ impl Notice {
     pub fn severity(self) -> MavSeverity {
         match self {
             Self::MayRadiate(_) | Self::Killed => MavSeverity::MAV_SEVERITY_CRITICAL,
-            Self::Fault(_) => MavSeverity::MAV_SEVERITY_ERROR,
+            Self::Fault(_) | Self::ByLine(_) => MavSeverity::MAV_SEVERITY_ERROR,
             Self::RanOut | Self::Stranger { .. } | Self::Lifted => MavSeverity::MAV_SEVERITY_WARNING,
             Self::Commander { .. } | Self::Silent => MavSeverity::MAV_SEVERITY_INFO,
         }
@@ -58,6 +60,7 @@ impl std::fmt::Display for Notice {
             Self::Silent => write!(f, "radio: off"),
             Self::Fault(fault) => write!(f, "radio: {fault}; off"),
             Self::MayRadiate(fault) => write!(f, "radio NOT off: {fault}"),
+            Self::ByLine(fault) => write!(f, "radio off by line: {fault}"),
             Self::RanOut => write!(f, "radio: the lease ran out; off"),
             Self::Killed => write!(f, "radio: killed until it is lifted here"),
             Self::Lifted => write!(f, "radio: the kill is lifted"),

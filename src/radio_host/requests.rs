@@ -47,7 +47,7 @@ impl Host {
                 self.tell(Notice::Killed);
             }
             self.silence(now);
-            if !self.rig.is_off() {
+            if !self.rig.is_silent() {
                 self.say(acknowledgement(sender, MavCmd::MAV_CMD_USER_2, MavResult::MAV_RESULT_IN_PROGRESS));
             }
             return self.answer_settled(now);

@@ -4,10 +4,14 @@
 //! off was. An order to radiate that was cut short may still be on its way into the device: an off that was told before such
 //! an order's time has passed is told again after it, and only that one counts. Whatever the device does otherwise than told,
 //! or later than it declares, ends in off, and nothing is radiated until off is confirmed.
+//!
+//! A kill line ([`super::line`]), where there is one, goes off with every off. It makes silence certain whatever the device does,
+//! but says nothing of the device: before another power is tried, that must have confirmed off too.
 
 use std::collections::VecDeque;
 use std::time::Duration;
 
+use super::line::{Level, Line, LineTimes, LineTurn};
 use super::scale::{Scale, Setting};
 use crate::time::Instant;
 
@@ -66,6 +70,9 @@ pub enum Fault {
     /// It was told off and was read back on.
     #[error("the device is still on")]
     StillOn,
+    /// The kill line cannot be driven, reads otherwise than it was driven, or was not fed in time.
+    #[error("the kill line fails")]
+    Line,
 }
 
 /// The longest that the device takes, by its declaration.
@@ -120,6 +127,8 @@ pub(super) enum Turn {
     Stale,
     /// Silent.
     Silent,
+    /// Silent by the kill line.
+    Cut,
     /// At the power that is wanted.
     Reached,
     /// It did not do what it was told, and is told off.
@@ -141,6 +150,7 @@ pub(super) struct Rig {
     fault: Option<Fault>,
     /// An off was not confirmed when it should have been.
     in_doubt: bool,
+    line: Option<Line>,
     off_again_at: Option<Instant>,
     /// An off that was told before this proves nothing: an order that was cut short may follow it.
     settled_from: Instant,
@@ -150,7 +160,7 @@ pub(super) struct Rig {
 
 impl Rig {
     /// A device of which nothing is known; it is told off first of all.
-    pub fn new(scale: Scale, times: Times, below_db: f64, now: Instant) -> Self {
+    pub fn new(scale: Scale, times: Times, below_db: f64, line: Option<LineTimes>, now: Instant) -> Self {
         let at_most_dbm = scale.most_dbm();
         let mut rig = Self {
             scale,
@@ -161,6 +171,7 @@ impl Rig {
             flight: None,
             fault: None,
             in_doubt: false,
+            line: line.map(Line::new),
             off_again_at: None,
             settled_from: now,
             orders: VecDeque::new(),
@@ -189,7 +200,7 @@ impl Rig {
     /// # Errors
     /// What the device did wrong, until it is known to be off again.
     pub fn want(&mut self, setting: Setting, now: Instant) -> Result<(), Fault> {
-        if let Some(fault) = self.fault {
+        if let Some(fault) = self.fault() {
             return Err(fault);
         }
         self.wanted = Some(setting);
@@ -202,7 +213,7 @@ impl Rig {
         let Some(flight) = self.flight.filter(|flight| flight.id == id) else { return Turn::Stale };
         self.flight = None;
         match (flight.order, outcome) {
-            (Order::Off, Outcome::Off) => self.is_silent(flight.at, now),
+            (Order::Off, Outcome::Off) => self.confirm_off(flight.at, now),
             (Order::Off, Outcome::Failed(fault)) => self.off_failed(fault, now),
             (Order::Off, Outcome::Set { .. }) => self.off_failed(Fault::StillOn, now),
             (Order::Set(setting), Outcome::Set { read_back }) => self.is_set(setting, read_back, now),
@@ -211,8 +222,19 @@ impl Rig {
         }
     }
 
-    /// Does what is due.
+    /// Takes whether the kill line was driven as [`Self::poll_line`] said.
+    pub fn handle_line(&mut self, level: Level, obeyed: bool, now: Instant) -> Turn {
+        let turn = self.line.as_mut().map_or(LineTurn::Nothing, |line| line.handle(level, obeyed, now));
+        self.follow_line(turn, now)
+    }
+
+    /// Does what is due; what is left is due at once.
     pub fn handle_timeout(&mut self, now: Instant) -> Turn {
+        let line = self.line.as_mut().map_or(LineTurn::Nothing, |line| line.advance(now));
+        let turn = self.follow_line(line, now);
+        if turn != Turn::Nothing {
+            return turn;
+        }
         if self.off_again_at.is_some_and(|at| at <= now) {
             self.tell(Order::Off, now);
         }
@@ -232,6 +254,8 @@ impl Rig {
             }
             Order::Off => {
                 self.flight = Some(Flight { late: true, ..flight });
+                // Else a power would follow whose lease is over when the device answers at last.
+                self.wanted = None;
                 self.doubt(Fault::Late)
             }
         }
@@ -240,7 +264,13 @@ impl Rig {
     /// When [`Self::handle_timeout`] is next to be called.
     pub fn timeout(&self) -> Option<Instant> {
         let flight = self.flight.map(|flight| self.ends_at(&flight));
-        [flight, self.off_again_at].into_iter().flatten().min()
+        let line = self.line.as_ref().and_then(Line::timeout);
+        [flight, self.off_again_at, line].into_iter().flatten().min()
+    }
+
+    /// The next level of the kill line.
+    pub fn poll_line(&mut self) -> Option<Level> {
+        self.line.as_mut()?.poll()
     }
 
     pub fn poll_order(&mut self) -> Option<(OrderId, Order)> {
@@ -249,17 +279,26 @@ impl Rig {
 
     /// What it radiates, in dBm, as it was read back; while that is not known, the most that it may. `None`: it is off.
     pub fn power_dbm(&self) -> Option<f64> {
-        (self.known != Known::Off).then(|| self.known.at_most_dbm())
+        (!self.is_silent()).then(|| self.known.at_most_dbm())
     }
 
-    /// Whether off was confirmed, and nothing else was told since.
+    /// Whether off was confirmed, by the line where the device has none of its own, and nothing else was told since.
     pub fn is_off(&self) -> bool {
-        self.known == Known::Off && self.flight.is_none()
+        self.known == Known::Off && self.flight.is_none() && (self.is_cut() || !self.is_line_alone())
     }
 
-    /// Whether off was confirmed; something else may be under way.
-    pub fn was_off(&self) -> bool {
-        self.known == Known::Off
+    /// Whether nothing is radiated; something else may be under way.
+    pub fn is_silent(&self) -> bool {
+        self.is_cut() || self.known == Known::Off && !self.is_line_alone()
+    }
+
+    /// Whether the kill line keeps it silent, whatever the device does.
+    pub fn is_cut(&self) -> bool {
+        self.line.as_ref().is_some_and(Line::is_cut)
+    }
+
+    fn is_line_alone(&self) -> bool {
+        self.line.as_ref().is_some_and(Line::is_alone)
     }
 
     /// Whether it was read back at what is wanted.
@@ -268,7 +307,8 @@ impl Rig {
             Known::On { setting, .. } => Some(setting),
             Known::Off | Known::Unsure { .. } => None,
         };
-        self.flight.is_none() && self.wanted.is_some() && at == self.wanted
+        let through = self.line.as_ref().is_none_or(Line::is_through);
+        self.flight.is_none() && self.wanted.is_some() && at == self.wanted && through
     }
 
     /// Whether a power is wanted of it.
@@ -277,7 +317,7 @@ impl Rig {
     }
 
     pub fn fault(&self) -> Option<Fault> {
-        self.fault
+        self.fault.or(self.line.as_ref().filter(|line| line.has_failed()).map(|_| Fault::Line))
     }
 
     fn ends_at(&self, flight: &Flight) -> Instant {
@@ -293,6 +333,9 @@ impl Rig {
         let id = OrderId(self.last_id);
         self.off_again_at = None;
         self.flight = Some(Flight { id, order, at: now, late: false });
+        if let (Order::Off, Some(line)) = (order, &mut self.line) {
+            line.off();
+        }
         // What was not taken yet is pre-empted.
         self.orders.clear();
         self.orders.push_back((id, order));
@@ -316,14 +359,27 @@ impl Rig {
         }
     }
 
-    fn is_silent(&mut self, told_at: Instant, now: Instant) -> Turn {
+    fn confirm_off(&mut self, told_at: Instant, now: Instant) -> Turn {
         if told_at < self.settled_from {
             self.off_again_at = Some(self.settled_from.max(now));
             return Turn::Nothing;
         }
         (self.known, self.fault, self.in_doubt) = (Known::Off, None, false);
         self.go_on(now);
-        Turn::Silent
+        if self.is_silent() { Turn::Silent } else { Turn::Nothing }
+    }
+
+    fn follow_line(&mut self, turn: LineTurn, now: Instant) -> Turn {
+        match turn {
+            LineTurn::Nothing => Turn::Nothing,
+            LineTurn::Cut => Turn::Cut,
+            LineTurn::Through if self.is_reached() => Turn::Reached,
+            LineTurn::Through => Turn::Nothing,
+            LineTurn::Failed => match self.wanted {
+                Some(setting) => self.fail(Fault::Line, setting.dbm, now),
+                None => Turn::Failed(Fault::Line),
+            },
+        }
     }
 
     fn off_failed(&mut self, fault: Fault, now: Instant) -> Turn {
@@ -349,6 +405,9 @@ impl Rig {
             return self.fail(Fault::OtherPower, setting.dbm.max(achieved_dbm), now);
         }
         self.known = Known::On { setting, achieved_dbm };
+        if let (Some(line), true) = (&mut self.line, self.wanted.is_some()) {
+            line.let_through();
+        }
         self.go_on(now);
         if self.is_reached() { Turn::Reached } else { Turn::Nothing }
     }

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use mavlink::dialects::ardupilotmega::{MavMessage, PARAM_VALUE_DATA};
 
-use super::parameter;
+use super::parameter_protocol::{self, Protocol};
 use crate::time::Instant;
 use crate::units::{Dbm, Watts};
 
@@ -147,7 +147,9 @@ impl Declared {
         }
         let first = self.asked == 0;
         let asked_for = Fact::ALL.into_iter().filter(|fact| first || self.get(*fact).is_none());
-        out.extend(asked_for.map(|fact| parameter::read(fact.parameter(), target)));
+        out.extend(
+            asked_for.map(|fact| parameter_protocol::read(Protocol::Classic, fact.parameter(), target)),
+        );
         self.asked += 1;
         self.ask_at = Some(now + INTERVAL);
     }

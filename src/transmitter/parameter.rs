@@ -3,26 +3,15 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use mavlink::dialects::ardupilotmega::{
-    MavMessage, MavParamExtType, MavParamType, PARAM_EXT_REQUEST_READ_DATA, PARAM_EXT_SET_DATA,
-    PARAM_REQUEST_READ_DATA, PARAM_SET_DATA, ParamAck,
-};
+use mavlink::dialects::ardupilotmega::{MavMessage, ParamAck};
 
-use super::{Lease, REPEAT_OFF, at_most, until_next_off};
+use super::parameter_protocol::{self as protocol, Protocol, Type, same};
+use super::{Lease, REPEAT_OFF, until_next_off};
 use crate::time::Instant;
 use crate::units::{Dbm, Watts};
 
 /// The first echo of off may be an older one's, from before the radio was told to radiate.
 const OFF_ECHOES: u8 = 2;
-
-/// Which messages carry the parameter.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Protocol {
-    /// PARAM_EXT_SET.
-    Extended,
-    /// PARAM_SET, integers converted to float (mLRS, ELRS).
-    Classic,
-}
 
 /// One entry of a level table.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -89,13 +78,6 @@ impl PowerParameter {
             }
         }
     }
-}
-
-/// The parameter's type: learnt by reading it, needed to write it.
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum Type {
-    Extended(MavParamExtType),
-    Classic(MavParamType),
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -168,21 +150,9 @@ impl ByParameter {
         now: Instant,
         out: &mut VecDeque<MavMessage>,
     ) {
-        let (kind, value) = match (message, self.parameter.protocol) {
-            (MavMessage::PARAM_EXT_VALUE(m), Protocol::Extended) if self.is_named(&m.param_id) => {
-                (Type::Extended(m.param_type), decode(&m.param_value, m.param_type))
-            }
-            (MavMessage::PARAM_EXT_ACK(m), Protocol::Extended)
-                if self.is_named(&m.param_id) && m.param_result == ParamAck::PARAM_ACK_ACCEPTED =>
-            {
-                (Type::Extended(m.param_type), decode(&m.param_value, m.param_type))
-            }
-            (MavMessage::PARAM_VALUE(m), Protocol::Classic) if self.is_named(&m.param_id) => (
-                Type::Classic(m.param_type),
-                Some(f64::from(m.param_value)).filter(|value| value.is_finite()),
-            ),
-            _ => return,
-        };
+        let said = protocol::said(self.parameter.protocol, &self.parameter.name, message);
+        let Some(said) = said.filter(|said| said.result == ParamAck::PARAM_ACK_ACCEPTED) else { return };
+        let (kind, value) = (said.kind, said.value);
         self.kind = Some(kind);
         self.reported = value;
         let off = value.is_some_and(|value| same(value, self.parameter.off_value));
@@ -279,31 +249,11 @@ impl ByParameter {
     fn send(&mut self, now: Instant, out: &mut VecDeque<MavMessage>) {
         self.send_at = Some(now + self.until_next(now));
         let value = self.value();
-        let name = self.parameter.name.as_str();
-        let (target_system, target_component) = self.target;
-        let message = match (self.kind, self.parameter.protocol) {
-            // Its type first: what is written in another type is refused or misread.
-            (None, Protocol::Extended) => MavMessage::PARAM_EXT_REQUEST_READ(PARAM_EXT_REQUEST_READ_DATA {
-                param_index: -1,
-                target_system,
-                target_component,
-                param_id: name.into(),
-            }),
-            (None, Protocol::Classic) => read(name, self.target),
-            (Some(Type::Extended(param_type)), _) => MavMessage::PARAM_EXT_SET(PARAM_EXT_SET_DATA {
-                target_system,
-                target_component,
-                param_id: name.into(),
-                param_value: encode(value, param_type).into(),
-                param_type,
-            }),
-            (Some(Type::Classic(param_type)), _) => MavMessage::PARAM_SET(PARAM_SET_DATA {
-                param_value: at_most(value),
-                target_system,
-                target_component,
-                param_id: name.into(),
-                param_type,
-            }),
+        let PowerParameter { name, protocol, .. } = &self.parameter;
+        let message = match self.kind {
+            // Its type first.
+            None => protocol::read(*protocol, name, self.target),
+            Some(kind) => protocol::set(*protocol, name, self.target, kind, value),
         };
         if self.kind.is_some() && self.sent.is_none_or(|(sent, _)| !same(sent, value)) {
             self.sent = Some((value, now));
@@ -319,82 +269,5 @@ impl ByParameter {
             (Wanted::Off { since }, _) => until_next_off(now.saturating_since(since)).max(REPEAT_OFF),
             (Wanted::On { .. }, _) => REPEAT_OFF,
         }
-    }
-
-    fn is_named(&self, id: &mavlink::types::CharArray<16>) -> bool {
-        id.to_str() == Ok(self.parameter.name.as_str())
-    }
-}
-
-impl Type {
-    fn is_whole(self) -> bool {
-        match self {
-            Self::Extended(kind) => !matches!(
-                kind,
-                MavParamExtType::MAV_PARAM_EXT_TYPE_REAL32
-                    | MavParamExtType::MAV_PARAM_EXT_TYPE_REAL64
-                    | MavParamExtType::MAV_PARAM_EXT_TYPE_CUSTOM
-            ),
-            Self::Classic(kind) => {
-                !matches!(kind, MavParamType::MAV_PARAM_TYPE_REAL32 | MavParamType::MAV_PARAM_TYPE_REAL64)
-            }
-        }
-    }
-}
-
-/// PARAM_REQUEST_READ by name.
-pub(super) fn read(name: &str, (target_system, target_component): (u8, u8)) -> MavMessage {
-    MavMessage::PARAM_REQUEST_READ(PARAM_REQUEST_READ_DATA {
-        param_index: -1,
-        target_system,
-        target_component,
-        param_id: name.into(),
-    })
-}
-
-/// Equal but for single precision.
-fn same(a: f64, b: f64) -> bool {
-    a == b || (a - b).abs() <= 1e-6 * a.abs().max(b.abs())
-}
-
-/// PARAM_EXT carries values as they lie in memory, little-endian.
-fn encode(value: f64, kind: MavParamExtType) -> [u8; 128] {
-    let mut wire = [0u8; 128];
-    let bytes: Vec<u8> = match kind {
-        MavParamExtType::MAV_PARAM_EXT_TYPE_REAL32 => at_most(value).to_le_bytes().to_vec(),
-        MavParamExtType::MAV_PARAM_EXT_TYPE_REAL64 => value.to_le_bytes().to_vec(),
-        _ => (value.round() as i64).to_le_bytes()[..width(kind)].to_vec(),
-    };
-    wire[..bytes.len()].copy_from_slice(&bytes);
-    wire
-}
-
-fn decode(wire: &[u8; 128], kind: MavParamExtType) -> Option<f64> {
-    let mut eight = [0u8; 8];
-    eight.copy_from_slice(&wire[..8]);
-    let [a, b, c, d, ..] = eight;
-    let value = match kind {
-        MavParamExtType::MAV_PARAM_EXT_TYPE_REAL32 => f64::from(f32::from_le_bytes([a, b, c, d])),
-        MavParamExtType::MAV_PARAM_EXT_TYPE_REAL64 => f64::from_le_bytes(eight),
-        MavParamExtType::MAV_PARAM_EXT_TYPE_UINT8 => f64::from(a),
-        MavParamExtType::MAV_PARAM_EXT_TYPE_INT8 => f64::from(i8::from_le_bytes([a])),
-        MavParamExtType::MAV_PARAM_EXT_TYPE_UINT16 => f64::from(u16::from_le_bytes([a, b])),
-        MavParamExtType::MAV_PARAM_EXT_TYPE_INT16 => f64::from(i16::from_le_bytes([a, b])),
-        MavParamExtType::MAV_PARAM_EXT_TYPE_UINT32 => f64::from(u32::from_le_bytes([a, b, c, d])),
-        MavParamExtType::MAV_PARAM_EXT_TYPE_INT32 => f64::from(i32::from_le_bytes([a, b, c, d])),
-        MavParamExtType::MAV_PARAM_EXT_TYPE_UINT64 => u64::from_le_bytes(eight) as f64,
-        MavParamExtType::MAV_PARAM_EXT_TYPE_INT64 => i64::from_le_bytes(eight) as f64,
-        MavParamExtType::MAV_PARAM_EXT_TYPE_CUSTOM => return None,
-    };
-    value.is_finite().then_some(value)
-}
-
-/// Bytes of an integer type.
-fn width(kind: MavParamExtType) -> usize {
-    match kind {
-        MavParamExtType::MAV_PARAM_EXT_TYPE_UINT8 | MavParamExtType::MAV_PARAM_EXT_TYPE_INT8 => 1,
-        MavParamExtType::MAV_PARAM_EXT_TYPE_UINT16 | MavParamExtType::MAV_PARAM_EXT_TYPE_INT16 => 2,
-        MavParamExtType::MAV_PARAM_EXT_TYPE_UINT32 | MavParamExtType::MAV_PARAM_EXT_TYPE_INT32 => 4,
-        _ => 8,
     }
 }

@@ -1,6 +1,9 @@
 //! The radio file and its calibration.
 
 use veilwing::config::RadioFile;
+use veilwing::link::Clock;
+use veilwing::radio_device::gpio::{Electrical, Settings, Which};
+use veilwing::radio_host::{LineTimes, Silence};
 
 use crate::backends::directory;
 
@@ -13,7 +16,7 @@ const LEAST: &str = "[radio]\nsystem_id = 1\n[link]\naddress = \"udpin:127.0.0.1
 #[test]
 fn spec_the_example_is_a_radio_file() {
     let radio = RadioFile::parse("radio.toml", EXAMPLE).unwrap();
-    assert!(radio.device().is_some() && radio.facts().reads_back);
+    assert!(radio.device(&Clock::real()).is_some() && radio.facts().reads_back);
 }
 
 #[test]
@@ -90,4 +93,75 @@ fn spec_a_calibration_is_refused_by_the_line_in_its_own_file() {
     std::fs::remove_file(path.join("measured.csv")).unwrap();
     assert!(RadioFile::load(&file).unwrap_err().to_string().contains("there is no such file"));
     std::fs::remove_dir_all(path).unwrap();
+}
+
+/// A radio without an off, and the line that is its off.
+pub const BY_LINE: &str = "[radio]\nsystem_id = 1\n[link]\naddress = \"udpin:127.0.0.1:14570\"\n[device]\nkind = \"parameter\"\n\
+                           levels = [10, 14, 20]\noff_ms = 100\nchange_ms = 200\n\
+                           [parameter]\naddress = \"udpin:127.0.0.1:14580\"\nsystem_id = 51\nname = \"TX_POWER\"\nprotocol = \"bytewise\"\n\
+                           [kill_line]\nchip = \"/dev/gpiochip0\"\nline = 17\noff_level = \"low\"\nsilent_ms = 5\n";
+
+#[test]
+fn spec_a_kill_line_says_which_line_and_what_its_hardware_does() {
+    let read = |text: &str| RadioFile::parse("radio.toml", text).unwrap();
+    let file = read(BY_LINE);
+    let settings =
+        Settings { chip: "/dev/gpiochip0".into(), line: Which::Offset(17), off_level: Electrical::Low };
+    let ms = std::time::Duration::from_millis;
+    assert_eq!(
+        file.kill_line(),
+        Some((settings, LineTimes { silence: Silence::AtLevel(ms(5)), alone: true }))
+    );
+    assert_eq!(file.facts().dead, None);
+    let one_shot = BY_LINE
+        .replace("line = 17", "name = \"KILL\"")
+        .replace("silent_ms = 5", "oneshot_ms = 80")
+        .replace("name = \"TX_POWER\"", "name = \"TX_POWER\"\noff_value = 0");
+    let file = read(&one_shot);
+    let (settings, times) = file.kill_line().unwrap();
+    assert_eq!(settings.line, Which::Name("KILL".to_owned()));
+    assert_eq!(times, LineTimes { silence: Silence::WithoutEdges(ms(80)), alone: false });
+    assert_eq!(file.facts().dead, Some(ms(80)), "the hardware's own lease");
+    assert_eq!(
+        read(&one_shot.replace("change_ms = 200", "change_ms = 200\ndead_ms = 90")).facts().dead,
+        Some(ms(90))
+    );
+    assert_eq!(read(LEAST).kill_line(), None);
+}
+
+#[test]
+fn spec_a_radio_that_nothing_certainly_silences_is_refused_with_a_remedy() {
+    let line = "[kill_line]\nchip = \"/dev/gpiochip0\"\nline = 17\noff_level = \"low\"\nsilent_ms = 5\n";
+    let cases = [
+        ((line, ""), 10, "nothing silences the radio", "off_value"),
+        (("silent_ms = 5\n", ""), 15, "nothing says how long it takes", "oneshot_ms"),
+        (("off_ms = 100", "off_ms = 4"), 8, "which takes 5 ms", "off_ms = 5 or more"),
+        (("line = 17\n", ""), 15, "has neither", "`name`"),
+        (("line = 17", "line = 17\nname = \"KILL\""), 18, "together with", "keep only one"),
+        (("silent_ms = 5", "silent_ms = 5\noneshot_ms = 80"), 20, "together with", "keep only one"),
+        (("off_level = \"low\"\n", ""), 15, "`off_level`", "add"),
+        (("off_level = \"low\"", "off_level = \"off\""), 18, "none of its values", ""),
+        (("line = 17", "line = -1"), 17, "outside 0", ""),
+        (("protocol = \"bytewise\"", "protocol = \"bytes\""), 14, "none of its values", ""),
+        (("name = \"TX_POWER\"", "name = \"TX_POWER_IN_WATTS\""), 13, "more than 16", ""),
+        (("system_id = 51\n", ""), 10, "`system_id`", "add"),
+    ];
+    for ((this, by), line, says, help) in cases {
+        assert!(BY_LINE.contains(this), "{this}");
+        let errors = RadioFile::parse("radio.toml", &BY_LINE.replace(this, by)).unwrap_err();
+        let found = errors.list().iter().find(|found| found.message.contains(says));
+        let found = found.unwrap_or_else(|| panic!("{says:?} is not in\n{errors}"));
+        assert!(found.line == line && found.help.contains(help), "{errors}");
+    }
+}
+
+#[test]
+fn spec_a_line_whose_time_is_not_known_and_a_death_sooner_than_the_one_shot_are_warned_of() {
+    let warned = |text: &str| RadioFile::parse("radio.toml", text).unwrap().warnings.to_string();
+    let own_off =
+        LEAST.to_owned() + "[kill_line]\nchip = \"/dev/gpiochip0\"\nline = 17\noff_level = \"low\"\n";
+    assert!(warned(&own_off).contains("nothing says how long the line takes"), "{}", warned(&own_off));
+    let sooner = own_off.replace("change_ms = 20", "change_ms = 20\ndead_ms = 50") + "oneshot_ms = 80\n";
+    assert!(warned(&sooner).contains("`dead_ms` is 50"), "{}", warned(&sooner));
+    assert!(!warned(&(own_off + "silent_ms = 2\n")).contains("kill_line"));
 }

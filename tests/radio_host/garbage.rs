@@ -140,12 +140,12 @@ async fn spec_a_program_that_never_ends_or_says_too_much_is_killed_with_all_that
     std::fs::remove_dir_all(path).unwrap();
 }
 
-fn scale() -> Scale {
+pub fn scale() -> Scale {
     Scale::linear(&[0.0, 10.0, 20.0], 0.0, 1.0).unwrap()
 }
 
 /// A host, for its orders.
-fn host() -> Host {
+pub fn host() -> Host {
     let ms = std::time::Duration::from_millis;
     let facts = Facts {
         least_dbm: 0.0,
@@ -165,6 +165,7 @@ fn host() -> Host {
         facts,
         scale: scale(),
         below_db: 0.5,
+        line: None,
         killed: false,
         seed: 1,
         clock_began_ms: 0,

@@ -45,11 +45,12 @@ pub(super) fn run(args: &Args) -> Exit {
             file.display()
         ));
     }
-    let (Some(mut bench), runtime) = (Bench::new(&radio), runtime()) else {
-        return unusable("the file names no device");
-    };
-    let runtime = match runtime {
+    let runtime = match runtime() {
         Ok(runtime) => runtime,
+        Err(error) => return unusable(&error),
+    };
+    let mut bench = match Bench::new(&args.file, &radio) {
+        Ok(bench) => bench,
         Err(error) => return unusable(&error),
     };
     let values = spread(&radio.scale, args.points);
@@ -99,7 +100,7 @@ async fn ask(
         loop {
             eprint!("setting {value}{said}: how many dBm? ");
             let line = tokio::select! {
-                line = line() => line,
+                line = bench.hold(line()) => line?,
                 () = interrupt::requested() => return Err(BenchError::Interrupted),
             };
             let Some(line) = line else { return Ok(()) };

@@ -45,11 +45,12 @@ pub(super) fn run(args: &Args) -> Exit {
             radio.scale.least_dbm()
         ));
     };
-    let (Some(mut bench), runtime) = (Bench::new(&radio), runtime()) else {
-        return unusable("the file names no device");
-    };
-    let runtime = match runtime {
+    let runtime = match runtime() {
         Ok(runtime) => runtime,
+        Err(error) => return unusable(&error),
+    };
+    let mut bench = match Bench::new(&args.file, &radio) {
+        Ok(bench) => bench,
         Err(error) => return unusable(&error),
     };
     let mut taken = Taken::default();

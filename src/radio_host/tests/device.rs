@@ -164,3 +164,19 @@ fn spec_a_device_that_cannot_be_read_back_has_what_was_set() {
     stand.outcome(Outcome::Set { read_back: None });
     assert_eq!(stand.power(), 20_000);
 }
+
+#[test]
+fn spec_a_power_that_waited_for_an_off_that_came_too_late_is_not_radiated() {
+    let mut stand = Stand::new();
+    stand.obeys_after = None;
+    stand.on(20.0, 300);
+    stand.off();
+    // It proves nothing yet, as the power may still be on its way; meanwhile a new one is wanted.
+    stand.outcome(Outcome::Off);
+    stand.on(10.0, 300);
+    // The off that is told again hangs, past the lease.
+    stand.run(300);
+    assert!(stand.notices.contains(&Notice::Fault(Fault::Late)), "{:?}", stand.notices);
+    stand.outcome(Outcome::Off);
+    assert_eq!((stand.orders.last().unwrap().1, stand.power()), (Order::Off, OFF));
+}

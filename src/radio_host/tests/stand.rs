@@ -5,7 +5,7 @@ use std::time::Duration;
 use mavlink::MavHeader;
 use mavlink::dialects::ardupilotmega::{COMMAND_INT_DATA, COMMAND_LONG_DATA, MavCmd, MavMessage};
 
-use crate::radio_host::{Facts, Fault, Host, Notice, Order, OrderId, Outcome, Said, Scale, Settings};
+use crate::radio_host::{Facts, Fault, Host, Level, Notice, Order, OrderId, Outcome, Said, Scale, Settings};
 use crate::time::Instant;
 use crate::transmitter::wire::{VEILWING_RADIO_DATA, VeilwingRadioResult};
 
@@ -40,6 +40,7 @@ pub fn settings() -> Settings {
         facts,
         scale,
         below_db: 0.5,
+        line: None,
         killed: false,
         seed: 7,
         clock_began_ms: 70_000,
@@ -51,6 +52,10 @@ pub struct Stand {
     pub host: Host,
     pub now: Instant,
     pub orders: Vec<(OrderId, Order)>,
+    /// What the kill line was driven to, and when.
+    pub line: Vec<(Instant, Level)>,
+    /// Whether it obeys.
+    pub line_obeys: bool,
     pub reports: Vec<VEILWING_RADIO_DATA>,
     pub common: Vec<MavMessage>,
     pub notices: Vec<Notice>,
@@ -83,6 +88,8 @@ impl Stand {
             host,
             now,
             orders: Vec::new(),
+            line: Vec::new(),
+            line_obeys: true,
             reports: Vec::new(),
             common: Vec::new(),
             notices: Vec::new(),
@@ -95,6 +102,7 @@ impl Stand {
 
     pub fn forget(&mut self) {
         self.orders.clear();
+        self.line.clear();
         self.reports.clear();
         self.common.clear();
         self.notices.clear();
@@ -103,6 +111,10 @@ impl Stand {
     /// Takes out what the host has to say, and lets the device do what is due.
     pub fn drain(&mut self) {
         loop {
+            while let Some(level) = self.host.poll_line() {
+                self.line.push((self.now, level));
+                self.host.handle_line(level, self.line_obeys, self.now);
+            }
             while let Some(said) = self.host.poll_transmit() {
                 match said {
                     Said::Common(message) => self.common.push(*message),
