@@ -122,6 +122,7 @@ impl Hosted {
             },
             scale,
             below_db: BELOW_DB,
+            line: None,
             killed: false,
             seed: seed.wrapping_mul(2).wrapping_add(index(role) as u64),
             clock_began_ms: 70_000,
