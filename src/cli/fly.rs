@@ -5,7 +5,7 @@ mod in_step;
 
 use std::path::{Path, PathBuf};
 
-use rustix::process::{Signal, getpid, kill_process};
+use rustix::process::Signal;
 use tokio::runtime::Runtime;
 use tokio::signal::unix::{self, SignalKind};
 
@@ -95,11 +95,7 @@ fn fly(args: &Args, mission: Mission, vehicle: &Vehicle) -> Result<Exit, String>
         Err(error) => return Err(recording.failed(error, &clock)),
     };
     if args.until_stdin_ends {
-        std::thread::spawn(|| {
-            // However the reading ends, nobody is at the other end.
-            let _ = std::io::copy(&mut std::io::stdin().lock(), &mut std::io::sink());
-            let _ = kill_process(getpid(), Signal::TERM);
-        });
+        interrupt::when_stdin_ends();
     }
     let outcome = runtime.block_on(companion.run(clock.clone(), interrupt::requested()));
     recording.end(&clock, outcome.map_err(|error| error.to_string())).map(end)

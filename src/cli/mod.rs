@@ -112,6 +112,9 @@ enum Command {
     Bench(bench::Args),
     Logs(logs::Args),
     #[cfg(feature = "desk")]
+    #[command(hide = true)]
+    RadioDevice(sitl::radios::client::Args),
+    #[cfg(feature = "desk")]
     Report(report::Args),
     #[cfg(feature = "desk")]
     Calibrate(calibrate::Args),
@@ -138,6 +141,8 @@ pub fn main() -> ExitCode {
         Command::Radio(args) => radio::run(args),
         Command::Bench(args) => bench::run(args),
         Command::Logs(args) => logs::run(args),
+        #[cfg(feature = "desk")]
+        Command::RadioDevice(args) => sitl::radios::client::run(args),
         #[cfg(feature = "desk")]
         Command::Report(args) => report::run(args),
         #[cfg(feature = "desk")]
