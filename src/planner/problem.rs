@@ -101,6 +101,20 @@ impl Problem {
             free_yaw: false,
         }
     }
+
+    /// The same with the nearest dipole in place of each measured pattern: quick to take the gain of. `None` where nothing is measured.
+    #[must_use]
+    pub(super) fn with_dipoles(&self) -> Option<Self> {
+        let of = |pattern: &Pattern| match pattern {
+            Pattern::Dipole { .. } => pattern.clone(),
+            Pattern::Measured(measured) => {
+                let end = |angle: f64| measured.gain_and_slope(angle).0;
+                Pattern::Dipole { floor: (end(0.0) * end(std::f64::consts::PI)).sqrt().min(1.0) }
+            }
+        };
+        let antennas = PerVehicle { i: of(&self.antennas.i), j: of(&self.antennas.j) };
+        (antennas != self.antennas).then(|| Self { antennas, ..self.clone() })
+    }
 }
 
 /// A node that must not decode the user's traffic.

@@ -52,6 +52,8 @@ const SCREEN_LEAST: usize = 12;
 const SCREEN_SAMPLES: usize = 64;
 /// Samples, candidates and tolerance of the polishing, stage by stage.
 const POLISH_SAMPLES: [(usize, usize, f64); 3] = [(256, 6, 1e-4), (512, 3, 1e-5), (2048, 1, 1e-7)];
+/// The same of a measured pattern, after the first two with a dipole in its place.
+const MEASURED_SAMPLES: [(usize, usize, f64); 2] = [(256, 3, 1e-4), (2048, 1, 1e-7)];
 /// Candidates that are improved for a quantile, and for a worst case: first so many of either screening.
 const FOR_QUANTILE: &[(Resolution, usize)] =
     &[(Resolution::Coarse, 10), (Resolution::Medium, 5), (Resolution::Fine, 2)];
@@ -98,9 +100,17 @@ fn ends(setup: &Setup, options: &Options, near: Option<Near>) -> Vec<Local> {
         }
         (true, _) => {
             let samples = samples(setup, options);
-            let field = Field { setup, clip: false };
-            let screened = screen(setup, &field, options, &samples, POLISH_SAMPLES[0].1);
-            polish(setup, options, near, &samples, screened)
+            let dipoles = setup.problem.with_dipoles();
+            let quick = dipoles.as_ref().and_then(|problem| Setup::new(problem).ok());
+            let first = quick.as_ref().unwrap_or(setup);
+            let field = Field { setup: first, clip: false };
+            let mut best = screen(first, &field, options, &samples, POLISH_SAMPLES[0].1);
+            best.iter_mut().for_each(|end| end.curvature = None);
+            if let Some(quick) = &quick {
+                best = polish(quick, options, near, &samples, best, &POLISH_SAMPLES[..2]);
+                return polish(setup, options, near, &samples, best, &MEASURED_SAMPLES);
+            }
+            polish(setup, options, near, &samples, best, &POLISH_SAMPLES)
         }
     }
 }
@@ -248,11 +258,9 @@ fn polish(
     near: Option<Near>,
     all: &Samples,
     mut best: Vec<Local>,
+    stages: &[(usize, usize, f64)],
 ) -> Vec<Local> {
-    for end in &mut best {
-        end.curvature = None;
-    }
-    for (stage, (count, own, tolerance)) in POLISH_SAMPLES.into_iter().enumerate() {
+    for (stage, &(count, own, tolerance)) in stages.iter().enumerate() {
         let kept = if own > 1 { candidates(own, setup, options) } else { last(&best, near) };
         // At first every level that was put in is worth a look.
         if stage > 0 || !powers::are_stepped(setup) {

@@ -47,11 +47,8 @@ impl Antenna {
         let mut out = [[0.0; LANES]; 2];
         match (&self.table, self.depth()) {
             (Some(table), _) => {
-                for l in 0..LANES {
-                    let (gain, slope) = table.at(-t[l]);
-                    out[0][l] = gain;
-                    out[1][l] = -slope;
-                }
+                let [gain, slope] = table.at(&t.map(|t| -t));
+                out = [gain, slope.map(|slope| -slope)];
             }
             (None, depth) => {
                 let depth = depth.unwrap_or(1.0);
@@ -70,40 +67,60 @@ impl Antenna {
 /// far as the axis, where the gain over c may have the slope of a root. Cubic Hermite between values and slopes.
 #[derive(Debug)]
 struct Table {
-    /// Value and slope by x at each end of each cell, of the hemisphere about the axis and of the other.
-    knots: [Vec<[f64; 2]>; 2],
+    /// The cubic of each cell, its constant first, over the cell's own coordinate from 0 to 1: of the hemisphere about the axis,
+    /// then of the other. A power of two of them, so that no index needs to be checked.
+    cubics: Box<[[f64; 4]; 2 * CELLS]>,
 }
 
 impl Table {
     fn new(measured: &Measured) -> Self {
+        // Value and slope by x at a cell's end.
         let knot = |k: usize, opposite: bool| {
             let x = k as f64 / CELLS as f64;
             let angle = 2.0 * libm::asin(x / std::f64::consts::SQRT_2);
             let by_x = 2.0 / (2.0 - x * x).sqrt();
             let (angle, by_x) = if opposite { (std::f64::consts::PI - angle, -by_x) } else { (angle, by_x) };
             let (gain, slope) = measured.gain_and_slope(angle);
-            // Slopes by cell, so that a cubic has the cell's own coordinate from 0 to 1.
             [gain, slope * by_x / CELLS as f64]
         };
-        Self { knots: [false, true].map(|opposite| (0..=CELLS).map(|k| knot(k, opposite)).collect()) }
+        let mut cubics = Box::new([[0.0; 4]; 2 * CELLS]);
+        for (index, cubic) in cubics.iter_mut().enumerate() {
+            let (cell, opposite) = (index % CELLS, index >= CELLS);
+            let ([g0, d0], [g1, d1]) = (knot(cell, opposite), knot(cell + 1, opposite));
+            let rise = g1 - g0;
+            *cubic = [g0, d0, 3.0 * rise - 2.0 * d0 - d1, d0 + d1 - 2.0 * rise];
+        }
+        Self { cubics }
     }
 
     /// Gain and derivative by the cosine.
     #[inline(always)]
-    fn at(&self, cosine: f64) -> (f64, f64) {
-        let x = (1.0 - cosine.abs()).max(0.0).sqrt();
-        let place = x * CELLS as f64;
-        let cell = (place as usize).min(CELLS - 1);
-        let s = place - cell as f64;
-        let knots = &self.knots[usize::from(cosine < 0.0)];
-        let ([g0, d0], [g1, d1]) = (knots[cell], knots[cell + 1]);
-        let rise = g1 - g0;
-        let (q, r) = (3.0 * rise - 2.0 * d0 - d1, d0 + d1 - 2.0 * rise);
-        let gain = g0 + s * (d0 + s * (q + s * r));
-        let by_x = (d0 + s * (2.0 * q + s * 3.0 * r)) * CELLS as f64;
-        // dx/dc = -+1 / (2 x); on the axis the slope may be infinite: large enough to turn away from it.
-        let by_cosine = by_x / (2.0 * x.max(1e-8));
-        (gain, if cosine < 0.0 { by_cosine } else { -by_cosine })
+    fn at(&self, cosine: &Lane) -> [Lane; 2] {
+        let (mut x, mut s, mut out) = ([0.0; LANES], [0.0; LANES], [[0.0; LANES]; 2]);
+        let mut cells = [0u32; LANES];
+        for l in 0..LANES {
+            x[l] = (1.0 - cosine[l].abs()).max(0.0).sqrt();
+            let place = x[l] * CELLS as f64;
+            let cell = place.min(CELLS as f64 - 1.0).floor();
+            s[l] = place - cell;
+            cells[l] = cell as i32 as u32 + if cosine[l] < 0.0 { CELLS as u32 } else { 0 };
+        }
+        let mut cubic = [[0.0; LANES]; 4];
+        for l in 0..LANES {
+            let of = &self.cubics[cells[l] as usize % (2 * CELLS)];
+            for (term, of) in cubic.iter_mut().zip(of) {
+                term[l] = *of;
+            }
+        }
+        for l in 0..LANES {
+            let [g0, d0, q, r] = [cubic[0][l], cubic[1][l], cubic[2][l], cubic[3][l]];
+            out[0][l] = g0 + s[l] * (d0 + s[l] * (q + s[l] * r));
+            let by_x = (d0 + s[l] * (2.0 * q + s[l] * 3.0 * r)) * CELLS as f64;
+            // dx/dc = -+1 / (2 x); on the axis the slope may be infinite: large enough to turn away from it.
+            let by_cosine = by_x / (2.0 * x[l].max(1e-8));
+            out[1][l] = if cosine[l] < 0.0 { by_cosine } else { -by_cosine };
+        }
+        out
     }
 }
 
