@@ -94,7 +94,7 @@ class ArduCopter:
     firmware, actuation = "ardupilot", "position"
     vehicle = "conventional", dict(max_tilt_deg=90.0, speed_m_s=8.0, climb_m_s=4.0, acceleration_m_s2=1.5, tilt_rate_deg_s=45.0)
     # Message and Hz: the true state, and what is wanted for the record.
-    streams = ((108, 50), (2, 10), (245, 2), (36, 50))
+    streams = ((108, 50), (2, 10), (245, 2), (36, 200))
     modes = dict(position=(5,), hold=(5,), land=(9,), home=(6,))
     names = {0: "STABILIZE", 2: "ALT_HOLD", 3: "AUTO", 4: "GUIDED", 5: "LOITER", 6: "RTL", 9: "LAND", 17: "BRAKE"}
     model, parameters = "quad", ()
@@ -173,12 +173,15 @@ class Truth:
 
 
 class PowerLine:
-    """The radio as the bridge script drives it: SERVO9's pulse, written as radio.py writes its log."""
+    """The radio as the bridge script drives it: SERVO9's pulse, written as radio.py writes its log. It is looked at 200 times a second:
+    `last` is when it was seen on for the last time."""
 
     def __init__(self, path, note):
         self.note, self.file, self.on_us, self.slot, self.off_at = note, open(path, "a", buffering=1), None, None, 0.0
+        self.seen_on = 0.0
 
     def put(self, wall, pulse_us):
+        self.seen_on = wall if pulse_us > 1005 else self.seen_on
         if pulse_us > 1005 and (self.on_us is None or abs(pulse_us - self.on_us) > 1):
             if self.slot is None:
                 self.slot = 0
@@ -188,7 +191,7 @@ class PowerLine:
             self.file.write(self.note(t=wall, on=True, dbm=round((pulse_us - 1100) * 37 / 800 - 10, 2), slot=self.slot))
         elif pulse_us <= 1005 and self.on_us is not None:
             self.on_us, self.off_at = None, wall
-            self.file.write(self.note(t=wall, on=False, why="pulse"))
+            self.file.write(self.note(t=wall, on=False, why="pulse", last=self.seen_on))
 
 
 def home_of(role, options):
