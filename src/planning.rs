@@ -1,6 +1,8 @@
 //! From a mission to its plan: the one road, for `fly`, `plan`, the simulation, tests and examples. Both companions make
 //! the plan for themselves and compare digests, so whoever took another road would make another plan.
 
+pub mod lean;
+
 use std::time::Duration;
 
 use crate::config::Mission;
@@ -59,7 +61,7 @@ pub fn plan_with(
     mut now: impl FnMut() -> Instant,
 ) -> Result<Timed, PlanningError> {
     let mut planning_time = Vec::new();
-    let mut users = Vec::new();
+    let (mut users, mut problems) = (Vec::new(), Vec::new());
     for (index, user) in mission.users.iter().enumerate() {
         let Some(problem) = mission.problem(index) else { continue };
         let started = now();
@@ -70,12 +72,21 @@ pub fn plan_with(
         let plans = plans.map_err(|error| PlanningError { user: user.name.clone(), error })?;
         planning_time.push(now().saturating_since(started));
         users.push((user.name.clone(), plans));
+        problems.push(problem);
     }
     let chosen = choose(mission, &users);
-    let slots = users.into_iter().zip(chosen).filter_map(|((user, mut plans), chosen)| {
-        (chosen < plans.len()).then(|| PlannedSlot { user, plan: plans.swap_remove(chosen) })
-    });
-    Ok(Timed { plan: Plan::new(slots.collect()), planning_time })
+    let mut slots = Vec::new();
+    for (((user, mut plans), chosen), problem) in users.into_iter().zip(chosen).zip(&problems) {
+        if chosen >= plans.len() {
+            continue;
+        }
+        let plan = plans.swap_remove(chosen);
+        match lean::borne(problem, &plan.vehicles, mission.planner.target_rate_bps) {
+            Ok(lean_rad) => slots.push(PlannedSlot { user, plan, lean_rad }),
+            Err(error) => return Err(PlanningError { user, error }),
+        }
+    }
+    Ok(Timed { plan: Plan::new(slots), planning_time })
 }
 
 /// Which of each user's plans is flown: the one that makes transits short, where the mission asks for that.

@@ -150,7 +150,13 @@ fn regress_digests_of_plans() {
                 problem.eavesdroppers[0].uncertainty = Uncertainty::Disc { radius_m: 40.0 };
             }
             let plan = plan_slot(&problem, &Options::default()).unwrap();
-            hex(&Plan::new(vec![PlannedSlot { user: "u".into(), plan }]).digest)[..16].to_owned()
+            hex(&Plan::new(vec![PlannedSlot {
+                user: "u".into(),
+                plan,
+                lean_rad: PerVehicle { i: None, j: None },
+            }])
+            .digest)[..16]
+                .to_owned()
         })
         .collect();
     assert_eq!(

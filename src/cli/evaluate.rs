@@ -11,6 +11,7 @@ use crate::planner::document::{EditedPlan, FORMAT, PlanDocument};
 use crate::planner::plan::{BoundKind, SlotPlan, Status, VehiclePlan};
 use crate::planner::slots::{Plan, PlannedSlot, hex};
 use crate::planner::{EvaluateOptions, cap, evaluate};
+use crate::planning::lean;
 
 use super::planning::slot_document;
 use super::{Exit, load_mission, print_json, print_text};
@@ -105,7 +106,9 @@ fn score(mission: &Mission, edited: &EditedPlan, samples: usize) -> Result<PlanD
             user_sinr: score.user_sinr,
             eavesdropper_sinr: score.eavesdropper_sinr,
         };
-        planned.push(PlannedSlot { user: slot.user.clone(), plan });
+        let lean_rad = lean::borne(&problem, &vehicles, mission.planner.target_rate_bps)
+            .map_err(|error| format!("user {:?}: {error}", slot.user))?;
+        planned.push(PlannedSlot { user: slot.user.clone(), plan, lean_rad });
     }
     let plan = Plan::new(planned);
     Ok(PlanDocument {
@@ -118,7 +121,7 @@ fn score(mission: &Mission, edited: &EditedPlan, samples: usize) -> Result<PlanD
             .slots
             .iter()
             .zip(&assessments)
-            .map(|(slot, assessment)| slot_document(mission, &slot.user, &slot.plan, assessment, [0.0; 2]))
+            .map(|(slot, assessment)| slot_document(mission, slot, assessment, [0.0; 2]))
             .collect(),
     })
 }

@@ -7,11 +7,11 @@ use crate::link::clock::Clock;
 use crate::planner::assessment::{Assessment, assess};
 use crate::planner::bound::{Budget, best_bound};
 use crate::planner::document::{FORMAT, PlanDocument, SlotDocument};
-use crate::planner::plan::SlotPlan;
 use crate::planner::problem::{Method, Problem};
-use crate::planner::slots::{Plan, hex};
+use crate::planner::slots::{Plan, PlannedSlot, hex};
 use crate::planner::{EvaluateOptions, Options};
 use crate::planning::{self, PlanningError};
+use crate::service::Tolerance;
 
 /// Samples by which a plan is assessed.
 const ASSESSED_SAMPLES: usize = 16_384;
@@ -87,7 +87,7 @@ pub(crate) fn document(mission: &Mission, options: &Options, timed: &TimedPlan) 
         slots: slots
             .map(|((slot, (planning, bound)), assessment)| {
                 let times_s = [planning, bound].map(Duration::as_secs_f64);
-                slot_document(mission, &slot.user, &slot.plan, assessment, times_s)
+                slot_document(mission, slot, assessment, times_s)
             })
             .collect(),
     }
@@ -100,11 +100,13 @@ fn method_name(method: Method) -> &'static str {
 /// One slot's document. `times_s`: of the search and of the bound.
 pub(crate) fn slot_document(
     mission: &Mission,
-    user: &str,
-    slot: &SlotPlan,
+    slot: &PlannedSlot,
     assessment: &Assessment,
     times_s: [f64; 2],
 ) -> SlotDocument {
     let names: Vec<String> = mission.eavesdroppers.iter().map(|e| e.name.clone()).collect();
-    SlotDocument::new(user, &names, slot, assessment, times_s[0], times_s[1])
+    let held = Tolerance::for_jitter(mission.jitter.std_rad);
+    let tolerance_deg =
+        slot.lean_rad.map(|lean_rad| held.leaning(lean_rad.unwrap_or_default()).attitude_rad.to_degrees());
+    SlotDocument::new(&slot.user, &names, &slot.plan, assessment, tolerance_deg, times_s)
 }

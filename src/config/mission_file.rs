@@ -200,7 +200,7 @@ fn vehicle(s: &mut Section<'_, '_>, vehicle: &mut PlannedVehicleDraft) {
         Choice(&[("omnidirectional", Airframe::Omnidirectional), ("conventional", Airframe::Conventional)]);
     s.set(
         "airframe",
-        "\"omnidirectional\" tilts without moving; \"conventional\" stays level while it hovers.",
+        "\"omnidirectional\" tilts without moving; \"conventional\" stays level while it hovers, but for what it leans in the wind.",
         airframes,
         &mut vehicle.airframe,
     );

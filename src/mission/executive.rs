@@ -20,6 +20,7 @@ use super::cause::Cause;
 use super::ground::Ground;
 use super::ground_station::GroundStation;
 use super::itinerary::Itinerary;
+use super::lean;
 use super::notice::Notice;
 use super::phase::Phase;
 use super::settings::Settings;
@@ -144,7 +145,11 @@ impl Executive {
     /// The plan, made elsewhere (planning never blocks the loop).
     pub fn handle_plan(&mut self, plan: Plan) {
         self.notice(Notice::Planned(plan.slots.len()));
-        self.ground.judge_plan(&plan, &self.settings);
+        let tolerance = self.ground_station.tolerance(self.settings.jitter_rad);
+        if let Some(leans) = lean::told(&plan, self.settings.role, tolerance) {
+            self.notice(Notice::MayLean(leans));
+        }
+        self.ground.judge_plan(&plan, &self.settings, tolerance);
         self.plan = Some(plan);
     }
 

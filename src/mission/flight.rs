@@ -155,7 +155,7 @@ impl Executive {
     fn checks(&self, now: Instant) -> Vec<Check> {
         let mut checks = self.autopilot.preflight(now);
         checks.extend(self.radio_checks(now));
-        checks.push(self.ground.plan_check());
+        checks.extend(self.ground.plan_checks());
         checks.extend(self.settings.given_checks.iter().cloned());
         checks.extend(self.permission_check(now));
         if self.autopilot.state().is_armed() {

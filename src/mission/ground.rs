@@ -3,8 +3,10 @@
 use crate::planner::slots::Plan;
 use crate::preflight::{Check, Verdict, check};
 use crate::schedule::transit::Router;
+use crate::service::Tolerance;
 use crate::time::Instant;
 
+use super::lean;
 use super::notice::Notice;
 use super::settings::Settings;
 use super::start::Start;
@@ -17,6 +19,8 @@ pub(super) struct Ground {
     pub start: Start,
     /// Whether the fence holds the plan; `None` without a plan.
     geofence: Option<Check>,
+    /// Whether the plan bears a lean, of a vehicle that leans.
+    lean: Option<Check>,
     preflight_ok: bool,
     /// What a MISSION_START would be refused for; empty: nothing.
     obstacle: String,
@@ -31,6 +35,7 @@ impl Ground {
         Self {
             start,
             geofence: None,
+            lean: None,
             preflight_ok: false,
             obstacle: "the autopilot's state is not known yet".to_owned(),
             waiting: Waiting::default(),
@@ -54,13 +59,15 @@ impl Ground {
     }
 
     /// Judges a plan that has just come.
-    pub fn judge_plan(&mut self, plan: &Plan, settings: &Settings) {
+    pub fn judge_plan(&mut self, plan: &Plan, settings: &Settings, held: Tolerance) {
         self.geofence = Some(geofence(plan, settings));
+        self.lean = lean::check(plan, settings.role, held);
     }
 
     /// What is known of the plan.
-    pub fn plan_check(&self) -> Check {
-        self.geofence.clone().unwrap_or_else(|| check("plan", Verdict::Fail, "is being made"))
+    pub fn plan_checks(&self) -> impl Iterator<Item = Check> {
+        let geofence = self.geofence.clone().unwrap_or_else(|| check("plan", Verdict::Fail, "is being made"));
+        std::iter::once(geofence).chain(self.lean.clone())
     }
 
     /// Takes in all checks: gives back what fails, and what the operator is to be warned of.

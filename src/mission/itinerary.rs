@@ -53,8 +53,10 @@ impl Itinerary {
     pub fn terms(&self, plan: &Plan) -> PlanTerms {
         let terms = |entry: &Entry| {
             let after_opening = |t: Duration| t.saturating_sub(entry.opens);
+            let slot = plan.slots.get(entry.user_index)?;
             Some(SlotTerms {
-                vehicles: plan.slots.get(entry.user_index)?.plan.vehicles,
+                vehicles: slot.plan.vehicles,
+                lean_rad: slot.lean_rad.map(Option::unwrap_or_default),
                 opens: entry.opens,
                 lead: entry.opens.saturating_sub(entry.transit_starts),
                 radiate_from: after_opening(entry.radiate_from),

@@ -8,6 +8,7 @@ mod ground;
 mod ground_station;
 mod homing;
 mod itinerary;
+mod lean;
 pub mod notice;
 mod operator;
 mod permission;

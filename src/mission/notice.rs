@@ -24,6 +24,9 @@ pub enum Notice {
     /// A plan is there, of so many slots.
     #[error("planned {0} slots")]
     Planned(usize),
+    /// How far this vehicle may lean in each slot, by the plan.
+    #[error("may lean in the wind: {0}")]
+    MayLean(String),
     /// The autopilot is there.
     #[error("autopilot found: system {system}, {firmware:?}")]
     AutopilotFound {
@@ -282,6 +285,7 @@ impl Notice {
             | Self::StartOrdered
             | Self::LogTakenAgain => MavSeverity::MAV_SEVERITY_INFO,
             Self::Paused
+            | Self::MayLean(_)
             | Self::SentHome
             | Self::GoingOn
             | Self::ParameterSet(..)

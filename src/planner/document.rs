@@ -60,6 +60,8 @@ pub struct SlotDocument {
     pub sinr: SinrDocument,
     /// Poses and powers.
     pub vehicles: PerVehicle<VehicleDocument>,
+    /// How far each vehicle's attitude may be off its pose while the slot is served, degrees.
+    pub attitude_tolerance_deg: PerVehicle<f64>,
     /// The search alone, seconds.
     pub planning_time_s: f64,
     /// The search for a bound better than the cap alone, seconds; 0 if none was asked for.
@@ -112,8 +114,8 @@ impl SlotDocument {
         eavesdroppers: &[String],
         slot: &SlotPlan,
         assessment: &Assessment,
-        planning_time_s: f64,
-        bound_time_s: f64,
+        attitude_tolerance_deg: PerVehicle<f64>,
+        [planning_time_s, bound_time_s]: [f64; 2],
     ) -> Self {
         let sinrs = eavesdroppers.iter().zip(&slot.eavesdropper_sinr);
         Self {
@@ -134,6 +136,7 @@ impl SlotDocument {
                     .collect(),
             },
             vehicles: slot.vehicles.map(VehicleDocument::from),
+            attitude_tolerance_deg,
             planning_time_s,
             bound_time_s,
         }

@@ -3,6 +3,7 @@
 use sha2::{Digest, Sha256};
 
 use super::plan::SlotPlan;
+use crate::role::PerVehicle;
 
 /// One user's slot.
 #[derive(Debug, Clone, PartialEq)]
@@ -11,6 +12,8 @@ pub struct PlannedSlot {
     pub user: String,
     /// Poses, powers and what they are worth.
     pub plan: SlotPlan,
+    /// The largest tilt from its pose that the slot bears of each vehicle, radians; `None` of one that has no reason to lean.
+    pub lean_rad: PerVehicle<Option<f64>>,
 }
 
 /// The plan of a mission: a slot for each user, in the mission file's order, each with the poses that were chosen for it.
@@ -57,7 +60,6 @@ mod tests {
     use super::*;
     use crate::geo::Pose;
     use crate::planner::plan::{BoundKind, Status, VehiclePlan};
-    use crate::role::PerVehicle;
 
     fn slot(user: &str, x: f64) -> PlannedSlot {
         let pose =
@@ -74,7 +76,7 @@ mod tests {
             user_sinr: 1.0,
             eavesdropper_sinr: vec![],
         };
-        PlannedSlot { user: user.into(), plan }
+        PlannedSlot { user: user.into(), plan, lean_rad: PerVehicle { i: None, j: None } }
     }
 
     #[test]

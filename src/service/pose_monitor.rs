@@ -17,6 +17,9 @@
 //! 10 deg; no mean of five samples tells less than 28 deg from 10 deg of jitter at that rate of false alarms). The slow
 //! filter, whose limit is the tolerance plus s, finds what is less and stays: beyond that by a third, in 0.6 s.
 //!
+//! *A lean.* A vehicle that leans into the wind to hold its place may be off by what the plan bears of that in this slot,
+//! if that is more than the tolerance: the limits are wider by the difference, for the jitter comes on top of a lean.
+//!
 //! Jitter is taken to be independent from sample to sample, as the plan takes it. A body that swings slower than that
 //! counts as what it is, out of its pose.
 
@@ -45,6 +48,10 @@ pub struct Tolerance {
     pub attitude_rad: f64,
     /// Standard deviation of the expected jitter per axis, radians.
     pub jitter_rad: f64,
+    /// What control, estimator and wind leave of an attitude that is held, radians.
+    pub held_rad: f64,
+    /// A lean that a slot's plan bears counts: the operator asks for nothing stricter.
+    pub leans: bool,
 }
 
 impl Tolerance {
@@ -69,12 +76,23 @@ impl Tolerance {
             position_m: position_m.min(widest_m),
             attitude_rad: attitude_rad.min(widest_rad) + jitter_rad,
             jitter_rad,
+            held_rad: HELD_RAD,
+            leans: attitude_rad >= widest_rad,
         }
+    }
+
+    /// The same in a slot that bears a lean of the vehicle's by so many radians, 0 of one that has no reason to lean. Never
+    /// stricter, and nothing else where the operator asked for a stricter attitude.
+    #[must_use]
+    pub fn leaning(self, lean_rad: f64) -> Self {
+        let wider_rad = if self.leans { (lean_rad - self.attitude_rad).max(0.0) } else { 0.0 };
+        let attitude_rad = self.attitude_rad + wider_rad;
+        Self { attitude_rad, held_rad: self.held_rad + wider_rad, ..self }
     }
 
     /// The limit of an error that holds this share of the jitter's variance.
     fn limit_rad(&self, share: f64) -> f64 {
-        self.attitude_rad.max(HELD_RAD + QUANTILE * self.jitter_rad * share.sqrt())
+        self.attitude_rad.max(self.held_rad + QUANTILE * self.jitter_rad * share.sqrt())
     }
 }
 
@@ -307,6 +325,45 @@ mod tests {
                 "{std_deg}: {mean_ms} ms, {found:?}"
             );
         }
+    }
+
+    #[test]
+    fn spec_a_lean_that_the_plan_bears_is_held_and_more_of_it_is_not() {
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(4);
+        for std_deg in [0.0, 2.0, 5.0] {
+            let calm = Tolerance::for_jitter(f64::to_radians(std_deg));
+            let leaning = calm.leaning(10f64.to_radians());
+            let held = |rng: &mut rand_chacha::ChaCha8Rng, tolerance, lean_deg| {
+                let mut monitor = PoseMonitor::new(pose(), tolerance);
+                monitor.position(pose().position_enu_m);
+                (0..500).all(|k| {
+                    monitor.attitude(&jittered(rng, lean_deg, std_deg), at(RATE_MS * k));
+                    monitor.check().is_ok()
+                })
+            };
+            // The jitter's own share lies between, as it does without a lean.
+            let bears_deg = (10.0 - std_deg - 2.0).max(3.0);
+            for _ in 0..200 {
+                assert!(held(&mut rng, leaning, bears_deg), "{std_deg} deg");
+                assert!(!held(&mut rng, leaning, 13.4), "{std_deg} deg");
+                assert!(!held(&mut rng, calm, (3.0 + std_deg) * 4.0 / 3.0), "{std_deg} deg");
+            }
+        }
+    }
+
+    #[test]
+    fn spec_a_lean_makes_nothing_stricter_and_an_operator_who_does_is_heeded() {
+        let calm = Tolerance::for_jitter(2f64.to_radians());
+        assert_eq!(calm.leaning(0.0), calm);
+        assert_eq!(calm.leaning(4f64.to_radians()), calm);
+        assert!((calm.leaning(9f64.to_radians()).attitude_rad.to_degrees() - 9.0).abs() < 1e-12);
+        let strict = Tolerance::of(1.0, 2f64.to_radians(), 2f64.to_radians());
+        assert_eq!(strict.leaning(9f64.to_radians()), strict);
+        let near = Tolerance::of(0.5, 3f64.to_radians(), 2f64.to_radians());
+        assert_eq!(
+            near.leaning(9f64.to_radians()).attitude_rad,
+            calm.leaning(9f64.to_radians()).attitude_rad
+        );
     }
 
     #[test]

@@ -53,7 +53,7 @@ impl Slot {
             radiate_until: commitment.opens_at + terms.radiate_until,
             closes_at: commitment.opens_at + terms.length,
             closing: false,
-            monitor: PoseMonitor::new(vehicle.pose, tolerance),
+            monitor: PoseMonitor::new(vehicle.pose, tolerance.leaning(terms.lean_rad[role])),
             protection: Protection::default(),
             served: Served::No(None),
             achieved: false,

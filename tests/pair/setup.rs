@@ -39,6 +39,7 @@ fn vehicles(slot: u16) -> PerVehicle<VehiclePlan> {
 fn plan(length: Duration) -> PlanTerms {
     let terms = |slot: u16| SlotTerms {
         vehicles: vehicles(slot),
+        lean_rad: PerVehicle { i: 0.0, j: 0.0 },
         opens: (LEAD + length) * u32::from(slot) + LEAD,
         lead: LEAD,
         radiate_from: GUARD / 2,

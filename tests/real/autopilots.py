@@ -1,7 +1,7 @@
 """The autopilots that pair.py flies: how each is started, what it calls things. Vehicle I is system 1, vehicle J system 2.
 
 Ports, by instance k (0 for I): the ground station hears 14550, the companion 14540 + k, the payload radio 14030 + k. PORTS in the
-environment (a number added to all) lets two pairs fly at once; PX4 keeps to its own, so with PX4 it is 0.
+environment (a number added to all, in hundreds) lets two pairs fly at once; PX4 keeps to its own, so with PX4 it is 0.
 """
 
 import os
@@ -71,13 +71,30 @@ class Px4:
         return struct.unpack("<f", struct.pack("<i", int(value)))[0] if as_integer else float(value)
 
 
+class Sih(Px4):
+    """PX4's own quad in its own simulator (airframe 10040), stock; it tells its true state itself."""
+
+    actuation = "position"
+    # MPC_Z_VEL_MAX_DN is 1.5 m/s.
+    vehicle = "conventional", dict(max_tilt_deg=90.0, speed_m_s=8.0, climb_m_s=1.5, acceleration_m_s2=1.5, tilt_rate_deg_s=45.0)
+    streams = ((115, 50), (2, 10), (245, 2))
+
+    def start(self, spawn, home, options):
+        tree = os.environ["PX4"] + "/build/px4_sitl_default"
+        environment = dict(os.environ, PX4_SYS_AUTOSTART="10040", PX4_SIM_MODEL="sihsim_quadx", PX4_SIMULATOR="sihsim")
+        environment |= dict(zip(("PX4_HOME_LAT", "PX4_HOME_LON", "PX4_HOME_ALT"), map(repr, home)))
+        rootfs = self.folder + "/px4"
+        os.makedirs(rootfs, exist_ok=True)
+        spawn("autopilot-" + self.role, [tree + "/bin/px4", "-i", self.k, "-d", tree + "/etc"], self.folder + "/autopilot.log", rootfs, environment)
+
+
 class ArduCopter:
     """ArduCopter's own simulated quad."""
 
     firmware, actuation = "ardupilot", "position"
     vehicle = "conventional", dict(max_tilt_deg=90.0, speed_m_s=8.0, climb_m_s=4.0, acceleration_m_s2=1.5, tilt_rate_deg_s=45.0)
     # Message and Hz: the true state, and what is wanted for the record.
-    streams = ((108, 50), (2, 10), (245, 2), (36, 50))
+    streams = ((108, 50), (2, 10), (245, 2), (36, 200))
     modes = dict(position=(5,), hold=(5,), land=(9,), home=(6,))
     names = {0: "STABILIZE", 2: "ALT_HOLD", 3: "AUTO", 4: "GUIDED", 5: "LOITER", 6: "RTL", 9: "LAND", 17: "BRAKE"}
     model, parameters = "quad", ()
@@ -93,7 +110,7 @@ class ArduCopter:
         self.furnish(cwd)
         defaults = [tree + "/Tools/autotest/default_params/copter.parm", *self.parameters]
         program = [
-            tree + "/build/sitl/bin/arducopter", "-w", f"-I{self.k}", "--sysid", self.system, "--model", self.model,
+            tree + "/build/sitl/bin/arducopter", "-w", f"-I{self.k + PORTS // 100}", "--sysid", self.system, "--model", self.model,
             "--speedup", 1, "--home=%.7f,%.7f,%.2f,%d" % (*home, 90 - options.yaw), "--defaults", ",".join(defaults),
             "--serial0", f"udpclient:127.0.0.1:{GROUND}", "--serial1", f"udpclient:127.0.0.1:{ONBOARD + self.k}",
             "--serial2", f"udpclient:127.0.0.1:{PAYLOAD + self.k}",
@@ -132,11 +149,11 @@ class Six(ArduCopter):
             shutil.copy(script, cwd + "/scripts")
 
 
-FRAMES = dict(px4=Px4, quad=ArduCopter, six=Six)
+FRAMES = dict(px4=Px4, sih=Sih, quad=ArduCopter, six=Six)
 
 
 class Truth:
-    """The true states of an ArduCopter (SIM_STATE) as truth.csv; omni_hil.py writes its own."""
+    """The true states of a vehicle that tells them (SIM_STATE, HIL_STATE_QUATERNION) as truth.csv; omni_hil.py writes its own."""
 
     def __init__(self, folder):
         self.file = open(folder + "/truth.csv", "w", buffering=1)
@@ -144,19 +161,27 @@ class Truth:
         self.boot_s = 0.0
 
     def put(self, wall, m, armed):
-        lat = m.lat_int * 1e-7 if m.lat_int else m.lat
-        lon = m.lon_int * 1e-7 if m.lon_int else m.lon
-        row = (wall, self.boot_s, lat, lon, m.alt, m.vn, m.ve, m.vd, m.q1, m.q2, m.q3, m.q4, int(armed), 0)
+        if m.get_type() == "HIL_STATE_QUATERNION":
+            place = m.lat * 1e-7, m.lon * 1e-7, m.alt * 1e-3
+            motion = m.vx * 1e-2, m.vy * 1e-2, m.vz * 1e-2, *m.attitude_quaternion
+        else:
+            lat = m.lat_int * 1e-7 if m.lat_int else m.lat
+            lon = m.lon_int * 1e-7 if m.lon_int else m.lon
+            place, motion = (lat, lon, m.alt), (m.vn, m.ve, m.vd, m.q1, m.q2, m.q3, m.q4)
+        row = (wall, self.boot_s, *place, *motion, int(armed), 0)
         self.file.write(",".join(f"{x:.9g}" if k not in (0, 2, 3) else f"{x:.9f}" for k, x in enumerate(row)) + "\n")
 
 
 class PowerLine:
-    """The radio as the bridge script drives it: SERVO9's pulse, written as radio.py writes its log."""
+    """The radio as the bridge script drives it: SERVO9's pulse, written as radio.py writes its log. It is looked at 200 times a second:
+    `last` is when it was seen on for the last time."""
 
     def __init__(self, path, note):
         self.note, self.file, self.on_us, self.slot, self.off_at = note, open(path, "a", buffering=1), None, None, 0.0
+        self.seen_on = 0.0
 
     def put(self, wall, pulse_us):
+        self.seen_on = wall if pulse_us > 1005 else self.seen_on
         if pulse_us > 1005 and (self.on_us is None or abs(pulse_us - self.on_us) > 1):
             if self.slot is None:
                 self.slot = 0
@@ -166,7 +191,7 @@ class PowerLine:
             self.file.write(self.note(t=wall, on=True, dbm=round((pulse_us - 1100) * 37 / 800 - 10, 2), slot=self.slot))
         elif pulse_us <= 1005 and self.on_us is not None:
             self.on_us, self.off_at = None, wall
-            self.file.write(self.note(t=wall, on=False, why="pulse"))
+            self.file.write(self.note(t=wall, on=False, why="pulse", last=self.seen_on))
 
 
 def home_of(role, options):

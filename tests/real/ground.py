@@ -20,7 +20,7 @@ class Ground(threading.Thread):
         )
         self.file = open(folder + "/gcs.log", "a", buffering=1)
         self.modes, self.landed, self.parameters, self.asked, self.sticks = {}, {}, {}, {}, set()
-        self.acknowledged = []
+        self.acknowledged, self.counts, self.items = [], {}, {}
         self.truth = {v.system: Truth(v.folder) for v in vehicles if v.streams}
         self.lines = {
             v.system: PowerLine(f"{folder}/tx-{v.role}.log", lambda **k: json.dumps(k) + "\n") for v in power_lines
@@ -72,9 +72,13 @@ class Ground(threading.Thread):
             self.note("ack", source, m.command, m.result, m.target_system, m.target_component)
         elif kind == "PARAM_VALUE" and own:
             self.parameters[(source[0], m.param_id)] = vehicle.decoded(m), m.param_type
+        elif kind == "MISSION_COUNT" and own:
+            self.counts[(source[0], m.mission_type)] = m.count
+        elif kind == "MISSION_ITEM_INT" and own:
+            self.items[(source[0], m.mission_type, m.seq)] = m.command, m.param1, m.x * 1e-7, m.y * 1e-7
         elif kind == "SYSTEM_TIME" and own and source[0] in self.truth:
             self.truth[source[0]].boot_s = m.time_boot_ms / 1e3
-        elif kind == "SIM_STATE" and source[0] in self.truth:
+        elif kind in ("SIM_STATE", "HIL_STATE_QUATERNION") and source[0] in self.truth:
             self.asked[source[0]] = now
             if self.truth[source[0]].boot_s:
                 self.truth[source[0]].put(now, m, self.modes.get(source[0], ("", False))[1])
@@ -114,6 +118,36 @@ class Ground(threading.Thread):
             if now is not None and abs(now - value) < 1e-6:
                 break
         self.say("parameter", vehicle.role, name, before, "->", now)
+
+    def until(self, ask, known):
+        """What is known once it is, asked for four times at most; else None."""
+        for _ in range(4):
+            ask()
+            end = time.time() + 1.0
+            while time.time() < end:
+                if known() is not None:
+                    return known()
+                time.sleep(0.02)
+        return None
+
+    def list_of(self, vehicle, kind):
+        """Its fence (1) or its rally points (2): command, first parameter, latitude and longitude of each; None without an answer."""
+        mav, system = self.link.mav, vehicle.system
+        self.counts.pop((system, kind), None)
+        count = self.until(
+            lambda: mav.mission_request_list_send(system, 1, kind), lambda: self.counts.get((system, kind))
+        )
+        found = []
+        for seq in range(count or 0):
+            self.items.pop((system, kind, seq), None)
+            found.append(
+                self.until(
+                    lambda: mav.mission_request_int_send(system, 1, seq, kind),
+                    lambda: self.items.get((system, kind, seq)),
+                )
+            )
+        mav.mission_ack_send(system, 1, 0, kind)
+        return None if count is None else found
 
     def command(self, system, component, command, *p):
         p = (list(p) + [0] * 7)[:7]

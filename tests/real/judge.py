@@ -5,11 +5,14 @@ completed: every slot served in full at its pose, both landed and disarmed. safe
 Both: never unprotected, and PX4 has its land detector back in every vehicle whose companion is alive or was told to end."""
 import json
 import sys
+import tomllib
+
+import geo
 
 # By frame: position in a slot, m rms; what is judged of the attitude, and its bar, deg rms; how far past a pose, m. The six's heading
 # is its compass's, of which the antenna's axis knows nothing, and it swings when its offsets turn; the level quad's attitude is
-# the wind's.
-BARS = dict(px4=(0.08, "att", 0.3, 0.5), six=(0.25, "axis", 0.5, 2.0), quad=(0.30, None, None, 0.5))
+# the wind's. The receiver of PX4's own quad errs by up to a metre, and the vehicle follows it.
+BARS = dict(px4=(0.08, "att", 0.3, 0.5), six=(0.25, "axis", 0.5, 2.0), quad=(0.30, None, None, 0.5), sih=(1.5, None, None, 2.0))
 
 folder, kind = sys.argv[1:3]
 score = json.load(sys.stdin)
@@ -30,6 +33,24 @@ bar("unprotected, s", score["unprotected_s"], score["unprotected_s"] == 0)
 bar("LNDMC_Z_VEL_MAX", end["guard"], all(value and value > 0 for value in end["guard"]))
 bar("simulated seconds a second", score["rtf"], all(0.97 < rate < 1.03 for rate in score["rtf"].values()))
 bar("armed", end["armed"], not any(end["armed"]))
+# The fence as another station reads it: the mission's area, which is a rectangle, five metres wider; and the rally point at home.
+with open(folder + "/mission.toml", "rb") as file:
+    area = tomllib.load(file)["airspace"]["area_enu_m"]
+with open(folder + "/setup.json") as file:
+    setup = json.load(file)
+wanted = sorted([x + (5 if x > 0 else -5) for x in corner] for corner in area)
+for role in "ij":
+    at = {}
+    for name, found in end["lists"][role].items():
+        places = [one[2:] for one in found or [] if one]
+        at[name] = [geo.to_enu(*place, setup["origin"][2], setup["origin"]).tolist()[:2] for place in places]
+    near = len(at["fence"]) == len(wanted) and all(
+        abs(a - b) < 0.1 for one, other in zip(sorted(at["fence"], key=lambda one: [round(x) for x in one]), wanted) for a, b in zip(one, other)
+    )
+    bar(f"vehicle {role}: the fence read by the ground, m", [[round(x, 2) for x in one] for one in at["fence"]], near)
+    home = options["home_" + role][:2]
+    near = len(at["rally"]) == 1 and all(abs(a - b) < 1.5 for a, b in zip(at["rally"][0], home))
+    bar(f"vehicle {role}: the rally point, m", [[round(x, 2) for x in one] for one in at["rally"]], near)
 if kind == "completed":
     bar("exit codes", end["exits"], all(code == 0 for codes in end["exits"] for code in codes.values()))
     bar("slots", len(score["slots"]), bool(score["slots"]))

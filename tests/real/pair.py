@@ -3,7 +3,7 @@
 
 Environment: PX4 and ARDUPILOT (built source trees, as far as they are flown), VEILWING (the program), RUN (a folder for flights),
 MAVLINK20=1; run.sh sets all but the first two. The mission is flown about PX4's usual place, whatever its own origin.
-usage: pair.py NAME [--i px4|quad|six] [--j px4|quad|six] [options] [--do 'TRIGGER=>ACTION[&ACTION]']...
+usage: pair.py NAME [--i FRAME] [--j FRAME] [options] [--do 'TRIGGER=>ACTION[&ACTION]']...
 A TRIGGER is ROLE@REGEX[+SECONDS] (a line of that companion's log) or t+SECONDS (from MISSION_START); an ACTION one of
   kill ROLE   term ROLE   stop ROLE SECONDS   restart ROLE            the companion
   cut ROLE SECONDS   delay ROLE S [JITTER]   loss ROLE P              its link to the autopilot (--gate)
@@ -53,6 +53,7 @@ def arguments():
     p.add_argument("--set", nargs="*", default=[], help="parameters set before the companions start: [ROLE:]NAME=VALUE")
     p.add_argument("--bridge-radio", action="store_true", help="the radio of a six hangs on the bridge script (SERVO9)")
     p.add_argument("--chatter", type=float, default=0.0, help="ordinary commands a second from the ground, throughout")
+    p.add_argument("--actuation", help="of both vehicles, in place of the frame's")
     p.add_argument("--autopilot-extra", default="", help="lines for [autopilot], separated by ;")
     p.add_argument("--gate", action="store_true", help="put gate.py between autopilots and companions")
     p.add_argument("--do", action="append", default=[])
@@ -139,7 +140,7 @@ role = "{vehicle.role}"
 [autopilot]
 link = "udpin:127.0.0.1:{link}"
 firmware = "{vehicle.firmware}"
-actuation = "{vehicle.actuation}"
+actuation = "{self.options.actuation or vehicle.actuation}"
 system_id = {vehicle.system}
 {self.options.autopilot_extra.replace(';', chr(10))}
 [transmitter]
@@ -303,8 +304,9 @@ dir = "{vehicle.folder}/flight-logs"
     def finish(self):
         guard = [self.ground.get(v, LNDMC) for v in self.vehicles if v.firmware == "px4"]
         armed = [self.ground.modes.get(v.system, ("", True))[1] for v in self.vehicles]
+        lists = {v.role: dict(fence=self.ground.list_of(v, 1), rally=self.ground.list_of(v, 2)) for v in self.vehicles}
         with open(self.folder + "/end.json", "w") as file:
-            json.dump(dict(exits=self.exits, guard=guard, armed=armed, missions=self.options.missions), file)
+            json.dump(dict(exits=self.exits, guard=guard, armed=armed, missions=self.options.missions, lists=lists), file)
         with open(self.folder + "/events.json", "w") as file:
             json.dump(self.events, file)
 

@@ -5,7 +5,7 @@
 #
 #     PX4=TREE ARDUPILOT=TREE tests/real/run.sh [PART]...      all without arguments
 #
-# Parts: px4: calm wind two term kill stop cut mode gps orders transit; ArduCopter: quad quad-faults six six-faults; both: mixed.
+# Parts: px4: calm wind two term kill stop cut mode gps orders transit sih; ArduCopter: quad quad-wind quad-faults six six-faults; both: mixed auto.
 # TREE is a source tree with build/px4_sitl_default or build/sitl made in it; without one its parts are skipped, which is said.
 # Flights are in real time. RUN (default target/real) is where they are left, VENV the Python environment, REPEAT (default 3) how
 # often each is flown. UDP ports 14030 to 14601, 18570 and 24540, TCP 4560 and 5760 with the next ones must be free.
@@ -57,11 +57,11 @@ six() {
 on='slot 0: on+3'
 way='slot 0 for .*over+3'
 
-[ $# -gt 0 ] || set -- calm wind two term kill stop cut mode gps orders transit quad quad-faults six six-faults mixed
+[ $# -gt 0 ] || set -- calm wind two term kill stop cut mode gps orders transit quad quad-wind quad-faults six six-faults mixed sih auto
 for part in "$@"; do
     case $part in
         quad* | six*) [ -n "$ardupilot" ] || { echo "skipped: $part, ARDUPILOT is not set"; continue; } ;;
-        mixed) [ -n "$px4" ] && [ -n "$ardupilot" ] || { echo "skipped: mixed wants PX4 and ARDUPILOT"; continue; } ;;
+        mixed* | auto) [ -n "$px4" ] && [ -n "$ardupilot" ] || { echo "skipped: $part wants PX4 and ARDUPILOT"; continue; } ;;
         *) [ -n "$px4" ] || { echo "skipped: $part, PX4 is not set"; continue; } ;;
     esac
     case $part in
@@ -86,7 +86,14 @@ for part in "$@"; do
             omni safe way-mode --keep --do "i@$way=>pilot i hold" --do 't+60=>pilot i land'
             omni safe way-gps --keep --do "i@$way=>gps i"
             ;;
+        sih) fly completed sih --i sih --j sih --actuation auto --settle 5 --set COM_OBL_RC_ACT=5 --timeout 240 ;;
+        auto)
+            omni completed auto-px4 --actuation auto
+            quad completed auto-quad --actuation auto
+            six completed auto-six --actuation auto
+            ;;
         quad) quad completed quad ;;
+        quad-wind) quad completed quad-wind --wind 3 -4 0 --gust 1 ;;
         quad-faults)
             quad safe quad-kill --keep --do "i@$on=>kill i" --do 't+60=>pilot i land'
             quad safe quad-term --keep --do "j@$on=>term j" --do 't+60=>pilot j land'

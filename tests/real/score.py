@@ -90,11 +90,12 @@ def intervals(r):
         elif m.get("on") is False and cur:
             cur[1] = m["t"]
             cur.append(m["why"])
+            cur.append(m.get("last", m["t"]))
             out.append(cur)
             cur = None
     if cur:
         cur[1] = T[r]["t"][-1]
-        cur.append("never")
+        cur += ["never", cur[1]]
         out.append(cur)
     return out
 
@@ -147,7 +148,8 @@ def power(r, t):
 # ---- unprotected: I on while J off
 unprot = 0.0
 worst = 0.0
-for on, off, *_ in TX["i"]:
+# On a line that is looked at now and then I is certainly on from when it is first to when it is last seen on.
+for on, *_, off in TX["i"]:
     cov = sorted((max(on, a), min(off, b)) for a, b, *_ in TX["j"] if b > on and a < off)
     u = (off - on) - sum(b - a for a, b in cov)
     unprot += u
@@ -171,7 +173,7 @@ for sid in slot_ids:
     row = dict(slot=int(sid), user=ps["user"], planned=round(ps["secrecy_rate_bps"] / BW, 3))
     user = users[names.index(ps["user"])]
     for r in "ij":
-        segs = [(on, off, why) for on, off, seg, why in TX[r] if any(x[2] == sid for x in seg)]
+        segs = [(on, off, why) for on, off, seg, why, _ in TX[r] if any(x[2] == sid for x in seg)]
         row["on_" + r] = round(sum(b - a for a, b, _ in segs), 2)
         row["n_" + r] = len(segs)
         row["off_" + r] = ",".join(w for *_, w in segs)
@@ -264,7 +266,7 @@ for r in "ij":
     ]
     res["tx_" + r] = [
         dict(on=round(float(a - lo), 2), off=round(float(b - lo), 2), why=w, slots=sorted({x[2] for x in seg}))
-        for a, b, seg, w in TX[r]
+        for a, b, seg, w, _ in TX[r]
     ]
     if os.path.exists(f"{D}/{r}/sim.log"):
         res["impacts_" + r] = [l.strip() for l in open(f"{D}/{r}/sim.log") if "ground contact" in l]

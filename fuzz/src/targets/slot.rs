@@ -101,6 +101,7 @@ fn plan() -> PlanTerms {
     let vehicle = VehiclePlan { pose: POSE, tx_power_w: POWER_W };
     let terms = SlotTerms {
         vehicles: PerVehicle { i: vehicle, j: vehicle },
+        lean_rad: PerVehicle { i: 0.0, j: 0.0 },
         opens: NEEDS,
         lead: NEEDS,
         radiate_from: Duration::ZERO,

@@ -76,6 +76,8 @@ pub struct PlannedPose {
     pub yaw_rad: f64,
     /// Watts; 0 for a vehicle that the plan keeps silent.
     pub tx_power_w: f64,
+    /// How far the plan bears it to lean from this attitude, degrees; 0 of a vehicle that has no reason to.
+    pub lean_deg: f64,
 }
 
 impl PlannedPose {
@@ -112,6 +114,8 @@ pub struct Tolerance {
     pub attitude_deg: f64,
     /// The same, but that nobody can overlook it within S4's 100 ms, degrees.
     pub conspicuous_deg: f64,
+    /// Standard deviation of the jitter that is injected, degrees.
+    pub jitter_deg: f64,
 }
 
 impl Default for Tolerance {
@@ -136,7 +140,22 @@ impl Tolerance {
     #[must_use]
     pub fn under_jitter(std_deg: f64) -> Self {
         let attitude_deg = f64::max(5.0, 3.0 + std_deg);
-        Self { position_m: 1.0, attitude_deg, conspicuous_deg: attitude_deg.max(2.1 * std_deg) }
+        Self {
+            position_m: 1.0,
+            attitude_deg,
+            conspicuous_deg: attitude_deg.max(2.1 * std_deg),
+            jitter_deg: std_deg,
+        }
+    }
+
+    /// From where an attitude is off by little, and by much. A vehicle that leans comes to the limit slowly, and its companion
+    /// finds that out by a mean of the jittering attitude: of the last 0.4 s that leaves a sixth of the jitter's deviation,
+    /// of the last 0.1 s a third, about each axis. Three of the one, and four and a half of the other, are granted.
+    fn limits_deg(&self, lean_deg: f64) -> [f64; 2] {
+        if lean_deg <= self.attitude_deg {
+            return [self.attitude_deg, self.conspicuous_deg];
+        }
+        [lean_deg + 0.5 * self.jitter_deg, lean_deg + 1.5 * self.jitter_deg]
     }
 
     /// How this position and (jitter-free) attitude compare with the plan's.
@@ -147,11 +166,12 @@ impl Tolerance {
         attitude: &UnitQuaternion<f64>,
     ) -> Off {
         let off_deg = attitude.angle_to(&plan.attitude).to_degrees();
+        let [little_deg, much_deg] = self.limits_deg(plan.lean_deg);
         // What is no number is off.
         let placed = (position - plan.position).norm() <= self.position_m;
-        if !placed || off_deg.is_nan() || off_deg > self.conspicuous_deg {
+        if !placed || off_deg.is_nan() || off_deg > much_deg {
             Off::Much
-        } else if off_deg > self.attitude_deg {
+        } else if off_deg > little_deg {
             Off::Little
         } else {
             Off::Nothing
@@ -166,6 +186,7 @@ pub(crate) struct Reference {
     pub attitude: UnitQuaternion<f64>,
     pub euler: Euler,
     pub power_w: f64,
+    pub lean_deg: f64,
 }
 
 impl From<&PlannedPose> for Reference {
@@ -175,6 +196,7 @@ impl From<&PlannedPose> for Reference {
             attitude: pose.attitude(),
             euler: pose.euler(),
             power_w: pose.tx_power_w,
+            lean_deg: pose.lean_deg,
         }
     }
 }

@@ -19,6 +19,7 @@ pub fn config() -> WorldConfig {
         pitch_rad: pitch_deg.to_radians(),
         yaw_rad: 0.0,
         tx_power_w,
+        lean_deg: 0.0,
     };
     let mut i = VehicleConfig::new(Role::I);
     i.home_enu_m = [-30.0, 10.0, 0.0];

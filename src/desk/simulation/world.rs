@@ -97,7 +97,8 @@ pub(super) fn world_over(
             .map(|slot| sim::PlannedSlot {
                 user: slot.user.clone(),
                 secrecy_rate_bps: slot.plan.secrecy_rate_bps,
-                poses: [pose(&slot.plan.vehicles.i), pose(&slot.plan.vehicles.j)],
+                poses: [Role::I, Role::J]
+                    .map(|role| pose(&slot.plan.vehicles[role], slot.lean_rad[role].unwrap_or_default())),
             })
             .collect(),
         tolerance: sim::Tolerance::under_jitter(mission.jitter.std_rad.to_degrees()),
@@ -121,13 +122,14 @@ fn served<'a>(
     Ok(table.entries.iter().filter_map(|entry| plan.slots.get(entry.user_index)).collect())
 }
 
-fn pose(vehicle: &VehiclePlan) -> sim::PlannedPose {
+fn pose(vehicle: &VehiclePlan, lean_rad: f64) -> sim::PlannedPose {
     sim::PlannedPose {
         position_enu_m: vehicle.pose.position_enu_m.into(),
         roll_rad: vehicle.pose.roll_rad,
         pitch_rad: vehicle.pose.pitch_rad,
         yaw_rad: vehicle.pose.yaw_rad,
         tx_power_w: vehicle.tx_power_w,
+        lean_deg: lean_rad.to_degrees(),
     }
 }
 

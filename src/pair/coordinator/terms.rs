@@ -42,6 +42,8 @@ pub struct PlanTerms {
 pub struct SlotTerms {
     /// Poses and powers.
     pub vehicles: PerVehicle<VehiclePlan>,
+    /// The largest tilt from its pose that the slot bears of each vehicle, radians; 0 of one that has no reason to lean.
+    pub lean_rad: PerVehicle<f64>,
     /// From the instant that the slot table counts from to the slot's opening.
     pub opens: Duration,
     /// The transit to the slot begins this long before its opening.

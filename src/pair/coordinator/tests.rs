@@ -38,6 +38,7 @@ fn coordinator_of(role: Role, boot_id: u32, mission_digest: [u8; 32], plan_diges
     let mut coordinator = Coordinator::new(settings, Instant::ZERO);
     let terms = SlotTerms {
         vehicles: PerVehicle { i: vehicle, j: vehicle },
+        lean_rad: PerVehicle { i: 0.0, j: 0.0 },
         opens: NEEDS,
         lead: NEEDS,
         radiate_from: Duration::ZERO,
