@@ -121,6 +121,8 @@ const ELSEWHERE: &[(&str, &[&str], &str)] = &[
         &["NotAnswered", "NotHeard", "NotTaken", "Unsupported"],
         "the preflight waits for them; src/transmitter/numbered/tests",
     ),
+    ("notice", &["Troubled"], "of radio hosts; tests/flight/hosts.rs"),
+    ("radio-not-ready", &["Trouble"], "of radio hosts; tests/flight/hosts.rs"),
     (
         "silence",
         &["Killed", "NotAuthorised", "NoPower", "NoSlot", "NotInControl"],

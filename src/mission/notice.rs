@@ -10,7 +10,7 @@ use crate::pair::wire::{VeilwingAnswer, VeilwingSilence};
 use crate::role::Role;
 use crate::schedule::transit::TransitError;
 use crate::service::{GiveUp, Silence};
-use crate::transmitter::NotReady;
+use crate::transmitter::{NotReady, Trouble};
 use crate::units::Watts;
 
 use super::cause::Cause;
@@ -178,6 +178,14 @@ pub enum Notice {
         /// Why.
         reason: NotReady,
     },
+    /// Our own transmitter may radiate, and its device does not.
+    #[error("slot {slot}: off: {trouble}")]
+    Troubled {
+        /// The slot's number over superframes.
+        slot: u16,
+        /// What is wrong with it.
+        trouble: Trouble,
+    },
     /// Jamming protects nobody: the slot is ended.
     #[error(
         "slot {slot} ended early: vehicle {peer} hardly radiates in it, so jamming protects nobody; see vehicle {peer}'s log for the reason, and the delay of the pair link"
@@ -291,6 +299,7 @@ impl Notice {
             | Self::Ending
             | Self::Refused { .. }
             | Self::Unready { .. }
+            | Self::Troubled { .. }
             | Self::JammedInVain { .. }
             | Self::PeerSilent { .. }
             | Self::PeerGone(..)
