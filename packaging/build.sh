@@ -4,8 +4,8 @@
 #
 #     packaging/build.sh [--check] [ARCHITECTURE...]
 #
-# --check builds with the cheap profile `package-check` in place of `package`: the same files, for trying. Into
-# target/packaging/out, or $OUT. Needs cargo, rustup and python3; on Debian and as root it installs what else is missing.
+# --check builds with the tests' profile in place of `dist`: the same files, for trying, and of this computer's architecture what
+# the tests have built already, where VEILWING_COMMIT was the same then. Into target/packaging/out, or $OUT. Needs cargo, rustup and python3; on Debian and as root it installs what else is missing.
 #
 # What is tried: every program says its commit and its target; none needs a newer C library than the package asks for; lintian
 # has no errors and no warnings; the plan of the demo has one digest on both architectures; a whole flight in virtual time is
@@ -13,12 +13,13 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-profile=package
+profile=dist
 if [ "${1:-}" = --check ]; then
-    profile=package-check
+    profile=test
     shift
 fi
 architectures=${*:-amd64 arm64}
+native=$(dpkg --print-architecture)
 target=${CARGO_TARGET_DIR:-target}
 stage=target/packaging/stage
 out=${OUT:-target/packaging/out}
@@ -41,12 +42,12 @@ triple() {
 
 # How a program of an architecture is run here.
 runner() {
-    if [ "$(dpkg --print-architecture)" = "$1" ]; then
+    if [ "$native" = "$1" ]; then
         echo ""
     elif [ "$1" = arm64 ]; then
         echo "qemu-aarch64-static -L /usr/aarch64-linux-gnu"
     else
-        fail "$1 cannot be run on $(dpkg --print-architecture)"
+        fail "$1 cannot be run on $native"
     fi
 }
 
@@ -54,7 +55,7 @@ install_missing() {
     local wanted=() architecture
     for architecture in $architectures; do
         rustup target add "$(triple "$architecture")" >/dev/null 2>&1 || fail "no Rust target for $architecture"
-        if [ "$architecture" = arm64 ] && [ "$(dpkg --print-architecture)" = amd64 ]; then
+        if [ "$architecture" = arm64 ] && [ "$native" = amd64 ]; then
             wanted+=(gcc-aarch64-linux-gnu libc6-dev-arm64-cross qemu-user-static)
         fi
     done
@@ -71,18 +72,28 @@ install_missing() {
     command -v cargo-deb >/dev/null || $cargo install --locked --quiet cargo-deb
 }
 
-# build ARCHITECTURE onboard|desk: the programs, in $programs.
+# build ARCHITECTURE onboard|desk: the programs, stripped, in $programs.
 build() {
-    local to
+    local to where=() built=$target strip=strip program
     to=$(triple "$1")
     export CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_LINKER=aarch64-linux-gnu-gcc
-    if [ "$2" = onboard ]; then
-        $cargo build --quiet --locked --profile "$profile" --target "$to" --package veilwing --bin veilwing "${onboard[@]}"
-    else
-        $cargo build --quiet --locked --profile "$profile" --target "$to" --package veilwing --bin veilwing \
-            --package veilwing-sitl --bin veilwing-sitl
+    if [ "$1" != "$native" ]; then
+        where=(--target "$to")
+        built=$target/$to
+        [ "$1" != arm64 ] || strip=aarch64-linux-gnu-strip
     fi
-    programs=$target/$to/$profile
+    if [ "$2" = onboard ]; then
+        $cargo build --quiet --locked --profile "$profile" "${where[@]}" --package veilwing --bin veilwing "${onboard[@]}"
+    else
+        $cargo build --quiet --locked --profile "$profile" "${where[@]}" --workspace --bin veilwing --bin veilwing-sitl
+    fi
+    built=$built/$([ "$profile" = test ] && echo debug || echo "$profile")
+    programs=target/packaging/programs/$1-$2
+    rm -rf "$programs"
+    mkdir -p "$programs"
+    for program in veilwing $([ "$2" = onboard ] || echo veilwing-sitl); do
+        "$strip" -o "$programs/$program" "$built/$program"
+    done
 }
 
 # What a program of this architecture must be.
@@ -139,9 +150,9 @@ pack() {
     fi
     deb=$out/${name}_${version}_$architecture.deb
     tree=$name-$version-$to
-    # The programs are stripped, of any architecture, by the compiler.
-    cargo-deb deb --quiet --no-build --no-strip --locked --deb-version "$version" --profile "$profile" --target "$to" \
-        "${arguments[@]}" --package veilwing --output "$deb"
+    rm -rf "$stage/bin"
+    cp -r "target/packaging/programs/$architecture-$variant" "$stage/bin"
+    cargo-deb deb --quiet --no-build --no-strip --locked --deb-version "$version" --target "$to" "${arguments[@]}" --package veilwing --output "$deb"
     rm -rf "$stage/$tree"
     dpkg-deb --extract "$deb" "$stage/$tree"
     tar --sort=name --mtime="@$SOURCE_DATE_EPOCH" --owner=0 --group=0 --numeric-owner -C "$stage" -czf "$out/$tree.tar.gz" "$tree"
@@ -159,14 +170,13 @@ install_missing
 version=$(sed -n 's/^version = "\(.*\)"/\1/p' Cargo.toml | head -n 1)
 VEILWING_COMMIT=${VEILWING_COMMIT:-$(git rev-parse --short=12 HEAD 2>/dev/null || echo unknown)}
 if [ -n "$(git status --porcelain 2>/dev/null | head -n 1)" ]; then
-    [ "$profile" = package-check ] || echo "warning: the tree has changes that are in no commit" >&2
+    [ "$profile" = test ] || echo "warning: the tree has changes that are in no commit" >&2
     VEILWING_COMMIT=${VEILWING_COMMIT%-dirty}-dirty
 fi
 SOURCE_DATE_EPOCH=${SOURCE_DATE_EPOCH:-$(git log -1 --format=%ct 2>/dev/null || date +%s)}
 export VEILWING_COMMIT SOURCE_DATE_EPOCH
 mkdir -p "$out"
 
-native=$(dpkg --print-architecture)
 digests=
 for variant in onboard desk; do
     say "$variant, $native"
@@ -182,7 +192,7 @@ for variant in onboard desk; do
         python3 packaging/sbom.py --target "$(triple "$architecture")" \
             $([ "$variant" = desk ] || echo "${onboard[@]}") --out "$stage/doc" >/dev/null
         gzip --best --no-name --force "$stage/doc/third-party-licences.txt"
-        programs=$target/$(triple "$architecture")/$profile
+        programs=target/packaging/programs/$architecture-$variant
         pack "$architecture" "$variant"
         digests+="$(digest "$architecture") $variant $architecture"$'\n'
         if [ "$variant" = desk ]; then
