@@ -149,15 +149,19 @@ for role in i j; do
     home=$([ $role = i ] && echo 50.0755,14.4376881,200 || echo 50.0753202,14.4379119,200)
     inside systemd-run --quiet --collect --unit "vehicle-$role" \
         veilwing-sitl vehicle --link "udpin:127.0.0.1:1466$number" --system-id "$number" --home "$home"
-    inside systemd-run --quiet --collect --unit "line-$role" \
-        socat "pty,rawer,link=/run/vehicle-$role,group=dialout,mode=660" "udp:127.0.0.1:1466$number"
-    file=$root/etc/veilwing/vehicle-$role.toml
-    sed -i -e "s|^link = \"serial:[^\"]*\"|link = \"serial:/run/vehicle-$role:921600\"|" \
-        -e "s|^link = \"udp[^\"]*14600\"|link = \"udp$([ $role = i ] && echo out:127.0.0.1 || echo in:127.0.0.1):14600\"|" "$file"
+    # The line ends with each companion that had it open, and is there again for the next.
+    inside systemd-run --quiet --collect --unit "line-$role" --property Restart=always --property RestartSec=100ms \
+        socat -b 2048 "pty,rawer,wait-slave,link=/run/vehicle-$role,group=dialout,mode=660" "udp:127.0.0.1:1466$number"
 done
+files=$root/etc/veilwing
+# Both are omnicopters with a leased radio; J's own example is an ArduCopter.
+sed -e 's|^role = "i"|role = "j"|' -e 's|^system_id = 1 |system_id = 2 |' -e 's|^link = "serial:[^"]*"|link = "serial:/run/vehicle-j:921600"|' \
+    -e 's|^link = "udp[^"]*:14600"|link = "udpin:127.0.0.1:14600"|' "$files/vehicle-i.toml" >"$files/vehicle-j.toml"
+sed -i -e 's|^link = "serial:[^"]*"|link = "serial:/run/vehicle-i:921600"|' \
+    -e 's|^link = "udp[^"]*:14600"|link = "udpout:127.0.0.1:14600"|' "$files/vehicle-i.toml"
 # I's transmitter is behind the packaged radio host.
-sed -i 's|^# link = "serial:/dev/ttyUSB0:57600" .*|link = "udpout:127.0.0.1:14570"|' "$root/etc/veilwing/vehicle-i.toml"
-grep -q '^link = "udpout:127.0.0.1:14570"' "$root/etc/veilwing/vehicle-i.toml" || fail "vehicle-i.toml has no [transmitter] link to change"
+sed -i 's|^# link = "serial:/dev/ttyUSB0:57600" .*|link = "udpout:127.0.0.1:14570"|' "$files/vehicle-i.toml"
+grep -q '^link = "udpout:127.0.0.1:14570"' "$files/vehicle-i.toml" || fail "vehicle-i.toml has no [transmitter] link to change"
 # Pseudo-terminals are not among the devices that the unit opens.
 for role in i j; do
     mkdir -p "$root/etc/systemd/system/veilwing@$role.service.d"
