@@ -18,6 +18,7 @@ if [ "$(id -u)" != 0 ]; then
     exit 0
 fi
 packages=${1:-target/packaging/out}
+first=
 here=$PWD/target/packaging
 base=$here/debian
 root=$here/debian-tried
@@ -29,8 +30,8 @@ desk=$(ls "$packages"/veilwing-desk_*_"$architecture".deb)
 say() { printf '\n-- %s (%s s)\n' "$*" "$SECONDS"; }
 ok() { printf 'ok   %s\n' "$*"; }
 fail() {
+    [ -z "$first" ] || inside journalctl --no-pager -q -o short-precise -t systemd -t veilwing -t veilwing-sitl -t socat -n 60 >&2 || true
     printf 'FAIL %s\n' "$*" >&2
-    inside journalctl --no-pager -o short-precise -n 60 >&2 || true
     exit 1
 }
 
@@ -58,6 +59,7 @@ if [ ! -e "$base/.done" ]; then
     # util-linux and procps for what an operator types; socat for the serial lines; adduser is the package's.
     debootstrap --variant=minbase --include=systemd,systemd-sysv,adduser,socat,procps,man-db bookworm "$base" "$mirror" >"$here/debootstrap.log" 2>&1 ||
         { tail "$here/debootstrap.log" >&2; exit 1; }
+    rm -f "$base"/var/cache/apt/archives/*.deb
     touch "$base/.done"
 fi
 rm -rf "$root"
@@ -67,7 +69,6 @@ systemd-nspawn --quiet --directory "$root" --boot --keep-unit --register=no --co
 container=$!
 
 # inside COMMAND...: in the Debian, beside its systemd.
-first=
 inside() { nsenter --target "$first" --all -- "$@"; }
 for _ in $(seq 100); do
     first=$(pgrep -P "$container" | head -n 1 || true)
@@ -92,8 +93,8 @@ now() { date +%s.%N; }
 minus() { awk "BEGIN { printf \"%.3f\", $1 - $2 }"; }
 
 say "install"
-cp "$deb" "$root/tmp/veilwing.deb"
-inside dpkg -i /tmp/veilwing.deb >"$here/install.log" 2>&1 || { cat "$here/install.log" >&2; fail "it cannot be installed"; }
+cp "$deb" "$root/opt/veilwing.deb"
+inside dpkg -i /opt/veilwing.deb >"$here/install.log" 2>&1 || { cat "$here/install.log" >&2; fail "it cannot be installed"; }
 ok "$(inside veilwing --version)"
 inside id veilwing
 for unit in veilwing@i.service veilwing-radio.service; do
@@ -112,7 +113,7 @@ inside systemd-analyze verify veilwing@i.service veilwing@j.service veilwing-rad
 [ ! -s "$here/verify.log" ] || { cat "$here/verify.log" >&2; fail "systemd-analyze verify has remarks"; }
 ok "systemd-analyze verify: nothing to say"
 for unit in veilwing@i.service veilwing-radio.service; do
-    score=$(inside systemd-analyze security --no-pager "$unit" | tail -n 1 | grep -o '[0-9.]* [A-Z]*' | head -n 1)
+    score=$(inside systemd-analyze security --no-pager "$unit" | sed -n 's/.*Overall exposure level.*: \([0-9.]* [A-Z]*\).*/\1/p')
     ok "systemd-analyze security: $unit $score"
     [ "$(awk "BEGIN { print (${score%% *} <= 2.0) }")" = 1 ] || fail "$unit is exposed more than that"
 done
@@ -225,9 +226,9 @@ before=$(sha256sum "$root"/etc/veilwing/*.toml)
 rm -rf "$here/newer"
 dpkg-deb --raw-extract "$deb" "$here/newer"
 sed -i 's/^Version: .*/&+newer/' "$here/newer/DEBIAN/control"
-dpkg-deb --root-owner-group --build "$here/newer" "$root/tmp/newer.deb" >/dev/null
+dpkg-deb --root-owner-group --build "$here/newer" "$root/opt/newer.deb" >/dev/null
 rm -rf "$here/newer"
-inside dpkg -i /tmp/newer.deb >"$here/install.log" 2>&1 </dev/null || { cat "$here/install.log" >&2; fail "it cannot be upgraded"; }
+inside dpkg -i /opt/newer.deb >"$here/install.log" 2>&1 </dev/null || { cat "$here/install.log" >&2; fail "it cannot be upgraded"; }
 [ "$before" = "$(sha256sum "$root"/etc/veilwing/*.toml)" ] || fail "the upgrade changed files in /etc/veilwing"
 [ "$radio" = "$(inside systemctl show -p MainPID --value veilwing-radio)" ] || fail "the upgrade restarted what ran"
 ok "to $(inside dpkg-query -W -f '${Version}' veilwing): edited conffiles kept, what runs let alone"
