@@ -27,7 +27,7 @@ cargo=${CARGO:-cargo}
 mission=config/mission.toml
 onboard=(--no-default-features --features companion,serial)
 # The newest C library that the packages ask for: Debian 12, Ubuntu 22.04 and all since.
-glibc=2.34
+glibc=2.35
 
 say() { printf -- '-- %s (%s s)\n' "$*" "$SECONDS"; }
 fail() { printf 'FAIL %s\n' "$*" >&2; exit 1; }
@@ -127,8 +127,8 @@ fill_stage() {
     printf 'veilwing (%s-1) stable; urgency=medium\n\n  * See NEWS.md.\n\n -- %s  %s\n' "$version" \
         "The veilwing developers <maintainers@veilwing.dev>" "$(date -R -u -d "@$SOURCE_DATE_EPOCH")" >"$stage/changelog"
     conffile mission.toml
-    conffile vehicle-i.toml 's|^dir = "flight-logs" |dir = "/var/lib/veilwing/flights" |'
-    conffile vehicle-j.toml 's|^dir = "flight-logs" |dir = "/var/lib/veilwing/flights" |'
+    conffile vehicle-i.toml 's|^dir = "flight-logs"|dir = "/var/lib/veilwing/flights"|'
+    conffile vehicle-j.toml 's|^dir = "flight-logs"|dir = "/var/lib/veilwing/flights"|'
     cp packaging/etc/radio.toml "$stage/etc/"
 }
 

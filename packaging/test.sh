@@ -156,7 +156,8 @@ for role in i j; do
 done
 files=$root/etc/veilwing
 # Both are omnicopters with a leased radio; J's own example is an ArduCopter.
-sed -e 's|^role = "i"|role = "j"|' -e 's|^system_id = 1 |system_id = 2 |' -e 's|^link = "serial:[^"]*"|link = "serial:/run/vehicle-j:921600"|' \
+sed -e 's|^role = "i"|role = "j"|' -e 's|^system_id = 1 |system_id = 2 |' -e 's|^peer_system_id = 2 |peer_system_id = 1 |' \
+    -e 's|^link = "serial:[^"]*"|link = "serial:/run/vehicle-j:921600"|' \
     -e 's|^link = "udp[^"]*:14600"|link = "udpin:127.0.0.1:14600"|' "$files/vehicle-i.toml" >"$files/vehicle-j.toml"
 sed -i -e 's|^link = "serial:[^"]*"|link = "serial:/run/vehicle-i:921600"|' \
     -e 's|^link = "udp[^"]*:14600"|link = "udpout:127.0.0.1:14600"|' "$files/vehicle-i.toml"
@@ -180,7 +181,7 @@ say "a flight, by systemctl start"
 since=$(date +%s)
 mission 45
 began=$(now)
-inside systemctl start veilwing@i veilwing@j
+inside systemctl start veilwing@i veilwing@j || fail "they do not start"
 ok "both started and ready (plan made, links open) after $(minus "$(now)" "$began") s"
 until_journal veilwing@i.service "slot 0: on" 120 >/dev/null
 inside systemctl show -p StatusText --value veilwing@i veilwing@j
@@ -203,7 +204,7 @@ say "the watchdog, on the air"
 find "$root/var/lib/veilwing" -name '*.orders' -delete
 since=$(date +%s)
 mission 45
-inside systemctl start veilwing@i veilwing@j
+inside systemctl start veilwing@i veilwing@j || fail "they do not start"
 until_journal veilwing@i.service "slot 0: on" 120 >/dev/null
 sleep 1
 companion=$(inside systemctl show -p MainPID --value veilwing@i)

@@ -197,7 +197,7 @@ impl FlightDocument {
         let out = self.report.emitted_out_of_pose_s;
         writeln!(
             text,
-            "unprotected {:.3} s, on the air out of pose {:.3} s, in all and whatever the cause",
+            "unprotected {:.3} s, on the air out of pose {:.3} s, whatever the cause",
             self.report.unprotected_s,
             out.i + out.j
         )?;
