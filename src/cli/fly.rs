@@ -21,6 +21,7 @@ use crate::link::{Key, LinkConfig, SigningConfig};
 use crate::mission::Outcome;
 use crate::planner::slots::Plan;
 use crate::planning;
+use crate::systemd::Manager;
 use crate::transmitter::Transmitter;
 
 use super::recording::Recording;
@@ -175,6 +176,7 @@ fn companion(
         transmitter: Transmitter::new(transmitter_settings(vehicle, boot_id), clock.now()),
         orders: Some(orders),
         computer: has_own_time(args).then(|| vehicle.log_dir.clone()),
+        manager: manager(args)?,
         settings,
         planner: planner(mission, clock.clone(), recording.clone()),
     })
@@ -221,6 +223,15 @@ pub(super) fn link(
     // Ground stations speak through the autopilot; nobody speaks through the peer.
     let accept_foreign = to == AUTOPILOT;
     Ok(LinkConfig { name: to.into(), peer_system, accept_foreign, signing, tlog: Some(tlog) })
+}
+
+/// The service manager, where time is its own: nobody else's seconds feed a watchdog.
+fn manager(args: &Args) -> Result<Manager, String> {
+    #[allow(clippy::float_cmp, reason = "exactly 1 is the default")]
+    if !has_own_time(args) || args.clock_rate != 1.0 {
+        return Ok(Manager::none());
+    }
+    Manager::from_environment().map_err(|error| format!("NOTIFY_SOCKET: {error}"))
 }
 
 /// How the link called `to` signs. Each has a record of timestamps of its own, and a link id: with one key on several

@@ -26,9 +26,12 @@ mod figures;
 mod flight_log;
 mod fly;
 mod interrupt;
+mod journal;
 mod logs;
+mod manuals;
 mod plan;
 mod planning;
+mod progress;
 mod radio;
 mod recording;
 #[cfg(feature = "desk")]
@@ -76,10 +79,13 @@ impl From<Exit> for ExitCode {
     }
 }
 
+/// With the commit and the target of this build (build.rs).
+const VERSION: &str = env!("VEILWING_VERSION");
+
 /// Two omnidirectional multirotors protect a ground user's radio traffic: plan, simulate, fly.
 #[derive(Debug, Parser)]
 #[command(
-    version,
+    version = VERSION,
     after_help = "Example: veilwing sitl config/mission.toml\nA mission file to start from: config/mission.toml\nExit codes: 0 done; 1 ran, and the result is bad; 2 unusable input or arguments; 130 interrupted."
 )]
 struct Cli {
@@ -92,8 +98,12 @@ struct Cli {
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum LogFormat {
+    /// Lines for a reader
     Text,
+    /// One JSON document a line
     Json,
+    /// Records of systemd's journal, each field by its own name; as text where there is no journal
+    Journal,
 }
 
 #[derive(Debug, Subcommand)]
@@ -119,6 +129,7 @@ enum Command {
     #[cfg(feature = "desk")]
     Calibrate(calibrate::Args),
     Schema(schema::Args),
+    Manuals(manuals::Args),
 }
 
 /// Runs the command named on the command line.
@@ -148,8 +159,16 @@ pub fn main() -> ExitCode {
         #[cfg(feature = "desk")]
         Command::Calibrate(args) => calibrate::run(args),
         Command::Schema(args) => schema::run(args),
+        Command::Manuals(args) => manuals::run(args),
     };
     exit.into()
+}
+
+/// Whether escape sequences may go to stderr: to a terminal that knows them, unless NO_COLOR is in the environment.
+fn may_escape() -> bool {
+    let refused = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
+    let is_dumb = std::env::var_os("TERM").is_none_or(|term| term == "dumb");
+    !refused && !is_dumb && std::io::IsTerminal::is_terminal(&std::io::stderr())
 }
 
 /// The log on stderr is JSON.
@@ -163,15 +182,15 @@ fn start_log(format: LogFormat, recorded: bool) {
         .with_target(false)
         // It would panic when stderr takes nothing: in flight, when the terminal or the pipe behind it is gone.
         .log_internal_errors(false);
-    let lines = match format {
-        LogFormat::Text => lines.with_ansi(std::io::IsTerminal::is_terminal(&std::io::stderr())).boxed(),
-        LogFormat::Json => lines.json().boxed(),
+    let journal = matches!(format, LogFormat::Journal).then(journal::Journal::open).and_then(Result::ok);
+    let shown = match (format, journal) {
+        (_, Some(journal)) => journal.boxed(),
+        (LogFormat::Json, None) => lines.json().boxed(),
+        (LogFormat::Text | LogFormat::Journal, None) => lines.with_ansi(may_escape()).boxed(),
     };
     // What records its flights has its log there too.
-    tracing_subscriber::registry()
-        .with(lines.with_filter(filter))
-        .with(recorded.then(flight_log::layer))
-        .init();
+    let kept = recorded.then(flight_log::layer);
+    tracing_subscriber::registry().with(shown.with_filter(filter)).with(kept).init();
 }
 
 /// A line of progress on stderr: a record of the log where that is JSON.

@@ -45,6 +45,8 @@ pub enum Resolution {
 }
 /// Of the ranks that a quantile weighs, so many times as many draws are the lowest that it is searched over.
 const LOWEST_TIMES: f64 = 2.0;
+/// Where nothing changes within a slot a draw takes the place of a block of so many samples at most.
+const MOST_ALIKE: usize = 64;
 /// A gain of the quantile, in nats, that is worth another round.
 const WORTH: f64 = 1e-4;
 /// Sharpness of the soft minimum, per nat.
@@ -109,9 +111,10 @@ impl OverDraws for Quantile {
         let (draws, count, rounds, width) = match resolution {
             Resolution::Coarse => (256, 32, 1, QUANTILE),
             Resolution::Medium => (512, 32, 2, QUANTILE),
-            Resolution::Fine => (2048, 64, 4, 0.4 * QUANTILE),
+            // Of 64 attitudes a dozen variables fit some: up to 0.16 bit/s/Hz over fresh ones.
+            Resolution::Fine => (2048, 256, 4, 0.4 * QUANTILE),
         };
-        let of = if setup.varies() { draws } else { draws * count / LANES };
+        let of = if setup.varies() { draws } else { draws * count.min(MOST_ALIKE) / LANES };
         let draws = Samples::draws_of(setup.problem, of, sobol::mix(seed, 2));
         Self {
             seed,

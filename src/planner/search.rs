@@ -39,6 +39,8 @@ const POLISH_SHARPNESS: [f64; 3] = [2e3, 2e4, 2e5];
 /// each eavesdropper beyond ten, up to thirty: they are taken in turn.
 const EXACT_STARTS: [usize; 2] = [24, 112];
 const SAMPLED_STARTS: [usize; 2] = [36, 96];
+/// For a quantile: few draws decide, and of five nodes there are more good places than of their means.
+const QUANTILE_STARTS: [usize; 2] = [72, 112];
 const USUAL_EAVESDROPPERS: usize = 10;
 const MORE_STARTS: usize = 40;
 /// Candidates that are polished without jitter.
@@ -93,7 +95,8 @@ fn ends(setup: &Setup, options: &Options, near: Option<Near>) -> Vec<Local> {
     match (random, setup.problem.objective) {
         (false, _) => exact(setup, options, near),
         (true, Objective::Quantile) if heeds_uncertainty => {
-            over_draws::<Quantile>(setup, options, near, FOR_QUANTILE)
+            let starts = Some(options.starts.unwrap_or_else(|| own_starts(setup, QUANTILE_STARTS)));
+            over_draws::<Quantile>(setup, &Options { starts, ..*options }, near, FOR_QUANTILE)
         }
         (true, Objective::WorstCase) if heeds_uncertainty => {
             over_draws::<WorstCase>(setup, options, near, FOR_WORST_CASE)
