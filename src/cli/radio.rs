@@ -3,6 +3,8 @@
 mod bench;
 mod calibrate;
 mod measure;
+#[cfg(feature = "desk")]
+mod simulated_line;
 
 use std::path::{Path, PathBuf};
 
@@ -33,6 +35,10 @@ pub(super) struct Args {
     /// Stop, in order, when stdin ends: with the program that started this one, however that ended.
     #[arg(long, hide = true)]
     until_stdin_ends: bool,
+    /// What the kill line is driven to goes there, a word a datagram, and the file's own line is not touched: for simulation.
+    #[cfg(feature = "desk")]
+    #[arg(long, hide = true)]
+    simulated_line: Option<std::net::SocketAddr>,
 }
 
 #[derive(Debug, clap::Subcommand)]
@@ -50,19 +56,20 @@ pub(super) fn run(args: &Args) -> Exit {
             if args.until_stdin_ends {
                 interrupt::when_stdin_ends();
             }
-            host(file)
+            host(args, file)
         }
         (None, None) => Exit::Unusable,
     }
 }
 
-fn host(file: &Path) -> Exit {
+fn host(args: &Args, file: &Path) -> Exit {
     let Ok(radio) = load(RadioFile::load(file)) else { return Exit::Unusable };
     let (runtime, clock) = match bench::runtime() {
         Ok(runtime) => (runtime, Clock::real()),
         Err(error) => return unusable(&error),
     };
-    let process = match process(file, &radio, &clock) {
+    // Off before anything else can fail.
+    let process = match line(args, file, &radio).and_then(|line| process(&radio, line, &clock)) {
         Ok(process) => process,
         Err(error) => return unusable(&error),
     };
@@ -111,9 +118,21 @@ fn kill_line(file: &Path, radio: &RadioFile) -> Result<Option<Box<dyn Line>>, St
     gpio::open(&settings).map(Some).map_err(|error| format!("{}: [kill_line]: {error}", file.display()))
 }
 
-fn process(file: &Path, radio: &RadioFile, clock: &Clock) -> Result<RadioProcess<AnyDevice>, String> {
-    // Off before anything else can fail.
-    let line = kill_line(file, radio)?;
+/// The line that is driven: the file's, or what stands for it.
+fn line(args: &Args, file: &Path, radio: &RadioFile) -> Result<Option<Box<dyn Line>>, String> {
+    #[cfg(feature = "desk")]
+    if let (Some(to), true) = (args.simulated_line, radio.kill_line().is_some()) {
+        return Ok(Some(simulated_line::open(to)?));
+    }
+    let _ = args;
+    kill_line(file, radio)
+}
+
+fn process(
+    radio: &RadioFile,
+    line: Option<Box<dyn Line>>,
+    clock: &Clock,
+) -> Result<RadioProcess<AnyDevice>, String> {
     usable_directory(&radio.log_dir).map_err(|error| format!("[log] dir: {error}"))?;
     let kill_file = radio.log_dir.join("radio.kill");
     let killed = kept_kill(&kill_file).map_err(|error| error.to_string())?;
