@@ -26,7 +26,7 @@ fn mission(directory: &Path) -> String {
 }
 
 /// Each host has told its device off over the device's own protocol, read it back, and heard its companion.
-fn hosts_serve_and_end(kind: &str) {
+fn hosts_serve_and_end(kind: &str, key: &str) {
     let directory = directory(&format!("radio-hosts-{kind}"));
     let (mission, out) = (mission(&directory), directory.join("out"));
     let arguments = ["sitl", &mission, "--json", "--radio-hosts", kind, "--device-dead-ms", "400", "--out"];
@@ -62,29 +62,49 @@ fn hosts_serve_and_end(kind: &str) {
     for name in ["i", "j"] {
         // A file to start from, which says what the device is.
         let text = std::fs::read_to_string(out.join(format!("radio-{name}.toml"))).unwrap();
-        assert!(text.contains(&format!("kind = \"{kind}\"")) && text.contains("dead_ms = 400.0"), "{text}");
+        assert!(text.contains(&format!("kind = \"{key}\"")) && text.contains("dead_ms = 400.0"), "{text}");
         assert!(out.join(format!("radio-{name}")).join("radio.tlog").exists());
     }
 }
 
 #[test]
 fn spec_hosts_of_programs_serve_and_end_with_the_flight() {
-    hosts_serve_and_end("command");
+    hosts_serve_and_end("command", "command");
 }
 
 #[test]
 fn spec_hosts_of_attenuators_serve_and_end_with_the_flight() {
-    hosts_serve_and_end("attenuator");
+    hosts_serve_and_end("attenuator", "attenuator");
 }
 
 #[test]
 fn spec_hosts_of_radios_by_json_serve_and_end_with_the_flight() {
-    hosts_serve_and_end("json_rpc");
+    hosts_serve_and_end("json_rpc", "json_rpc");
 }
 
 #[test]
 fn spec_hosts_of_modems_serve_and_end_with_the_flight() {
-    hosts_serve_and_end("at");
+    hosts_serve_and_end("at", "at");
+}
+
+#[test]
+fn spec_hosts_of_every_other_way_to_a_device_serve_and_end_with_the_flight() {
+    for (kind, key) in [
+        ("interface", "command"),
+        ("attenuator_http", "attenuator"),
+        ("ubus", "json_rpc"),
+        ("parameter", "parameter"),
+        ("parameter_bytewise", "parameter"),
+    ] {
+        hosts_serve_and_end(kind, key);
+    }
+}
+
+#[cfg(feature = "serial")]
+#[test]
+fn spec_hosts_of_devices_on_serial_lines_serve_and_end_with_the_flight() {
+    hosts_serve_and_end("attenuator_serial", "attenuator");
+    hosts_serve_and_end("at_serial", "at");
 }
 
 #[test]

@@ -3,6 +3,8 @@
 mod bench;
 mod calibrate;
 mod measure;
+#[cfg(feature = "desk")]
+mod simulated_line;
 
 use std::path::{Path, PathBuf};
 
@@ -34,6 +36,10 @@ pub(super) struct Args {
     /// Stop, in order, when stdin ends: with the program that started this one, however that ended.
     #[arg(long, hide = true)]
     until_stdin_ends: bool,
+    /// What the kill line is driven to goes there, a word a datagram, and the file's own line is not touched: for simulation.
+    #[cfg(feature = "desk")]
+    #[arg(long, hide = true)]
+    simulated_line: Option<std::net::SocketAddr>,
 }
 
 #[derive(Debug, clap::Subcommand)]
@@ -51,20 +57,20 @@ pub(super) fn run(args: &Args) -> Exit {
             if args.until_stdin_ends {
                 interrupt::when_stdin_ends();
             }
-            host(file)
+            host(args, file)
         }
         (None, None) => Exit::Unusable,
     }
 }
 
-fn host(file: &Path) -> Exit {
+fn host(args: &Args, file: &Path) -> Exit {
     let Ok(radio) = load(RadioFile::load(file)) else { return Exit::Unusable };
     let (runtime, clock) = match bench::runtime() {
         Ok(runtime) => (runtime, Clock::real()),
         Err(error) => return unusable(&error),
     };
     // Off before anything else can fail.
-    let line = match kill_line(file, &radio) {
+    let line = match line(args, file, &radio) {
         Ok(line) => line,
         Err(error) => return unusable(&error),
     };
@@ -121,6 +127,16 @@ fn load(loaded: Result<RadioFile, crate::config::Diagnostics>) -> Result<RadioFi
 fn kill_line(file: &Path, radio: &RadioFile) -> Result<Option<Box<dyn Line>>, String> {
     let Some((settings, _)) = radio.kill_line() else { return Ok(None) };
     gpio::open(&settings).map(Some).map_err(|error| format!("{}: [kill_line]: {error}", file.display()))
+}
+
+/// The line that is driven: the file's, or what stands for it.
+fn line(args: &Args, file: &Path, radio: &RadioFile) -> Result<Option<Box<dyn Line>>, String> {
+    #[cfg(feature = "desk")]
+    if let (Some(to), true) = (args.simulated_line, radio.kill_line().is_some()) {
+        return Ok(Some(simulated_line::open(to)?));
+    }
+    let _ = args;
+    kill_line(file, radio)
 }
 
 fn process(

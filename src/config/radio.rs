@@ -15,6 +15,8 @@ use super::reader::Section;
 use super::reading;
 use super::vehicle_links::key_file_fault;
 use crate::link::{Clock, HostPort, LinkAddress};
+#[cfg(feature = "soapy")]
+use crate::radio_device::soapy;
 use crate::radio_device::{AnyDevice, Reading, at, attenuator, command, gpio, json_rpc, parameter};
 use crate::radio_host::{Facts, LineTimes, MOST_SETTINGS, Point, Scale, ScaleError, Silence, points_of_csv};
 
@@ -54,6 +56,11 @@ impl RadioFile {
         }
         let scale = match &draft.calibration_file {
             None => linear(&draft).map_err(|error| at_device(&document, &error))?,
+            Some(file) if !file.exists() => {
+                let message = format!("`file` is {}: there is no such file", file.display());
+                let help = "`veilwing radio calibrate` writes it".to_owned();
+                return Err(fault(&document, "calibration.file", message, help));
+            }
             Some(file) => measured(&draft, file, &read_text(file, MAX_BYTES)?)?,
         };
         Ok(Self { draft, scale, warnings: findings })
@@ -187,6 +194,26 @@ impl RadioFile {
                 };
                 AnyDevice::Parameter(Box::new(parameter::ByParameter::new(settings, clock.clone())))
             }
+            #[cfg(feature = "soapy")]
+            DeviceKind::Soapy => {
+                let radio = draft.soapy.as_ref()?;
+                let settings = soapy::Settings {
+                    args: radio.args.clone(),
+                    channel: usize::try_from(radio.channel).ok()?,
+                    antenna: radio.antenna.clone(),
+                    frequency_hz: draft.device.frequency_hz?,
+                    sample_rate_hz: radio.sample_rate_hz,
+                    least_gain_db: self
+                        .scale
+                        .settings()
+                        .iter()
+                        .map(|setting| setting.value)
+                        .reduce(f64::min)?,
+                };
+                AnyDevice::Soapy(soapy::Soapy::new(settings))
+            }
+            #[cfg(not(feature = "soapy"))]
+            DeviceKind::Soapy => return None,
         })
     }
 
@@ -201,7 +228,7 @@ impl RadioFile {
                 draft.json_rpc.as_ref().is_some_and(|radio| radio.read.is_some() || radio.set.is_none())
             }
             DeviceKind::At => draft.at.as_ref().is_some_and(|at| at.reads_back),
-            DeviceKind::Parameter => true,
+            DeviceKind::Parameter | DeviceKind::Soapy => true,
         }
     }
 }
@@ -357,6 +384,31 @@ fn device(draft: &RadioHostDraft, file: &mut Document) {
             error(file, "device.step", message, "give a larger step");
         }
     }
+    if device.kind == DeviceKind::Soapy {
+        if cfg!(not(feature = "soapy")) {
+            let message = "`kind` is \"soapy\", and this build drives no SoapySDR devices".to_owned();
+            error(
+                file,
+                "device.kind",
+                message,
+                "build it with --features soapy, where SoapySDR is installed",
+            );
+        }
+        if device.frequency_hz.is_none() {
+            file.missing(
+                file.at("device.kind"),
+                "nothing says what a SoapySDR device radiates at".to_owned(),
+                "give frequency_hz".to_owned(),
+            );
+        }
+        if draft.calibration_file.is_none() {
+            file.missing(
+                file.at("device.kind"),
+                "nothing says what power a gain gives".to_owned(),
+                "give [calibration] file; `veilwing radio calibrate` writes one".to_owned(),
+            );
+        }
+    }
     let needs_source = device.kind == DeviceKind::Attenuator && draft.calibration_file.is_none();
     if needs_source && device.source_dbm.is_none() {
         file.missing(
@@ -415,6 +467,14 @@ fn off(draft: &RadioHostDraft, file: &mut Document) {
             file.at("device.off_ms"),
             format!("`off_ms` is {off_ms}, and off is the kill line's alone, which takes {ms} ms"),
             format!("give off_ms = {ms} or more, or hardware that is faster"),
+        ),
+        Some(ms) if ms > off_ms => file.warning(
+            file.at("device.off_ms"),
+            format!(
+                "`off_ms` is {off_ms}, and off by the kill line alone takes {ms} ms: a device that fails is silent later than is \
+                 declared"
+            ),
+            format!("give off_ms = {ms} for vehicle I's radio, whose silence vehicle J waits for"),
         ),
         Some(_) => {}
     }

@@ -21,12 +21,14 @@ pub enum DeviceKind {
     At,
     /// A MAVLink parameter.
     Parameter,
+    /// SoapySDR.
+    Soapy,
 }
 
 impl DeviceKind {
     /// All of them.
-    pub(super) const ALL: [Self; 5] =
-        [Self::Command, Self::Attenuator, Self::JsonRpc, Self::At, Self::Parameter];
+    pub(super) const ALL: [Self; 6] =
+        [Self::Command, Self::Attenuator, Self::JsonRpc, Self::At, Self::Parameter, Self::Soapy];
 
     /// As the file spells it, and its table.
     #[must_use]
@@ -37,6 +39,7 @@ impl DeviceKind {
             Self::JsonRpc => "json_rpc",
             Self::At => "at",
             Self::Parameter => "parameter",
+            Self::Soapy => "soapy",
         }
     }
 }
@@ -241,6 +244,25 @@ impl Default for ParameterDraft {
     }
 }
 
+/// A SoapySDR device.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SoapyDraft {
+    /// Which one.
+    pub args: String,
+    /// Of its transmit channels.
+    pub channel: u64,
+    /// Its connector.
+    pub antenna: Option<String>,
+    /// How wide the noise is.
+    pub sample_rate_hz: f64,
+}
+
+impl Default for SoapyDraft {
+    fn default() -> Self {
+        Self { args: String::new(), channel: 0, antenna: None, sample_rate_hz: 0.0 }
+    }
+}
+
 /// A kill line.
 #[derive(Debug, Clone, PartialEq)]
 pub struct KillLineDraft {
@@ -304,6 +326,8 @@ pub struct RadioHostDraft {
     pub at: Option<AtDraft>,
     /// A radio with a power parameter.
     pub parameter: Option<ParameterDraft>,
+    /// A SoapySDR device.
+    pub soapy: Option<SoapyDraft>,
     /// A kill line, beside any of them.
     pub kill_line: Option<KillLineDraft>,
     /// Where the kill and the link's timestamps are kept.
@@ -344,6 +368,7 @@ impl RadioHostDraft {
             json_rpc: None,
             at: None,
             parameter: None,
+            soapy: None,
             kill_line: None,
             log_dir: PathBuf::from("radio-logs"),
             log_limits: LogLimits::default(),

@@ -3,7 +3,7 @@
 use super::kind::{Choice, Flag, Integer, List, Number, Numbers, Parsed, Text};
 use super::radio_draft::{
     AtDraft, AttenuatorDraft, CommandDraft, DeviceDraft, DeviceKind, JsonRpcDraft, KillLineDraft,
-    ParameterDraft, RadioHostDraft,
+    ParameterDraft, RadioHostDraft, SoapyDraft,
 };
 use super::reader::Section;
 use super::vehicle_file::{PROTOCOL, PROTOCOLS, log_limits};
@@ -54,6 +54,9 @@ pub(super) fn describe(s: &mut Section<'_, '_>, draft: &mut RadioHostDraft) {
     s.set_optional_table("json_rpc", "For kind \"json_rpc\".", &mut draft.json_rpc, json_rpc);
     s.set_optional_table("at", "For kind \"at\".", &mut draft.at, at);
     s.set_optional_table("parameter", "For kind \"parameter\".", &mut draft.parameter, parameter);
+    let sentence =
+        "For kind \"soapy\": a SoapySDR device that radiates noise; the setting is its gain in dB.";
+    s.set_optional_table("soapy", sentence, &mut draft.soapy, soapy);
     let sentence = "A line to the transmitter's enable, beside a device of any kind: it goes off with every off, and needs no \
                     answer of the device's. Linux alone.";
     s.set_optional_table("kill_line", sentence, &mut draft.kill_line, kill_line);
@@ -112,6 +115,7 @@ fn device(s: &mut Section<'_, '_>, device: &mut DeviceDraft) {
         ("json_rpc", DeviceKind::JsonRpc),
         ("at", DeviceKind::At),
         ("parameter", DeviceKind::Parameter),
+        ("soapy", DeviceKind::Soapy),
     ]);
     let sentence = "How it is driven: by programs, as an attenuator, by JSON over HTTP, by AT commands, by a MAVLink \
                     parameter; with a table of that name.";
@@ -230,6 +234,21 @@ fn attenuator(s: &mut Section<'_, '_>, attenuator: &mut AttenuatorDraft) {
     let sentence =
         "Its largest attenuation, which is off: it lets through so much less, and is never silent.";
     s.set_required("off_db", sentence, Number::positive("dB", 200.0), &mut attenuator.off_db);
+}
+
+fn soapy(s: &mut Section<'_, '_>, radio: &mut SoapyDraft) {
+    let sentence =
+        "Which device: key=value pairs with commas between them, as SoapySDRUtil --find prints them.";
+    s.set_required("args", sentence, LINE, &mut radio.args);
+    s.set("channel", "Which of its transmit channels.", Integer { min: 0, max: 63 }, &mut radio.channel);
+    s.set_optional(
+        "antenna",
+        "Its connector, as SoapySDRUtil --probe has it.",
+        Text { max_chars: 100 },
+        &mut radio.antenna,
+    );
+    let sentence = "Samples a second, which is how wide the noise is.";
+    s.set_required("sample_rate_hz", sentence, Number::positive("Hz", 1e9), &mut radio.sample_rate_hz);
 }
 
 fn json_rpc(s: &mut Section<'_, '_>, radio: &mut JsonRpcDraft) {

@@ -1,7 +1,7 @@
 //! Modems that take AT commands over telnet or a serial line: Microhard pMDDL and its like.
 //!
-//! Facts, as ground stations that drive these modems have them; the maker's manuals were not at hand, so every command and where
-//! its answer stands can be given, and `veilwing radio measure` says whether they fit:
+//! Facts, as ground stations and drivers that others have published use them. The maker's manual of the pMDDL was not to be had, so
+//! every command, and where its answer stands, can be given, and `veilwing radio measure` says whether they fit:
 //! - Telnet port 23 asks for `login:` and `Password:`, and says `Entering` when it takes commands; the serial console takes
 //!   them at once. A command ends with a line feed, is echoed, and is answered with its lines, then `OK` or `ERROR`.
 //! - `AT+MWTXPOWER=20` sets the power in whole dBm (7 to 30 by model), `AT+MWTXPOWER?` says it. `AT+MWRADIO=0` turns the radio off
@@ -9,6 +9,11 @@
 //! - Some firmware restarts the wireless interface for a change of power, which takes a second or more: measure it (`veilwing
 //!   radio measure`), and declare it. Firmware with `AT+MWTXPOWERQ` changes it without: give that in `set`.
 //! - It goes on as it is if this program dies.
+//!
+//! Found in such programs, several of them: `AT+MWTXPOWER=`, `AT+MWTXPOWER?`, `AT+MWTXPOWERQ=` (with a flag whether it is kept),
+//! `AT+MWRADIO=0` and `=1`, answers that end with `OK`, the login. Not found in any: `AT+MWRADIO?`, how the answers to the
+//! two questions are worded, and any time. Where `read_off` is not known by your firmware, it answers `ERROR`, and the file
+//! is of no use before another one is given.
 
 use super::lines::Lines;
 use super::template::fill;

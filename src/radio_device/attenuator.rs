@@ -1,7 +1,7 @@
 //! A programmable attenuator behind a transmitter of constant power: Mini-Circuits RUDAT and RCDAT.
 //!
-//! Facts, as drivers and emulators that others have published have them; the maker's manual was not at hand, so measure yours
-//! first (`veilwing radio measure`). The framing on a serial line is the least certain:
+//! Facts, as drivers and emulators that others have published have them, after the maker's Prog_Manual-6 (Programmable Attenuator),
+//! which was not to be had itself. So measure yours first (`veilwing radio measure`):
 //! - The same commands over TCP port 23, over HTTP port 80 as `GET /:COMMAND`, and by serial line where the model has one.
 //!   `:MN?` answers the model name (`MN=RUDAT-6000-30`, or `RUDAT-6000-30`), `:ATT?` the attenuation in dB (`12.25`),
 //!   `:SETATT=12.25` answers `1` when done, `0` when refused, and `2` when the value was beyond the range and the largest was set
@@ -13,6 +13,10 @@
 //! - It has no off: off is the largest attenuation, and what leaks through it goes on. Only the transmitter behind it, or a
 //!   line that cuts its supply, is silence. Nothing attenuates by itself if this program dies.
 //! - One TCP connection at a time on some models: it is kept while all goes well.
+//!
+//! Found in such drivers, several of them: `SETATT=`, `ATT?`, `MN?`, `STARTUPATT:INDICATOR?` with its three letters, by HTTP and by
+//! telnet, the colon before a command being optional; 1 for done and 0 for refused; an answer that begins with `-99` to what is not
+//! known. Not found: the framing on a serial line, that 2 stands for a value out of range, and any time but the maker's own claims.
 //!
 //! Models with several channels (RC4DAT) take the channel first (`:CHAN:1:SETATT:`), and are not driven.
 

@@ -292,6 +292,32 @@ mod linux {
     fn kernel(chip: &Path, line: &str, error: &gpiocdev::Error) -> LineError {
         LineError::Kernel { chip: chip.to_owned(), line: line.to_owned(), why: error.to_string() }
     }
+
+    #[cfg(test)]
+    mod tests {
+        use super::*;
+
+        /// As the kernel says them: a test that runs as root is allowed everything, and a machine may have no chip.
+        #[test]
+        fn spec_what_the_kernel_says_of_a_chip_is_said_by_key_and_with_a_remedy() {
+            let path = Path::new("/dev/gpiochip0");
+            let said = |errno| {
+                let error = gpiocdev::Error::from(std::io::Error::from_raw_os_error(errno));
+                chip_error(path, &error)
+            };
+            for errno in [EACCES, EPERM] {
+                let error = said(errno);
+                assert_eq!(error, LineError::Forbidden { chip: path.to_owned() });
+                let text = error.to_string();
+                assert!(
+                    text.contains("`chip`") && text.contains("may not open") && text.contains("group"),
+                    "{text}"
+                );
+            }
+            assert_eq!(said(ENOENT), LineError::NoChip { chip: path.to_owned() });
+            assert!(matches!(said(5), LineError::NotAChip { .. }));
+        }
+    }
 }
 
 /// The line of these settings, driven off.

@@ -8,12 +8,19 @@
 //! - After a change the radio may be unavailable for seconds (emulators have 5 s for a power, 30 s for a frequency), in which it
 //!   answers HTTP 503: declare `change_ms` accordingly, and the companion's preflight says whether a slot's guard can contain
 //!   it. In most cases it cannot, and the radio is of use at one power.
-//! - Off is not among what is published: give the call that your release has, or a kill line, or the radio cannot be used.
+//! - `tx_fifo_disable` with `["1"]` keeps the radio from transmitting, and with `["0"]` lets it again; without params it says
+//!   which (3.33 of the maker's manual, as a published monitor of these radios quotes it, beside 3.58 for `read_power_dBm`, what is
+//!   transmitted in all). That is an off: give it as `off`, `on` and `read_off` with `off_reads = "1"`. What was in the air already is
+//!   not called back: measure it. `enable_max_power`, where it is on, overrides the power that is set.
+//! - With login (`/login.sh`, a cookie) or in FIPS mode (HTTPS alone) it cannot be driven from here.
 //!
 //! Facts of ubus, from OpenWrt's documents (rpcd, uhttpd-mod-ubus):
 //! - POST to `/ubus`, method `call`, params `[session, object, method, arguments]`; `session`'s `login` gives `ubus_rpc_session`,
 //!   which lasts 300 s unless it is used. The answer is `[status, data]`, status 0 for done, 6 for no permission.
 //! - Power is set where the maker's release says: often `file`'s `exec` of `iw`, read back by `iwinfo`'s `info` (`txpower`).
+//! - Doodle Labs, by the maker's own JSON-RPC API guide: JSON-RPC is on by default since the firmware of June 2024, over IPv4, by HTTP
+//!   and HTTPS, and what may be called is the integrator's choice (rpcd's access lists). HTTPS is not spoken here. Which call sets
+//!   the power, and how long that takes, was not found.
 //!
 //! Neither turns itself off if this program dies.
 

@@ -19,6 +19,7 @@ pub mod json_rpc;
 mod lines;
 pub mod parameter;
 mod reading;
+pub mod soapy;
 mod template;
 mod worker;
 
@@ -116,6 +117,9 @@ pub enum AnyDevice {
     At(at::Modem),
     /// A radio with a power parameter.
     Parameter(Box<parameter::ByParameter>),
+    /// A SoapySDR device.
+    #[cfg(feature = "soapy")]
+    Soapy(soapy::Soapy),
 }
 
 impl Device for AnyDevice {
@@ -126,6 +130,8 @@ impl Device for AnyDevice {
             Self::JsonRpc(device) => device.off().await,
             Self::At(device) => device.off().await,
             Self::Parameter(device) => device.off().await,
+            #[cfg(feature = "soapy")]
+            Self::Soapy(device) => device.off().await,
         }
     }
 
@@ -136,6 +142,8 @@ impl Device for AnyDevice {
             Self::JsonRpc(device) => device.set(setting).await,
             Self::At(device) => device.set(setting).await,
             Self::Parameter(device) => device.set(setting).await,
+            #[cfg(feature = "soapy")]
+            Self::Soapy(device) => device.set(setting).await,
         }
     }
 }

@@ -17,6 +17,8 @@ use crate::time::Instant;
 
 /// A power that was read back may be above the one that was set by no more than a device rounds what it prints.
 const ABOVE_DB: f64 = 0.0055;
+/// A device that went to another power than it was told is not tried again for so long: longer than most slots.
+const DISTRUST: Duration = Duration::from_secs(10);
 /// An off that failed is told again after this.
 const OFF_AGAIN: Duration = Duration::from_millis(200);
 /// An off that is not answered is given up and told anew after three times the longest that it takes, and this.
@@ -154,6 +156,8 @@ pub(super) struct Rig {
     off_again_at: Option<Instant>,
     /// An off that was told before this proves nothing: an order that was cut short may follow it.
     settled_from: Instant,
+    /// It went to another power than it was told: no power is tried before then.
+    trusted_from: Instant,
     orders: VecDeque<(OrderId, Order)>,
     last_id: u64,
 }
@@ -174,6 +178,7 @@ impl Rig {
             line: line.map(Line::new),
             off_again_at: None,
             settled_from: now,
+            trusted_from: now,
             orders: VecDeque::new(),
             last_id: 0,
         };
@@ -202,6 +207,9 @@ impl Rig {
     pub fn want(&mut self, setting: Setting, now: Instant) -> Result<(), Fault> {
         if let Some(fault) = self.fault() {
             return Err(fault);
+        }
+        if now < self.trusted_from {
+            return Err(Fault::OtherPower);
         }
         self.wanted = Some(setting);
         self.go_on(now);
@@ -402,6 +410,8 @@ impl Rig {
         // False for NaN.
         let as_set = (setting.dbm - self.below_db..=setting.dbm + ABOVE_DB).contains(&achieved_dbm);
         if !as_set {
+            // Renewals come ten times a second, and each would let it radiate at that power until off is read back.
+            self.trusted_from = now + DISTRUST;
             return self.fail(Fault::OtherPower, setting.dbm.max(achieved_dbm), now);
         }
         self.known = Known::On { setting, achieved_dbm };

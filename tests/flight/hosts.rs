@@ -3,12 +3,13 @@
 
 use std::time::Duration;
 
-use veilwing::desk::simulation::{DeviceModel, RadioFault};
+use veilwing::desk::simulation::{DeviceModel, Given, RadioFault, vehicle};
 use veilwing::mission::Outcome;
 use veilwing::role::{PerVehicle, Role};
 use veilwing_sitl::Breach;
 
 use crate::harness::*;
+use crate::radio_table::{BACKENDS, Base, What, table};
 
 fn ms(ms: u64) -> Duration {
     Duration::from_millis(ms)
@@ -16,7 +17,7 @@ fn ms(ms: u64) -> Duration {
 
 /// A device that takes these milliseconds to be off and to change.
 fn device([off, change]: [u64; 2], dead: Option<u64>) -> DeviceModel {
-    DeviceModel { off: ms(off), change: ms(change), dead: dead.map(ms), outlives_control: true }
+    DeviceModel { off: ms(off), change: ms(change), dead: dead.map(ms), outlives_control: true, line: None }
 }
 
 fn hosted(setup: Setup, model: DeviceModel) -> Flight {
@@ -169,9 +170,14 @@ fn spec_a_device_that_fails_is_said_by_name_and_its_peer_is_told() {
 /// While it was off: when it is to radiate, it does not.
 #[test]
 fn spec_a_slot_that_a_device_does_not_serve_is_not_served_for_that_reason() {
+    const ERROR: &str = "the radio's device cannot be reached, refuses, or is not understood";
     for (fault, words) in [
         (RadioFault::DeviceStop, "the radio's device is late"),
-        (RadioFault::DeviceKill, "the radio's device cannot be reached, refuses, or is not understood"),
+        (RadioFault::DeviceMute, "the radio's device is late"),
+        (RadioFault::DeviceKill, ERROR),
+        (RadioFault::DeviceErrors, ERROR),
+        (RadioFault::DeviceGarbage, ERROR),
+        (RadioFault::DeviceOtherPower, "the radio's device was read back at another power"),
     ] {
         for role in Role::BOTH {
             let mut flight = hosted(Setup::default(), device([20, 50], None));
@@ -199,9 +205,16 @@ fn spec_a_slot_that_a_device_does_not_serve_is_not_served_for_that_reason() {
                 "{}",
                 flight.story()
             );
-            assert_eq!(report.slots[0].radiated_s.i, 0.0, "{}", flight.story());
-            // The next one is not agreed on either, and that is said with the same reason.
-            let next = format!("transmitter cannot serve slot 1: {words}");
+            // One that does what it is told, and is not believed, is told off again at once.
+            let does = [RadioFault::DeviceMute, RadioFault::DeviceGarbage, RadioFault::DeviceOtherPower];
+            let longest_s = if does.contains(&fault) { 0.1 } else { 0.0 };
+            assert!(report.slots[0].radiated_s.i <= longest_s, "{fault:?} {}", flight.story());
+            // The next one is not agreed on either, and that is said with the same reason; with a device that is off when it is
+            // told, it is tried.
+            let next = match fault {
+                RadioFault::DeviceOtherPower => format!("slot 1 for bravo: not served: {words}"),
+                _ => format!("transmitter cannot serve slot 1: {words}"),
+            };
             assert!(flight.until(|flight| flight.said(role, &next).is_some()), "{}", flight.story());
         }
     }
@@ -233,4 +246,36 @@ fn spec_a_real_device_that_outlives_its_host_is_refused_by_name_unless_that_is_a
         assert!(flight.until(|flight| flight.radiating() == [true, true]), "{}", flight.story());
         assert_eq!(flight.said(Role::I, words).is_some(), accepts);
     }
+}
+
+#[test]
+fn spec_companion_host_and_device_may_die_stop_or_be_cut_off_at_any_instant() {
+    let planned = yard();
+    let vehicle = vehicle(&planned.mission, Role::I).unwrap();
+    let base = Base::new(&Given { mission: planned.mission.clone(), plan: planned.plan.clone(), vehicle });
+    // One that goes on for ever, one with a dead-man's switch, and two behind a one-shot.
+    let kinds = &BACKENDS[3..];
+    let table = table(&base, kinds, &What::ALL, 1, 2);
+    println!("{table}");
+    assert_eq!(table.rows.len(), kinds.len() * What::ALL.len() * 2);
+    for row in &table.rows {
+        assert_eq!(row.violations(), Vec::<&String>::new(), "{table}");
+        // A one-shot ends everything in its time after the lease's end. That of J is quicker than the lease that I rests on, if
+        // the host that feeds it dies: that J's radio is gone is nobody's aboard.
+        let by_line = row.backend.name.contains("one-shot");
+        let host = [What::Radio(RadioFault::HostKill), What::Radio(RadioFault::HostStop)].contains(&row.what);
+        assert!(!by_line || row.holds() || host && row.role == Role::J && row.never() == 0, "{table}");
+        // The companion's death, or silence, ends with the lease, whatever the device.
+        if matches!(row.what, What::CompanionKill | What::CompanionStop) {
+            assert!(row.worst_off().unwrap() <= LEASE_AND_MARGIN && row.never() == 0, "{table}");
+        }
+    }
+    for row in table.open() {
+        let What::Radio(fault) = row.what else { panic!("{table}") };
+        assert_ne!(fault, RadioFault::HostLoss, "{table}");
+    }
+    let refused = |name: &str| table.refusal(kinds.iter().find(|kind| kind.name == name).unwrap());
+    assert!(refused("json_rpc, ubus").unwrap().contains("TX_DEAD_MS"), "{table}");
+    assert_eq!(refused("at, one-shot 90 ms"), None, "{table}");
+    assert_eq!(refused("json_rpc, dead-man 400 ms"), None, "{table}");
 }

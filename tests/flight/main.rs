@@ -21,6 +21,7 @@ mod nominal;
 mod orders;
 mod orders_table;
 mod preflight;
+mod radio_table;
 mod reaction;
 mod reaction_table;
 mod setpoints;

@@ -187,7 +187,7 @@ pub fn microhard(state: &Shared<(i32, bool)>) -> Handler {
     let state = state.clone();
     let mut step = 0;
     Box::new(move |line| {
-        if line == "admin" && step == 0 {
+        if line == "admin" {
             step = 1;
             return Reply::Text("admin\r\nPassword: ".to_owned());
         }

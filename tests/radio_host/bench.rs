@@ -48,11 +48,17 @@ fn spec_a_calibration_asks_refuses_what_is_out_of_order_and_is_never_written_ove
     assert!(unasked.status.code() == Some(2) && said(&unasked).contains("--radiate"), "{}", said(&unasked));
     let cut_short = radio(&["calibrate", "--radiate"], &file, "1\n2\n");
     assert!(cut_short.status.code() == Some(2) && !csv.exists(), "{}", said(&cut_short));
-    let done = radio(&["calibrate", "--radiate"], &file, "1.5\n2,5\n2.5\n2.25\n3.75\n5\nNaN\n6.125\n");
+    let done = radio(
+        &["calibrate", "--radiate"],
+        &file,
+        "1.5\n2,5\n0.5\n2.25\nback\n2.5\n2.25\n3.75\n5\nNaN\n6.125\n",
+    );
     assert_eq!(done.status.code(), Some(0), "{}", said(&done));
     assert!(
         said(&done).contains("\"2,5\" is no number") && said(&done).contains("2.25 dBm breaks the order")
     );
+    // A slip makes all that follows out of order, and can be taken back.
+    assert_eq!(said(&done).matches("setting 1, read back as 1").count(), 3, "{}", said(&done));
     let written = std::fs::read_to_string(&csv).unwrap();
     let rows = "frequency_hz,setting,dbm\n915000000,0,1.5\n915000000,1,2.5\n915000000,2,3.75\n915000000,3,5\n915000000,4,6.125\n";
     assert_eq!(written, rows);

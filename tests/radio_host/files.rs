@@ -163,5 +163,10 @@ fn spec_a_line_whose_time_is_not_known_and_a_death_sooner_than_the_one_shot_are_
     assert!(warned(&own_off).contains("nothing says how long the line takes"), "{}", warned(&own_off));
     let sooner = own_off.replace("change_ms = 20", "change_ms = 20\ndead_ms = 50") + "oneshot_ms = 80\n";
     assert!(warned(&sooner).contains("`dead_ms` is 50"), "{}", warned(&sooner));
-    assert!(!warned(&(own_off + "silent_ms = 2\n")).contains("kill_line"));
+    assert!(!warned(&(own_off.clone() + "silent_ms = 2\n")).contains("kill_line"));
+    let later = warned(&(own_off + "silent_ms = 60\n"));
+    assert!(
+        later.contains("off by the kill line alone takes 60 ms") && later.contains("off_ms = 60"),
+        "{later}"
+    );
 }

@@ -28,17 +28,29 @@ pub struct Program {
 impl Program {
     pub fn start(name: &str, link: &str) -> Self {
         let directory = directory(name);
-        let port = free_port();
         let at = directory.display();
-        let text = format!(
-            "[radio]\nsystem_id = 1\n[link]\naddress = \"udpin:127.0.0.1:{port}\"\ncommanders = [191]\n{link}\n\
-             [device]\nkind = \"command\"\nleast = 0\nmost = 30\noff_ms = 2000\nchange_ms = 2000\n\
+        let device = format!(
+            "kind = \"command\"\nleast = 0\nmost = 30\noff_ms = 2000\nchange_ms = 2000\n\
              [command]\n\
              set = [\"sh\", \"-c\", \"echo $1 > $0/power; echo on $1 >> $0/history\", \"{at}\", \"{{dbm}}\"]\n\
              read = [\"cat\", \"{at}/power\"]\n\
              off = [\"sh\", \"-c\", \"echo off > $0/power; echo off >> $0/history\", \"{at}\"]\n\
-             read_off = [\"cat\", \"{at}/power\"]\noff_reads = \"off\"\n\
-             [log]\ndir = \"{at}/logs\"\n"
+             read_off = [\"cat\", \"{at}/power\"]\noff_reads = \"off\"\n"
+        );
+        Self::with(directory, link, &device)
+    }
+
+    /// The program with a device of anybody's: the file from its kind on.
+    pub fn of(name: &str, device: &str) -> Self {
+        Self::with(directory(name), "", device)
+    }
+
+    fn with(directory: std::path::PathBuf, link: &str, device: &str) -> Self {
+        let port = free_port();
+        let at = directory.display();
+        let text = format!(
+            "[radio]\nsystem_id = 1\n[link]\naddress = \"udpin:127.0.0.1:{port}\"\ncommanders = [191]\n{link}\n\
+             [device]\n{device}[log]\ndir = \"{at}/logs\"\n"
         );
         std::fs::write(directory.join("radio.toml"), text).unwrap();
         let child = Self::spawn(&directory);
@@ -93,6 +105,8 @@ pub struct Companion {
     boot: u32,
     pub series: u32,
     pub time_ms: u32,
+    /// Every STATUSTEXT.
+    pub texts: Vec<String>,
 }
 
 pub fn key(byte: u8, state_file: std::path::PathBuf) -> SigningConfig {
@@ -106,7 +120,7 @@ impl Companion {
         let config =
             LinkConfig { name: "radio".to_owned(), peer_system: Some(1), signing, ..LinkConfig::default() };
         let link = Link::open(address, config, clock.clone()).await.unwrap();
-        Self { link, clock, number: 0, boot, series: 0, time_ms: 0 }
+        Self { link, clock, number: 0, boot, series: 0, time_ms: 0, texts: Vec::new() }
     }
 
     pub fn say(&mut self, message: MavMessage) {
@@ -134,7 +148,12 @@ impl Companion {
                     (self.series, self.time_ms) = (report.series, report.time_ms);
                     return Aboard::Radio(said);
                 }
-                Some(other) => return other,
+                Some(other) => {
+                    if let Aboard::Common(MavMessage::STATUSTEXT(said)) = &other {
+                        self.texts.push(said.text.to_str().unwrap().to_owned());
+                    }
+                    return other;
+                }
             }
         }
     }

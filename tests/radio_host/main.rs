@@ -12,6 +12,7 @@ mod garbage;
 mod gpio;
 mod host;
 mod line;
+mod misbehaviour;
 mod parameter;
 mod server;
 mod trust;

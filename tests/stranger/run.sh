@@ -1,9 +1,10 @@
 #!/bin/sh
 # Programs written by others meet ours. pymavlink, MAVSDK and MAVProxy each fly a software vehicle with both firmware
 # faces; QGroundControl's connection sequence is replayed; MAVProxy and MAVSDK watch and command the companions of two
-# simulated flights; pymavlink and MAVProxy's tools read the logs of a signed flight.
+# simulated flights; pymavlink and MAVProxy's tools read the logs of a signed flight; pymavlink commands a radio host,
+# signed, and forges, replays and does not sign.
 #
-#     tests/stranger/run.sh [flown] [companion] [logs]      all three without arguments
+#     tests/stranger/run.sh [flown] [companion] [logs] [radio]      all four without arguments
 #
 # Needs cargo and python3 (3.11 to 3.14, on x86_64 or aarch64 Linux: for these there are wheels). SPEED (default 5) is
 # simulated seconds per second, PORT (default 14560) the first of four free UDP ports on this machine, VENV where the
@@ -15,7 +16,7 @@ speed=${SPEED:-5}
 port=${PORT:-14560}
 venv=${VENV:-$root/target/stranger-venv}
 python=$venv/bin/python
-[ $# -gt 0 ] || set -- flown companion logs
+[ $# -gt 0 ] || set -- flown companion logs radio
 
 # The profile of the tests: optimised, and built already where the tests have run.
 cargo build --profile test --manifest-path "$root/Cargo.toml" --package veilwing-sitl --bin veilwing-sitl \
@@ -100,11 +101,18 @@ logs() {
     echo "every log of a signed flight read by strangers, no signature left in it"
 }
 
+radio() {
+    echo "== radio_commander.py"
+    "$python" "$here/radio_commander.py" --program "$programs/veilwing" \
+        --definitions "$root/message_definitions/veilwing_radio.xml"
+    echo "a radio host commanded, and not to be fooled, by pymavlink"
+}
+
 started=$(date +%s)
 for part in "$@"; do
     case $part in
-        flown | companion | logs) "$part" ;;
-        *) echo "there is no part \"$part\": flown, companion, logs" >&2; exit 2 ;;
+        flown | companion | logs | radio) "$part" ;;
+        *) echo "there is no part \"$part\": flown, companion, logs, radio" >&2; exit 2 ;;
     esac
 done
 echo "strangers: $* in $(($(date +%s) - started)) s"

@@ -86,6 +86,9 @@ fn spread(scale: &Scale, points: u32) -> Vec<f64> {
     chosen
 }
 
+/// What is typed to measure the setting before once more.
+const BACK: &str = "back";
+
 /// Steps through the settings. Ends early where the input does.
 async fn ask(
     bench: &mut Bench,
@@ -94,27 +97,33 @@ async fn ask(
     measured: &mut Vec<Point>,
 ) -> Result<(), BenchError> {
     bench.off().await?;
-    for value in values {
-        let read_back = bench.set(*value).await?.0;
+    eprintln!("give each power in dBm; `{BACK}` measures the setting before once more");
+    while let Some(&setting) = values.get(measured.len()) {
+        let read_back = bench.set(setting).await?.0;
         let said = read_back.map(|value| format!(", read back as {value}")).unwrap_or_default();
         loop {
-            eprint!("setting {value}{said}: how many dBm? ");
+            eprint!("setting {setting}{said}: how many dBm? ");
             let line = tokio::select! {
                 line = bench.hold(line()) => line?,
                 () = interrupt::requested() => return Err(BenchError::Interrupted),
             };
             let Some(line) = line else { return Ok(()) };
+            if line.trim() == BACK {
+                measured.pop();
+                break;
+            }
             let Some(dbm) = line.trim().parse().ok().filter(|dbm: &f64| dbm.is_finite()) else {
                 eprintln!("{:?} is no number: give dBm, decimals with a point", line.trim());
                 continue;
             };
-            let point = Point { frequency_hz, setting: *value, dbm, line: measured.len() + 2 };
+            let point = Point { frequency_hz, setting, dbm, line: measured.len() + 2 };
             if keeps_order(measured, point) {
                 measured.push(point);
                 break;
             }
             eprintln!(
-                "{dbm} dBm breaks the order of those before: power must rise, or fall, throughout; measure again"
+                "{dbm} dBm breaks the order of those before: power must rise, or fall, throughout; measure again, or go \
+                 `{BACK}` where one of those was wrong"
             );
         }
     }

@@ -170,7 +170,7 @@ impl Flight {
     fn radiate(&mut self, role: Role) {
         let Some(hosted) = &self.hosted[role] else { return };
         let astray = hosted.device().is_astray(self.now);
-        let power = DevicePower { dbm: hosted.device().power_dbm(), slot: hosted.slot(), astray };
+        let power = DevicePower { dbm: hosted.device().antenna_dbm(), slot: hosted.slot(), astray };
         self.world.set_device_power(index(role), power);
     }
 

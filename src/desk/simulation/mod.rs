@@ -24,7 +24,7 @@ mod world;
 pub use excuse::{Cause, Excused, Late, judge};
 pub use fault::{Change, Fault, FaultKind, Faults, Lengths, Order, RadioFault, Schedule, draw};
 pub use flight::{Flight, FlightError, Setup};
-pub use hosted::{Asked, DeviceModel, Hosted, SimulatedDevice};
+pub use hosted::{Asked, DeviceModel, Hosted, Manners, OTHER_DB, OneShot, SimulatedDevice};
 pub use imperfections::{Imperfections, Towards};
 pub use observer::{Observer, Wire};
 pub use path::Path;

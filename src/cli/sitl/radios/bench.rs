@@ -5,20 +5,11 @@ use std::time::Duration;
 
 use tokio::sync::Notify;
 
-use crate::desk::simulation::{RadioFault, SimulatedDevice};
+use crate::desk::simulation::{Manners, OTHER_DB, RadioFault, SimulatedDevice};
 use crate::link::Clock;
 use crate::time::Instant;
 
-use super::kind::{Kind, Table};
-
-/// The line between host and device.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Line {
-    Good,
-    Cut,
-    /// Nothing comes back.
-    Mute,
-}
+use super::kind::{Grid, Kind, Table};
 
 /// The device and its front panel.
 #[derive(Debug)]
@@ -26,7 +17,7 @@ struct State {
     device: SimulatedDevice,
     setting: f64,
     on: bool,
-    line: Line,
+    manners: Manners,
 }
 
 /// The device is dead.
@@ -47,13 +38,18 @@ pub(super) struct Bench {
 }
 
 impl Bench {
-    pub fn new(kind: Kind, table: Table, device: SimulatedDevice, clock: Clock) -> Arc<Self> {
+    pub fn new(kind: Kind, table: Table, mut device: SimulatedDevice, clock: Clock) -> Arc<Self> {
         let setting = table.grid().least;
+        // What has no off goes on as it was left.
+        let on = kind.has_no_off();
+        if on {
+            device.tell(table.dbm(setting), clock.now().since_start());
+        }
         Arc::new(Self {
             kind,
             table,
             clock,
-            state: Mutex::new(State { device, setting, on: false, line: Line::Good }),
+            state: Mutex::new(State { device, setting, on, manners: Manners::Good }),
             changed: Notify::new(),
             turn: tokio::sync::Mutex::new(()),
         })
@@ -99,12 +95,12 @@ impl Bench {
                 state.device.fail(on, now);
                 state.device.stop(on, now);
             }
-            RadioFault::DeviceLoss | RadioFault::DeviceMute => {
-                let bad = if fault == RadioFault::DeviceLoss { Line::Cut } else { Line::Mute };
-                state.line = if on { bad } else { Line::Good };
-                state.device.fail(on, now);
+            other => {
+                if let Some(bad) = Manners::of(other) {
+                    state.manners = if on { bad } else { Manners::Good };
+                    state.device.fail(on, now);
+                }
             }
-            RadioFault::DeviceKill | RadioFault::HostKill | RadioFault::HostStop | RadioFault::HostLoss => {}
         }
         drop(state);
         self.changed.notify_waiters();
@@ -148,13 +144,30 @@ impl Bench {
         }
     }
 
+    /// Its kill line is driven.
+    pub fn drive(&self, through: bool) {
+        let now = self.now();
+        self.state().device.drive(through, now);
+        self.changed.notify_waiters();
+    }
+
     /// Hears a request and carries it out; its answer, once that is done and can be heard.
     pub async fn answer(&self, asked: &str) -> Result<String, Dead> {
+        let (answer, setting, on) = self.obey(super::protocol::request(self.kind, asked)).await?;
+        Ok(super::protocol::answer(self.kind, answer, setting, on))
+    }
+
+    /// Carries out a request, or refuses it; what becomes of it with the setting, and whether it is on, once that is done and
+    /// can be heard.
+    pub async fn obey(&self, request: Result<Request, Answer>) -> Result<(Answer, f64, bool), Dead> {
         let answer = {
             let _turn = self.turn.lock().await;
-            self.until(|state| state.device.runs() && state.line != Line::Cut).await?;
+            self.until(|state| state.device.runs() && state.manners != Manners::Cut).await?;
             let mut state = self.state();
-            match super::protocol::request(self.kind, asked) {
+            match request {
+                Ok(Request::Set(_) | Request::Turn(_)) if state.manners == Manners::Refuses => {
+                    Answer::Refused
+                }
                 Ok(request) => {
                     let answer = self.carry_out(request, &mut state);
                     let dbm = state.on.then(|| self.table.dbm(state.setting)).flatten();
@@ -164,16 +177,30 @@ impl Bench {
                 Err(refusal) => refusal,
             }
         };
-        self.until(|state| state.device.runs() && state.device.is_done() && state.line == Line::Good).await?;
-        Ok(answer.text(self.kind, &self.state()))
+        let heard = |manners| !matches!(manners, Manners::Cut | Manners::Mute);
+        self.until(|state| state.device.runs() && state.device.is_done() && heard(state.manners)).await?;
+        let state = self.state();
+        let answer = if state.manners == Manners::Garbled { Answer::Garbage } else { answer };
+        Ok((answer, state.setting, state.device.power_dbm().is_some()))
+    }
+
+    /// The setting that a device takes, which is told this one.
+    fn given(&self, setting: f64, manners: Manners) -> f64 {
+        let Grid { least, most, step, attenuates } = self.table.grid();
+        let louder = (OTHER_DB / step).ceil() * step;
+        match (manners, attenuates) {
+            (Manners::Louder, true) => (setting - louder).max(least),
+            (Manners::Louder, false) => (setting + louder).min(most),
+            _ => setting,
+        }
     }
 
     fn carry_out(&self, request: Request, state: &mut State) -> Answer {
         match request {
             Request::Set(setting) if self.table.dbm(setting).is_some() => {
-                state.setting = setting;
+                state.setting = self.given(setting, state.manners);
                 // An attenuator has nothing else to turn it on.
-                state.on |= self.kind == Kind::Attenuator;
+                state.on |= self.kind.key() == Kind::Attenuator.key();
                 Answer::Done
             }
             Request::Set(_) => Answer::Refused,
@@ -206,14 +233,9 @@ pub(super) enum Request {
 pub(super) enum Answer {
     Done,
     Refused,
+    /// Nothing that its documents have.
+    Garbage,
     Setting,
     State,
     Text(&'static str),
-}
-
-impl Answer {
-    fn text(self, kind: Kind, state: &State) -> String {
-        let on = state.device.power_dbm().is_some();
-        super::protocol::answer(kind, self, state.setting, on)
-    }
 }

@@ -1,7 +1,7 @@
 //! `veilwing radio-device`: the program by which a radio file of kind "command" drives a fake device of `veilwing sitl`.
 
-use std::io::{BufRead, BufReader, Write};
-use std::net::{SocketAddr, TcpStream};
+use std::io::{Read, Write};
+use std::net::{Shutdown, SocketAddr, TcpStream};
 use std::time::Duration;
 
 use crate::cli::{Exit, print_text};
@@ -15,8 +15,8 @@ const PATIENCE: Duration = Duration::from_secs(20);
 pub(in crate::cli) struct Args {
     /// Where it is.
     device: SocketAddr,
-    /// What it is told: set and a setting, on, off, read, or state.
-    #[arg(required = true, allow_negative_numbers = true)]
+    /// What it is told: set and a setting, on, off, read, or state; or a call of iw or ip.
+    #[arg(required = true, trailing_var_arg = true, allow_hyphen_values = true)]
     words: Vec<String>,
 }
 
@@ -38,8 +38,10 @@ fn ask(args: &Args) -> std::io::Result<String> {
     let mut stream = TcpStream::connect_timeout(&args.device, PATIENCE)?;
     stream.set_read_timeout(Some(PATIENCE))?;
     stream.write_all(format!("{}\n", args.words.join(" ")).as_bytes())?;
+    stream.shutdown(Shutdown::Write)?;
     let mut answer = String::new();
-    if BufReader::new(stream).read_line(&mut answer)? == 0 {
+    // Nothing at all comes of a device that is dead: an answer has at least a line's end.
+    if stream.read_to_string(&mut answer)? == 0 {
         return Err(std::io::ErrorKind::UnexpectedEof.into());
     }
     Ok(answer.trim().to_owned())

@@ -4,21 +4,50 @@ use std::time::Duration;
 
 use clap::ValueEnum;
 
-use crate::desk::simulation::DeviceModel;
+use crate::desk::simulation::{DeviceModel, OneShot};
 use crate::units::{Dbm, Watts};
 
 /// What drives the device (docs/radios.md).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[value(rename_all = "snake_case")]
 pub(in crate::cli) enum Kind {
     /// Programs: this one, as `radio-device`.
     Command,
+    /// A Wi-Fi card, by programs in the place of iw and ip.
+    Interface,
     /// A programmable attenuator, by lines of text.
     Attenuator,
+    /// The same, by HTTP.
+    AttenuatorHttp,
+    /// The same, on a serial line.
+    AttenuatorSerial,
     /// A radio that is set by JSON over HTTP, as StreamCaster's documents have it.
-    #[value(name = "json_rpc")]
     JsonRpc,
-    /// A modem, by AT commands.
+    /// A radio with OpenWrt's ubus.
+    Ubus,
+    /// A modem, by AT commands over telnet.
     At,
+    /// The same, on a serial line.
+    AtSerial,
+    /// A radio whose power is a MAVLink parameter without an off, by PARAM_EXT as OpenHD has it, and a kill line.
+    Parameter,
+    /// The same by PARAM_SET, bytewise, as mLRS has it.
+    ParameterBytewise,
+}
+
+/// The protocol that a fake device speaks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(in crate::cli) enum Speech {
+    /// Words, and text back, over TCP: `radio-device` has them from its arguments.
+    Words,
+    /// Lines over TCP.
+    Lines,
+    /// Lines on a pseudo-terminal.
+    Serial,
+    /// A request a connection.
+    Http,
+    /// MAVLink, over UDP.
+    Mavlink,
 }
 
 /// Its settings: from the least to the largest number.
@@ -32,25 +61,47 @@ pub(super) struct Grid {
 }
 
 impl Kind {
-    /// As the radio file spells it, and its table.
+    /// As the radio file spells what drives it, and its table.
     pub fn key(self) -> &'static str {
         match self {
-            Self::Command => "command",
-            Self::Attenuator => "attenuator",
-            Self::JsonRpc => "json_rpc",
-            Self::At => "at",
+            Self::Command | Self::Interface => "command",
+            Self::Attenuator | Self::AttenuatorHttp | Self::AttenuatorSerial => "attenuator",
+            Self::JsonRpc | Self::Ubus => "json_rpc",
+            Self::At | Self::AtSerial => "at",
+            Self::Parameter | Self::ParameterBytewise => "parameter",
         }
     }
 
+    /// As the command line spells it.
+    pub fn name(self) -> String {
+        self.to_possible_value().map(|value| value.get_name().to_owned()).unwrap_or_default()
+    }
+
+    pub fn speech(self) -> Speech {
+        match self {
+            Self::Command | Self::Interface => Speech::Words,
+            Self::Attenuator | Self::At => Speech::Lines,
+            Self::AttenuatorSerial | Self::AtSerial => Speech::Serial,
+            Self::AttenuatorHttp | Self::JsonRpc | Self::Ubus => Speech::Http,
+            Self::Parameter | Self::ParameterBytewise => Speech::Mavlink,
+        }
+    }
+
+    /// Whether nothing but a kill line silences it.
+    pub fn has_no_off(self) -> bool {
+        self.speech() == Speech::Mavlink
+    }
+
     /// From an off to silence and from an order to the power, as the backends' documents have it where they say anything: an
-    /// attenuator settles in less than a millisecond; a Wi-Fi card takes tens of milliseconds. Of radios by JSON and of modems
-    /// those that do not restart their interface for a change; the others take seconds, which no slot's guard contains.
+    /// attenuator settles in less than a millisecond; a Wi-Fi card takes tens of milliseconds. Of radios by JSON, of modems and
+    /// of radios by parameter those that do not restart their interface for a change; the others take seconds, which no slot's
+    /// guard contains.
     fn times_ms(self) -> [u64; 2] {
         match self {
-            Self::Command => [10, 30],
-            Self::Attenuator => [1, 1],
-            Self::JsonRpc => [20, 60],
-            Self::At => [20, 50],
+            Self::Command | Self::Interface => [10, 30],
+            Self::Attenuator | Self::AttenuatorHttp | Self::AttenuatorSerial => [1, 1],
+            Self::JsonRpc | Self::Ubus => [20, 60],
+            Self::At | Self::AtSerial | Self::Parameter | Self::ParameterBytewise => [20, 50],
         }
     }
 
@@ -58,20 +109,32 @@ impl Kind {
     pub fn beside_ms(self) -> [f64; 2] {
         match self {
             Self::Command => [85.0, 300.0],
-            Self::Attenuator | Self::JsonRpc | Self::At => [70.0, 200.0],
+            Self::Interface => [85.0, 350.0],
+            _ => [70.0, 200.0],
         }
     }
 
     pub(super) fn grid(self) -> Grid {
+        let rises = |least, most, step| Grid { least, most, step, attenuates: false };
         match self {
-            Self::Command => Grid { least: -40.0, most: 40.0, step: 0.01, attenuates: false },
+            Self::Command => rises(-40.0, 40.0, 0.01),
+            Self::Interface => rises(0.0, 30.0, 0.5),
             // The largest attenuation is off.
-            Self::Attenuator => Grid { least: 0.0, most: 89.75, step: 0.25, attenuates: true },
-            Self::JsonRpc => Grid { least: 0.0, most: 40.0, step: 1.0, attenuates: false },
-            Self::At => Grid { least: 7.0, most: 30.0, step: 1.0, attenuates: false },
+            Self::Attenuator | Self::AttenuatorHttp | Self::AttenuatorSerial => {
+                Grid { least: 0.0, most: 89.75, step: 0.25, attenuates: true }
+            }
+            Self::JsonRpc => rises(0.0, 40.0, 1.0),
+            Self::Ubus => rises(0.0, 30.0, 1.0),
+            Self::At | Self::AtSerial => rises(7.0, 30.0, 1.0),
+            // OpenHD's power index of RTL8812AU cards; mLRS's list of powers.
+            Self::Parameter => rises(1.0, 63.0, 1.0),
+            Self::ParameterBytewise => rises(0.0, 11.0, 1.0),
         }
     }
 }
+
+/// For how long an edge of a simulated kill line holds.
+const HOLDS: Duration = Duration::from_millis(90);
 
 /// What is said of the devices on the command line.
 #[derive(Debug, Clone, Copy)]
@@ -92,7 +155,14 @@ impl Options {
             Some(given) => given.map(milliseconds),
             None => self.kind.times_ms().map(Duration::from_millis),
         };
-        DeviceModel { off, change, dead: self.dead_ms.map(milliseconds), outlives_control: !self.goes_dark }
+        let line = self.kind.has_no_off().then_some(OneShot { holds: HOLDS, alone: true });
+        DeviceModel {
+            off,
+            change,
+            dead: self.dead_ms.map(milliseconds),
+            outlives_control: !self.goes_dark,
+            line,
+        }
     }
 }
 
@@ -134,7 +204,7 @@ impl Table {
             powers.push(strongest);
         }
         // Room above, so that the strongest is not the device's ceiling.
-        let mut below = settings - (3.0 / grid.step).round().min(settings / 4.0).max(1.0) + 1.0;
+        let mut below = settings - (3.0 / grid.step).round().min((settings / 4.0).floor()).max(1.0) + 1.0;
         let first = below - 1.0;
         let mut anchors = Vec::new();
         for (weaker, dbm) in powers.iter().enumerate().rev() {
@@ -144,7 +214,7 @@ impl Table {
             if at < room {
                 return Err(format!(
                     "a device of kind {:?} has no setting for each of {} powers: fly the mission with another kind",
-                    kind.key(),
+                    kind.name(),
                     powers.len()
                 ));
             }

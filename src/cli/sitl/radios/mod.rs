@@ -5,9 +5,11 @@ mod bench;
 pub(in crate::cli) mod client;
 mod file;
 mod kind;
+mod parameter;
 mod protocol;
 mod server;
 
+use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
 use std::sync::Arc;
@@ -15,7 +17,7 @@ use std::time::Duration;
 
 use rustix::process::{Pid, Signal, kill_process};
 use serde::Serialize;
-use tokio::net::TcpListener;
+use tokio::net::UdpSocket;
 use tokio::process::{Child, Command};
 use tokio::sync::mpsc;
 
@@ -29,6 +31,7 @@ use super::process::{End, Said, listen};
 use bench::Bench;
 use kind::Table;
 pub(in crate::cli) use kind::{Kind, Options};
+use server::Socket;
 
 /// After being asked to stop, a host has this much more than it takes to give a device up.
 const STOPS_LATE: Duration = Duration::from_secs(2);
@@ -37,7 +40,7 @@ const STOPS_LATE: Duration = Duration::from_secs(2);
 struct Aboard {
     file: PathBuf,
     /// Until it is served.
-    listener: Option<(TcpListener, Table)>,
+    sockets: Option<(Socket, Option<UdpSocket>, Table)>,
     bench: Option<Arc<Bench>>,
     child: Child,
     /// As it was seen to end, unasked.
@@ -56,7 +59,7 @@ pub(super) struct Radios {
 /// What became of them, for the flight's document.
 #[derive(Debug, Clone, Serialize)]
 pub(in crate::cli) struct RadiosDocument {
-    kind: &'static str,
+    kind: String,
     /// As the device does, and not as its host declares.
     off_ms: f64,
     change_ms: f64,
@@ -94,15 +97,24 @@ impl Radios {
         said: &mpsc::UnboundedSender<(Role, Said)>,
     ) -> Result<Self, String> {
         let one = async |role: Role| -> Result<Aboard, String> {
-            let failed = |error: std::io::Error| format!("loopback TCP: {error}");
             let table = Table::covering(options.kind, &powers_w[role])?;
-            let listener = TcpListener::bind(("127.0.0.1", 0)).await.map_err(failed)?;
-            let device = listener.local_addr().map_err(failed)?.port();
-            let ports = file::Ports { companion: companions[role], device };
-            let file = file::write(directory, role, &options, &table, ports)?;
-            let child = spawn(role, &file, directory, said)?;
-            let listener = Some((listener, table));
-            Ok(Aboard { file, listener, bench: None, child, end: None, stopped: false, told: 0 })
+            let (socket, device) = Socket::open(options.kind.speech()).await?;
+            let mut beside = Beside::default();
+            if options.kind == Kind::Interface {
+                beside.programs = Some(file::write_programs(directory, role, &device)?);
+            }
+            let mut line = None;
+            if options.model().line.is_some() {
+                let failed = |error: std::io::Error| format!("loopback: {error}");
+                let socket = UdpSocket::bind(("127.0.0.1", 0)).await.map_err(failed)?;
+                beside.line = Some(socket.local_addr().map_err(failed)?);
+                line = Some(socket);
+            }
+            let places = file::Places { companion: companions[role], device };
+            let file = file::write(directory, role, &options, &table, &places)?;
+            let child = spawn(role, &file, &beside, directory, said)?;
+            let sockets = Some((socket, line, table));
+            Ok(Aboard { file, sockets, bench: None, child, end: None, stopped: false, told: 0 })
         };
         Ok(Self { options, aboard: PerVehicle { i: one(Role::I).await?, j: one(Role::J).await? } })
     }
@@ -111,10 +123,13 @@ impl Radios {
     pub fn serve(&mut self, clock: &Clock) {
         for role in Role::BOTH {
             let aboard = &mut self.aboard[role];
-            let Some((listener, table)) = aboard.listener.take() else { continue };
+            let Some((socket, line, table)) = aboard.sockets.take() else { continue };
             let device = SimulatedDevice::new(self.options.model());
             let bench = Bench::new(self.options.kind, table, device, clock.clone());
-            tokio::spawn(server::serve(listener, Arc::clone(&bench)));
+            tokio::spawn(server::serve(socket, Arc::clone(&bench)));
+            if let Some(line) = line {
+                tokio::spawn(server::serve_line(line, Arc::clone(&bench)));
+            }
             aboard.bench = Some(bench);
         }
     }
@@ -195,10 +210,10 @@ impl Radios {
         let model = self.options.model();
         let ms = |time: Duration| time.as_secs_f64() * 1e3;
         RadiosDocument {
-            kind: self.options.kind.key(),
-            off_ms: ms(model.off),
+            kind: self.options.kind.name(),
+            off_ms: ms(model.line.filter(|line| line.alone).map_or(model.off, |line| line.holds)),
             change_ms: ms(model.change),
-            dead_ms: model.dead.map(ms),
+            dead_ms: model.declared_dead().map(ms),
             devices: Devices { i: of(Role::I), j: of(Role::J) },
         }
     }
@@ -244,18 +259,38 @@ impl Aboard {
     }
 }
 
+/// What a host needs beside its file.
+#[derive(Debug, Default)]
+struct Beside {
+    /// Programs that are found before the machine's own.
+    programs: Option<PathBuf>,
+    /// What stands for its kill line.
+    line: Option<SocketAddr>,
+}
+
 /// Starts a radio host; its log goes to a file in the directory, and what the operator should see of it to `said`.
 fn spawn(
     role: Role,
     file: &Path,
+    beside: &Beside,
     directory: &Path,
     said: &mpsc::UnboundedSender<(Role, Said)>,
 ) -> Result<Child, String> {
     let program =
         std::env::current_exe().map_err(|error| format!("this program cannot find itself: {error}"))?;
-    let mut child = Command::new(program)
-        // It ends with this process, even if that is killed.
-        .args(["--log-format", "json", "radio", "--until-stdin-ends"])
+    let mut command = Command::new(program);
+    if let Some(place) = &beside.programs {
+        let found = std::env::var_os("PATH").unwrap_or_default();
+        let places = [place.clone()].into_iter().chain(std::env::split_paths(&found));
+        let path = std::env::join_paths(places).map_err(|error| format!("{}: {error}", place.display()))?;
+        command.env("PATH", path);
+    }
+    // It ends with this process, even if that is killed.
+    command.args(["--log-format", "json", "radio", "--until-stdin-ends"]);
+    if let Some(line) = beside.line {
+        command.arg("--simulated-line").arg(line.to_string());
+    }
+    let mut child = command
         .arg(file)
         .stdin(Stdio::piped())
         .stdout(Stdio::null())

@@ -37,6 +37,9 @@ pub(super) const NAMES: &[(&str, FaultKind)] = &[
     ("device-stop", FaultKind::Radio(RadioFault::DeviceStop)),
     ("device-loss", FaultKind::Radio(RadioFault::DeviceLoss)),
     ("device-mute", FaultKind::Radio(RadioFault::DeviceMute)),
+    ("device-errors", FaultKind::Radio(RadioFault::DeviceErrors)),
+    ("device-garbage", FaultKind::Radio(RadioFault::DeviceGarbage)),
+    ("device-other-power", FaultKind::Radio(RadioFault::DeviceOtherPower)),
     ("operator-start", FaultKind::Operator(Order::Start)),
     ("operator-pause", FaultKind::Operator(Order::Pause)),
     ("operator-continue", FaultKind::Operator(Order::Continue)),
@@ -79,11 +82,17 @@ pub enum RadioFault {
     DeviceLoss,
     /// What the device answers is lost; what it is told arrives.
     DeviceMute,
+    /// The device refuses whatever it is told.
+    DeviceErrors,
+    /// What the device answers cannot be understood; it does what it is told.
+    DeviceGarbage,
+    /// The device goes 3 dB above the power that it is told, and says so.
+    DeviceOtherPower,
 }
 
 impl RadioFault {
     /// All of them, in the order of reports.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 10] = [
         Self::HostKill,
         Self::HostStop,
         Self::HostLoss,
@@ -91,6 +100,9 @@ impl RadioFault {
         Self::DeviceStop,
         Self::DeviceLoss,
         Self::DeviceMute,
+        Self::DeviceErrors,
+        Self::DeviceGarbage,
+        Self::DeviceOtherPower,
     ];
 
     const fn describe(self) -> &'static str {
@@ -102,6 +114,9 @@ impl RadioFault {
             Self::DeviceStop => "radio device's control stopped",
             Self::DeviceLoss => "line between radio host and device cut",
             Self::DeviceMute => "radio device's answers lost",
+            Self::DeviceErrors => "radio device refuses",
+            Self::DeviceGarbage => "radio device not understood",
+            Self::DeviceOtherPower => "radio device at another power",
         }
     }
 

@@ -14,6 +14,31 @@ pub struct DeviceModel {
     pub dead: Option<Duration>,
     /// It radiates on when its own control dies.
     pub outlives_control: bool,
+    /// What stands between it and its antenna.
+    pub line: Option<OneShot>,
+}
+
+/// A kill line with a one-shot: the antenna is cut off unless the line goes on having edges.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct OneShot {
+    /// For how long an edge holds.
+    pub holds: Duration,
+    /// The device has no off of its own: what it is told for one is its weakest setting.
+    pub alone: bool,
+}
+
+impl DeviceModel {
+    /// The longest time until it is silent when its host dies, as its host declares it.
+    #[must_use]
+    pub fn declared_dead(&self) -> Option<Duration> {
+        self.dead.or(self.line.map(|line| line.holds))
+    }
+
+    /// Whether nothing but the line silences it.
+    #[must_use]
+    pub fn has_no_off(&self) -> bool {
+        self.line.is_some_and(|line| line.alone)
+    }
 }
 
 /// What takes its orders.
@@ -29,7 +54,12 @@ enum Control {
 #[derive(Debug, Clone)]
 pub struct SimulatedDevice {
     model: DeviceModel,
+    /// What it puts into the way to its antenna.
     radiates_dbm: Option<f64>,
+    /// The line's level is the one that lets through.
+    driven: bool,
+    /// The one-shot lets through until then.
+    open_until: Option<Duration>,
     /// What it is about to do, and when that is done.
     turn: Option<(Duration, Option<f64>)>,
     control: Control,
@@ -37,7 +67,7 @@ pub struct SimulatedDevice {
     host_lost_at: Option<Duration>,
     /// From then on nobody's orders explain what it radiates, and whether what failed is in order again.
     astray: Option<(Duration, bool)>,
-    /// Every change of what it radiates, since the beginning.
+    /// Every change of what the antenna radiates, since the beginning.
     radiated: Vec<(Duration, Option<f64>)>,
 }
 
@@ -48,6 +78,8 @@ impl SimulatedDevice {
         Self {
             model,
             radiates_dbm: None,
+            driven: false,
+            open_until: None,
             turn: None,
             control: Control::Runs,
             host_lost_at: None,
@@ -62,13 +94,20 @@ impl SimulatedDevice {
         self.model
     }
 
-    /// What it radiates.
+    /// What it is at, by its own word: it knows nothing of the line behind it.
     #[must_use]
     pub fn power_dbm(&self) -> Option<f64> {
         self.radiates_dbm
     }
 
-    /// Every change of what it radiates so far, with its time.
+    /// What its antenna radiates.
+    #[must_use]
+    pub fn antenna_dbm(&self) -> Option<f64> {
+        let through = self.model.line.is_none() || self.open_until.is_some();
+        self.radiates_dbm.filter(|_| through)
+    }
+
+    /// Every change of what its antenna radiates so far, with its time.
     #[must_use]
     pub fn radiated(&self) -> &[(Duration, Option<f64>)] {
         &self.radiated
@@ -110,6 +149,16 @@ impl SimulatedDevice {
         self.advance(now);
     }
 
+    /// Its kill line is driven: to the level that lets through, or to off. An edge to the first one lets it through for a while.
+    pub fn drive(&mut self, through: bool, now: Duration) {
+        self.advance(now);
+        let was_through = std::mem::replace(&mut self.driven, through);
+        if let Some(line) = self.model.line.filter(|_| through && !was_through) {
+            self.open_until = Some(now + line.holds);
+            self.note(now);
+        }
+    }
+
     /// Its control stops, or goes on with what it was about to do. A dead one does neither.
     pub fn stop(&mut self, stopped: bool, now: Duration) {
         self.advance(now);
@@ -129,7 +178,8 @@ impl SimulatedDevice {
         self.control = Control::Dead;
         self.turn = None;
         if !self.model.outlives_control {
-            self.radiate(None, now);
+            self.radiates_dbm = None;
+            self.note(now);
         }
     }
 
@@ -138,11 +188,18 @@ impl SimulatedDevice {
         self.advance(now);
         self.host_lost_at = lost.then(|| self.host_lost_at.unwrap_or(now));
         // Within the time that it declares it is in order.
-        self.fail(lost, now + self.model.dead.unwrap_or_default());
+        self.note_failure(lost, now + self.model.declared_dead().unwrap_or_default());
     }
 
-    /// Something between its host's mind and its antenna fails, or is in order again.
+    /// It, or its line to the host, fails, or is in order again. Behind a kill line nothing is astray: the line does what the host
+    /// wants, whatever the device does.
     pub fn fail(&mut self, failed: bool, from: Duration) {
+        if self.model.line.is_none() {
+            self.note_failure(failed, from);
+        }
+    }
+
+    fn note_failure(&mut self, failed: bool, from: Duration) {
         self.astray = match (self.astray, failed) {
             (Some((since, _)), failed) => Some((since, !failed)),
             (None, true) => Some((from, false)),
@@ -155,7 +212,7 @@ impl SimulatedDevice {
     pub fn next(&self) -> Option<Duration> {
         let turn = self.turn.filter(|_| self.runs()).map(|(at, _)| at);
         let cut = self.cut_at().filter(|_| self.radiates_dbm.is_some() || self.turn.is_some());
-        [turn, cut].into_iter().flatten().min()
+        [turn, cut, self.open_until].into_iter().flatten().min()
     }
 
     fn cut_at(&self) -> Option<Duration> {
@@ -164,16 +221,17 @@ impl SimulatedDevice {
 
     /// Does what is due, each at its own time.
     pub fn advance(&mut self, now: Duration) {
-        let cut_at = self.cut_at();
-        if let Some((at, to)) = self.turn.filter(|(at, _)| self.runs() && *at <= now)
-            && cut_at.is_none_or(|cut| at < cut)
-        {
-            self.turn = None;
-            self.radiate(to, at);
-        }
-        if let Some(at) = cut_at.filter(|at| *at <= now) {
-            self.turn = None;
-            self.radiate(None, at);
+        while let Some(at) = self.next().filter(|at| *at <= now) {
+            if self.cut_at().is_some_and(|cut| cut <= at) {
+                self.turn = None;
+                self.radiates_dbm = None;
+            } else if let Some((_, to)) = self.turn.filter(|turn| self.runs() && turn.0 == at) {
+                self.turn = None;
+                self.radiates_dbm = to;
+            } else {
+                self.open_until = None;
+            }
+            self.note(at);
         }
         if self.radiates_dbm.is_none() && self.turn.is_none() {
             // What is off and in order does what it is told.
@@ -181,8 +239,10 @@ impl SimulatedDevice {
         }
     }
 
-    fn radiate(&mut self, dbm: Option<f64>, at: Duration) {
-        if std::mem::replace(&mut self.radiates_dbm, dbm) != dbm {
+    /// Keeps what the antenna radiates from then on, if that is another power.
+    fn note(&mut self, at: Duration) {
+        let dbm = self.antenna_dbm();
+        if self.radiated.last().and_then(|(_, before)| *before) != dbm {
             self.radiated.push((at, dbm));
         }
     }
@@ -201,6 +261,7 @@ mod tests {
         change: Duration::from_millis(50),
         dead: None,
         outlives_control: true,
+        line: None,
     };
 
     /// On since 50 ms.
@@ -280,5 +341,25 @@ mod tests {
         device.tell(None, ms(400));
         device.advance(ms(420));
         assert!(!device.is_astray(ms(420)));
+    }
+
+    #[test]
+    fn spec_behind_a_one_shot_the_antenna_is_silent_unless_the_line_has_edges() {
+        let line = OneShot { holds: ms(90), alone: true };
+        let mut device = SimulatedDevice::new(DeviceModel { line: Some(line), ..MODEL });
+        device.tell(Some(20.0), ms(0));
+        device.advance(ms(60));
+        assert_eq!((device.power_dbm(), device.antenna_dbm()), (Some(20.0), None));
+        // Level alone does nothing; an edge holds, and the next one goes on from there.
+        for (at, through) in [(100, true), (130, true), (160, false), (180, true), (200, false)] {
+            device.drive(through, ms(at));
+        }
+        device.advance(ms(1000));
+        assert_eq!(device.radiated(), [(ms(100), Some(20.0)), (ms(270), None)]);
+        // What fails behind it is nobody's excuse; a host that is dead has the one-shot's time.
+        device.fail(true, ms(1000));
+        assert!(!device.is_astray(ms(1000)));
+        device.lose_host(true, ms(1000));
+        assert!(!device.is_astray(ms(1089)) && device.is_astray(ms(1090)));
     }
 }

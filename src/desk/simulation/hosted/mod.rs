@@ -11,12 +11,14 @@ use crate::link::codec::{Decoder, Encoder};
 use crate::link::counters::Counters;
 use crate::link::envelope::Enclosed;
 use crate::link::{Aboard, Form};
-use crate::radio_host::{COMPONENT, Facts, Fault, Host, Order, OrderId, Outcome, Said, Scale, Settings};
+use crate::radio_host::{
+    COMPONENT, Facts, Fault, Host, Level, LineTimes, Order, OrderId, Outcome, Said, Scale, Settings, Silence,
+};
 use crate::role::Role;
 use crate::time::Instant;
 use crate::transmitter::wire;
 
-pub use device::{DeviceModel, SimulatedDevice};
+pub use device::{DeviceModel, OneShot, SimulatedDevice};
 
 use super::fault::RadioFault;
 use super::index;
@@ -64,13 +66,43 @@ impl Asked {
     }
 }
 
-/// The line between host and device.
+/// How host and device get on with each other.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Line {
+pub enum Manners {
+    /// As they should.
     Good,
+    /// Nothing passes.
     Cut,
     /// Nothing comes back.
     Mute,
+    /// The device refuses.
+    Refuses,
+    /// What it says cannot be understood.
+    Garbled,
+    /// It goes so many dB above what it is told: [`OTHER_DB`].
+    Louder,
+}
+
+/// By how much a device that is louder than it is told is so.
+pub const OTHER_DB: f64 = 3.0;
+
+impl Manners {
+    /// What a fault makes of them; `None`: nothing.
+    #[must_use]
+    pub fn of(fault: RadioFault) -> Option<Self> {
+        match fault {
+            RadioFault::DeviceLoss => Some(Self::Cut),
+            RadioFault::DeviceMute => Some(Self::Mute),
+            RadioFault::DeviceErrors => Some(Self::Refuses),
+            RadioFault::DeviceGarbage => Some(Self::Garbled),
+            RadioFault::DeviceOtherPower => Some(Self::Louder),
+            RadioFault::HostKill
+            | RadioFault::HostStop
+            | RadioFault::HostLoss
+            | RadioFault::DeviceKill
+            | RadioFault::DeviceStop => None,
+        }
+    }
 }
 
 /// An order that the device has not done yet.
@@ -93,7 +125,7 @@ pub struct Hosted {
     counters: Counters,
     encoder: Encoder,
     device: SimulatedDevice,
-    line: Line,
+    manners: Manners,
     under_way: Option<UnderWay>,
     asked: Asked,
 }
@@ -114,15 +146,18 @@ impl Hosted {
             facts: Facts {
                 least_dbm: scale.least_dbm(),
                 most_dbm: scale.most_dbm(),
-                off: model.off + MARGIN,
+                // Off by the line alone is an off too: it is what ends a device that fails.
+                off: model.line.map_or(model.off, |line| line.holds.max(model.off)) + MARGIN,
                 change: model.change + MARGIN,
                 reads_back: true,
-                dead: model.dead,
+                dead: model.declared_dead(),
                 band_khz: None,
             },
             scale,
             below_db: BELOW_DB,
-            line: None,
+            line: model
+                .line
+                .map(|line| LineTimes { silence: Silence::WithoutEdges(line.holds), alone: line.alone }),
             killed: false,
             seed: seed.wrapping_mul(2).wrapping_add(index(role) as u64),
             clock_began_ms: 70_000,
@@ -136,7 +171,7 @@ impl Hosted {
             counters: Counters::default(),
             encoder: Encoder::default(),
             device: SimulatedDevice::new(model),
-            line: Line::Good,
+            manners: Manners::Good,
             under_way: None,
             asked: Asked::default(),
         })
@@ -181,12 +216,12 @@ impl Hosted {
                 self.device.fail(on, now);
                 self.device.stop(on, now);
             }
-            RadioFault::DeviceLoss | RadioFault::DeviceMute => {
-                let bad = if fault == RadioFault::DeviceLoss { Line::Cut } else { Line::Mute };
-                self.line = if on { bad } else { Line::Good };
-                self.device.fail(on, now);
+            other => {
+                if let Some(bad) = Manners::of(other) {
+                    self.manners = if on { bad } else { Manners::Good };
+                    self.device.fail(on, now);
+                }
             }
-            RadioFault::HostKill | RadioFault::DeviceKill | RadioFault::HostLoss => {}
         }
     }
 
@@ -222,6 +257,10 @@ impl Hosted {
                 self.under_way = None;
                 host.handle_outcome(id, outcome, at);
             }
+            while let Some(level) = host.poll_line() {
+                self.device.drive(level == Level::On, now);
+                host.handle_line(level, true, at);
+            }
             while let Some((id, order)) = host.poll_order() {
                 self.under_way = Some(UnderWay { id, order, told: false });
             }
@@ -240,8 +279,10 @@ impl Hosted {
 
     /// Tells the device what it has not been told yet, and what became of that.
     fn outcome(&mut self, now: Duration) -> Option<(OrderId, Outcome)> {
+        // What it does for an off.
+        let weakest = self.device.model().has_no_off().then_some(LEAST_DBM);
         let under_way = self.under_way.as_mut()?;
-        if self.line == Line::Cut {
+        if self.manners == Manners::Cut {
             return None;
         }
         if self.device.is_dead() {
@@ -250,19 +291,26 @@ impl Hosted {
         if !self.device.runs() {
             return None;
         }
+        if self.manners == Manners::Refuses {
+            return Some((under_way.id, Outcome::Failed(Fault::Refused)));
+        }
         if !std::mem::replace(&mut under_way.told, true) {
+            let louder_db = if self.manners == Manners::Louder { OTHER_DB } else { 0.0 };
             let dbm = match under_way.order {
-                Order::Off => None,
-                Order::Set(setting) => Some(setting.dbm),
+                Order::Off => weakest,
+                Order::Set(setting) => Some(setting.dbm + louder_db),
             };
             self.device.tell(dbm, now);
         }
-        if !self.device.is_done() || self.line == Line::Mute {
+        if !self.device.is_done() || self.manners == Manners::Mute {
             return None;
         }
+        if self.manners == Manners::Garbled {
+            return Some((under_way.id, Outcome::Failed(Fault::Garbled)));
+        }
         let outcome = match (under_way.order, self.device.power_dbm()) {
-            (Order::Off, None) => Outcome::Off,
-            (Order::Off, Some(_)) => Outcome::Failed(Fault::StillOn),
+            (Order::Off, dbm) if dbm == weakest => Outcome::Off,
+            (Order::Off, _) => Outcome::Failed(Fault::StillOn),
             (Order::Set(_), Some(dbm)) => Outcome::Set { read_back: Some(dbm) },
             (Order::Set(_), None) => Outcome::Failed(Fault::OtherPower),
         };
