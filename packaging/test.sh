@@ -145,16 +145,18 @@ dpkg-deb --extract "$desk" "$here/desk"
 install -m 755 "$here/desk/usr/bin/veilwing-sitl" "$root/usr/local/bin/"
 rm -rf "$here/desk"
 # Anew for each flight: a line that nobody reads keeps what was said meanwhile, and is late with all that follows.
+flight=0
 vehicles() {
     local role number home
+    inside systemctl stop --quiet 'line-*' 'vehicle-*' || true
+    flight=$((flight + 1))
     for role in i j; do
         number=$([ $role = i ] && echo 1 || echo 2)
         # Home of the yard's vehicles: [-8, 0] and [8, -20] m east and north of its origin.
         home=$([ $role = i ] && echo 50.0755,14.4376881,200 || echo 50.0753202,14.4379119,200)
-        inside systemctl stop --quiet "line-$role" "vehicle-$role" 2>/dev/null || true
-        inside systemd-run --quiet --collect --unit "vehicle-$role" \
+        inside systemd-run --quiet --collect --unit "vehicle-$role-$flight" \
             veilwing-sitl vehicle --link "udpin:127.0.0.1:1466$number" --system-id "$number" --home "$home"
-        inside systemd-run --quiet --collect --unit "line-$role" --property Restart=always --property RestartSec=100ms \
+        inside systemd-run --quiet --collect --unit "line-$role-$flight" --property Restart=always --property RestartSec=100ms \
             socat -b 2048 "pty,rawer,wait-slave,link=/run/vehicle-$role,group=dialout,mode=660" "udp:127.0.0.1:1466$number"
     done
 }
