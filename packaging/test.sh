@@ -64,7 +64,7 @@ if [ ! -e "$base/.done" ]; then
 fi
 rm -rf "$root"
 cp -a "$base" "$root"
-systemd-nspawn --quiet --directory "$root" --boot --keep-unit --register=no --console=pipe \
+systemd-nspawn --quiet --directory "$root" --boot --keep-unit --register=no --private-network --console=pipe \
     >"$here/nspawn.log" 2>&1 </dev/null &
 container=$!
 
@@ -124,7 +124,7 @@ ok "the conffiles pass check"
 
 say "the radio host alone"
 since=$(date +%s)
-inside systemctl start veilwing-radio
+inside systemctl start veilwing-radio || fail "the radio host does not start"
 until_journal veilwing-radio.service "radio: off" 10 >/dev/null
 inside systemctl show -p StatusText veilwing-radio
 radio=$(inside systemctl show -p MainPID --value veilwing-radio)
@@ -144,16 +144,22 @@ say "two software vehicles on serial lines"
 dpkg-deb --extract "$desk" "$here/desk"
 install -m 755 "$here/desk/usr/bin/veilwing-sitl" "$root/usr/local/bin/"
 rm -rf "$here/desk"
-for role in i j; do
-    number=$([ $role = i ] && echo 1 || echo 2)
-    # Home of the yard's vehicles: [-8, 0] and [8, -20] m east and north of its origin.
-    home=$([ $role = i ] && echo 50.0755,14.4376881,200 || echo 50.0753202,14.4379119,200)
-    inside systemd-run --quiet --collect --unit "vehicle-$role" \
-        veilwing-sitl vehicle --link "udpin:127.0.0.1:1466$number" --system-id "$number" --home "$home"
-    # The line ends with each companion that had it open, and is there again for the next.
-    inside systemd-run --quiet --collect --unit "line-$role" --property Restart=always --property RestartSec=100ms \
-        socat -b 2048 "pty,rawer,wait-slave,link=/run/vehicle-$role,group=dialout,mode=660" "udp:127.0.0.1:1466$number"
-done
+# Anew for each flight: a line that nobody reads keeps what was said meanwhile, and is late with all that follows.
+flight=0
+vehicles() {
+    local role number home
+    inside systemctl stop --quiet 'line-*' 'vehicle-*' || true
+    flight=$((flight + 1))
+    for role in i j; do
+        number=$([ $role = i ] && echo 1 || echo 2)
+        # Home of the yard's vehicles: [-8, 0] and [8, -20] m east and north of its origin.
+        home=$([ $role = i ] && echo 50.0755,14.4376881,200 || echo 50.0753202,14.4379119,200)
+        inside systemd-run --quiet --collect --unit "vehicle-$role-$flight" \
+            veilwing-sitl vehicle --link "udpin:127.0.0.1:1466$number" --system-id "$number" --home "$home"
+        inside systemd-run --quiet --collect --unit "line-$role-$flight" --property Restart=always --property RestartSec=100ms \
+            socat -b 2048 "pty,rawer,wait-slave,link=/run/vehicle-$role,group=dialout,mode=660" "udp:127.0.0.1:1466$number"
+    done
+}
 files=$root/etc/veilwing
 # Both are omnicopters with a leased radio; J's own example is an ArduCopter.
 sed -e 's|^role = "i"|role = "j"|' -e 's|^system_id = 1 |system_id = 2 |' -e 's|^peer_system_id = 2 |peer_system_id = 1 |' \
@@ -179,6 +185,7 @@ mission() {
 
 say "a flight, by systemctl start"
 since=$(date +%s)
+vehicles
 mission 45
 began=$(now)
 inside systemctl start veilwing@i veilwing@j || fail "they do not start"
@@ -203,6 +210,7 @@ say "the watchdog, on the air"
 # A start by the clock counts once for a vehicle; here nobody is at a ground station to say it again.
 find "$root/var/lib/veilwing" -name '*.orders' -delete
 since=$(date +%s)
+vehicles
 mission 45
 inside systemctl start veilwing@i veilwing@j || fail "they do not start"
 until_journal veilwing@i.service "slot 0: on" 120 >/dev/null
