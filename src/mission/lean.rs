@@ -9,7 +9,7 @@ use crate::service::Tolerance;
 const BREEZE_DEG: f64 = 6.0;
 
 /// By user, the largest tilt from its pose in degrees with which `role` serves the slot; empty for a vehicle that does not lean.
-fn leans<'a>(plan: &'a Plan, role: Role, held: Tolerance) -> impl Iterator<Item = (&'a str, f64)> {
+fn leans(plan: &Plan, role: Role, held: Tolerance) -> impl Iterator<Item = (&str, f64)> {
     let leaning = plan.slots.iter().filter_map(move |slot| Some((slot, slot.lean_rad[role]?)));
     leaning
         .map(move |(slot, lean_rad)| (slot.user.as_str(), held.leaning(lean_rad).attitude_rad.to_degrees()))

@@ -139,7 +139,7 @@ class Six(ArduCopter):
     """A canted hexa on ArduPilot's 6DoF frame, tilted by this project's bridge script."""
 
     actuation = "pose"
-    vehicle = "omnidirectional", dict(max_tilt_deg=12.0, speed_m_s=4.0, climb_m_s=1.5, acceleration_m_s2=1.0, tilt_rate_deg_s=15.0)
+    vehicle = "omnidirectional", dict(max_tilt_deg=12.0, speed_m_s=2.5, climb_m_s=1.5, acceleration_m_s2=0.5, tilt_rate_deg_s=15.0)
     model, parameters = "hexa:canted.json", (HERE + "/six/six.parm",)
 
     def furnish(self, cwd):
@@ -176,7 +176,8 @@ class PowerLine:
     """The radio as the bridge script drives it: SERVO9's pulse, written as radio.py writes its log. It is looked at 200 times a second:
     `last` is when it was seen on for the last time."""
 
-    def __init__(self, path, note):
+    def __init__(self, path, note, dbm):
+        self.dbm = dbm
         self.note, self.file, self.on_us, self.slot, self.off_at = note, open(path, "a", buffering=1), None, None, 0.0
         self.seen_on = 0.0
 
@@ -188,7 +189,7 @@ class PowerLine:
             elif self.on_us is None and wall - self.off_at > 3.0:
                 self.slot += 1
             self.on_us = pulse_us
-            self.file.write(self.note(t=wall, on=True, dbm=round((pulse_us - 1100) * 37 / 800 - 10, 2), slot=self.slot))
+            self.file.write(self.note(t=wall, on=True, dbm=round((pulse_us - 1100) / 800 * (self.dbm[1] - self.dbm[0]) + self.dbm[0], 2), slot=self.slot))
         elif pulse_us <= 1005 and self.on_us is not None:
             self.on_us, self.off_at = None, wall
             self.file.write(self.note(t=wall, on=False, why="pulse", last=self.seen_on))

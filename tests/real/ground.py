@@ -19,11 +19,11 @@ class Ground(threading.Thread):
             f"udpin:127.0.0.1:{GROUND}", source_system=255, source_component=190, dialect="ardupilotmega"
         )
         self.file = open(folder + "/gcs.log", "a", buffering=1)
-        self.modes, self.landed, self.parameters, self.asked, self.sticks = {}, {}, {}, {}, set()
+        self.modes, self.landed, self.parameters, self.asked, self.sticks = {}, {}, {}, {}, {}
         self.acknowledged, self.counts, self.items = [], {}, {}
         self.truth = {v.system: Truth(v.folder) for v in vehicles if v.streams}
         self.lines = {
-            v.system: PowerLine(f"{folder}/tx-{v.role}.log", lambda **k: json.dumps(k) + "\n") for v in power_lines
+            v.system: PowerLine(f"{folder}/tx-{v.role}.log", lambda **k: json.dumps(k) + "\n", span) for v, span in power_lines
         }
 
     def note(self, *what):
@@ -41,8 +41,8 @@ class Ground(threading.Thread):
                     self.link.mav.system_time_send(int(time.time() * 1e6), 0)
                 if self.sticks and now > sticks:
                     sticks = now + 0.2
-                    for system in self.sticks:
-                        self.link.mav.rc_channels_override_send(system, 1, *[1500] * 4, *[65535] * 4)
+                    for system, pitch_us in list(self.sticks.items()):
+                        self.link.mav.rc_channels_override_send(system, 1, 1500, pitch_us, 1500, 1500, *[65535] * 4)
                 message = self.link.recv_match(blocking=True, timeout=0.05)
             except OSError:
                 continue
@@ -157,8 +157,13 @@ class Ground(threading.Thread):
     def pilot(self, vehicle, mode):
         """The pilot changes the mode; on ArduPilot with the sticks centred."""
         if vehicle.firmware == "ardupilot":
-            self.sticks.add(vehicle.system)
+            self.sticks[vehicle.system] = 1500
         self.command(vehicle.system, 1, 176, 1, *vehicle.modes[mode])
+
+    def push(self, vehicle):
+        """The pilot holds and then flies ahead, as far as the autopilot lets him; ArduCopter alone."""
+        self.pilot(vehicle, "hold")
+        self.sticks[vehicle.system] = 1200
 
     def burst(self, vehicle, count):
         """Ordinary commands of anybody, all at once (MAV_CMD_REQUEST_MESSAGE for HOME_POSITION)."""

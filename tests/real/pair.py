@@ -7,7 +7,7 @@ usage: pair.py NAME [--i FRAME] [--j FRAME] [options] [--do 'TRIGGER=>ACTION[&AC
 A TRIGGER is ROLE@REGEX[+SECONDS] (a line of that companion's log) or t+SECONDS (from MISSION_START); an ACTION one of
   kill ROLE   term ROLE   stop ROLE SECONDS   restart ROLE            the companion
   cut ROLE SECONDS   delay ROLE S [JITTER]   loss ROLE P              its link to the autopilot (--gate)
-  pilot ROLE position|hold|land|home   cmd ROLE COMMAND [P1..]        the pilot; an order to the companion
+  pilot ROLE position|hold|land|home   push ROLE   cmd ROLE COMMAND [P1..]        the pilot; an order to the companion
   gps ROLE   param ROLE NAME VALUE   radiokill ROLE   burst ROLE N    the vehicle
 Leaves RUN/NAME: i/, j/ (companion logs, truth.csv), tx-i.log, tx-j.log, gcs.log, mission.toml, setup.json, events.json, end.json;
 then score.py RUN/NAME.
@@ -184,7 +184,8 @@ dir = "{vehicle.folder}/flight-logs"
             json.dump(dict(origin=self.options.origin, homes=homes, args=vars(self.options)), file)
         on_lines = [vehicle for vehicle in self.vehicles if self.on_the_bridge(vehicle)]
         beats = any(vehicle.firmware == "ardupilot" for vehicle in self.vehicles)
-        self.ground = Ground(self.folder, self.vehicles, self.say, beats, on_lines)
+        spans = [(vehicle, [self.wanted(vehicle, name) for name in ("VW_DBM_LO", "VW_DBM_HI")]) for vehicle in on_lines]
+        self.ground = Ground(self.folder, self.vehicles, self.say, beats, spans)
         self.ground.start()
         for vehicle in self.vehicles:
             vehicle.start(self.spawn, homes[vehicle.role], self.options)
@@ -213,11 +214,18 @@ dir = "{vehicle.folder}/flight-logs"
             coming_from = math.degrees(math.atan2(-self.options.wind[1], -self.options.wind[0])) % 360
             for name, value in (("SIM_WIND_SPD", wind_speed), ("SIM_WIND_DIR", coming_from), ("SIM_WIND_TURB", self.options.gust)):
                 self.ground.set(vehicle, name, value)
+        for name, value in self.settings(vehicle):
+            self.ground.set(vehicle, name, value)
+
+    def settings(self, vehicle):
         for setting in self.options.set:
             name, value = setting.split("=")
             role, _, name = name.rpartition(":")
             if role in ("", vehicle.role):
-                self.ground.set(vehicle, name, float(value))
+                yield name, float(value)
+
+    def wanted(self, vehicle, name):
+        return dict(self.settings(vehicle))[name]
 
     # ---- what is done to it
 
@@ -244,6 +252,8 @@ dir = "{vehicle.folder}/flight-logs"
             control.sendto(" ".join([what, *rest]).encode(), ("127.0.0.1", GATE_CONTROL + vehicle.k))
         elif what == "pilot":
             self.ground.pilot(vehicle, rest[0])
+        elif what == "push":
+            self.ground.push(vehicle)
         elif what == "cmd":
             self.ground.command(vehicle.system, 191, int(rest[0]), *map(float, rest[1:]))
         elif what == "gps":

@@ -103,6 +103,7 @@ for part in "$@"; do
             quad safe quad-gps --keep --do "i@$on=>gps i" --do 't+60=>pilot i land'
             quad safe quad-order-kill --keep --do "i@$on=>cmd j 31011"
             quad safe quad-order-return --keep --do "i@$on=>cmd i 20"
+            quad safe quad-fence --keep --set GUID_TIMEOUT=1 FENCE_ENABLE=1 FENCE_TYPE=5 FENCE_ALT_MAX=95 --do "i@$on=>push i"
             quad safe quad-way-kill --keep --do "i@$way=>kill i" --do 't+60=>pilot i land'
             ;;
         six) six completed six --chatter 50 ;;
@@ -115,7 +116,7 @@ for part in "$@"; do
             ;;
         # shellcheck disable=SC2086  # three words
         mixed) fly completed mixed --i px4 --j six --altitude 12 22 --settle 5 --bridge-radio --set COM_OBL_RC_ACT=5 j:GUID_TIMEOUT=1 j:VW_TX_FN=94 \
-            j:VW_DBM_LO=-10 j:VW_DBM_HI=27 --timeout 200 ;;
+            j:VW_DBM_LO=-30 j:VW_DBM_HI=0 --timeout 200 ;;
         *) echo "there is no part \"$part\"" >&2; exit 2 ;;
     esac
 done
