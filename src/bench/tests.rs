@@ -1,5 +1,8 @@
 //! The bench against a software vehicle, over a link that may lose and delay, in virtual time.
 
+// Helpers of tests fail as tests do.
+#![allow(clippy::unwrap_used, clippy::panic)]
+
 use veilwing_sitl as sim;
 
 use super::*;
