@@ -29,6 +29,7 @@ use veilwing::link::{Clock, LinkAddress, LinkConfig};
 use veilwing::planner::slots::Plan;
 use veilwing::planning;
 use veilwing::role::Role;
+use veilwing::systemd::Manager;
 use veilwing::transmitter::Transmitter;
 use veilwing_sitl::World;
 
@@ -93,6 +94,7 @@ fn fly(role: &str, seconds: f64, links: &str) {
         transmitter: Transmitter::new(transmitter_settings(&vehicle, std::process::id()), clock.now()),
         settings: settings(&mission, &vehicle, std::process::id(), true),
         orders: None,
+        manager: Manager::none(),
         planner: Box::new(move || Ok(plan(&mission))),
     };
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");

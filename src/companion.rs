@@ -18,6 +18,7 @@ use crate::link::{Aboard, Clock, Form, Frame, Link, LinkAddress, LinkConfig, Lin
 use crate::mission::{Executive, Notice, Outcome, Outgoing, Settings};
 use crate::planner::slots::Plan;
 use crate::role::Role;
+use crate::systemd::Manager;
 use crate::transmitter::Transmitter;
 use orders_file::OrdersFile;
 
@@ -40,6 +41,8 @@ pub struct Companion {
     pub pair: (LinkAddress, LinkConfig, Form),
     /// Keeps the operator's orders for the next process; `None`: there is none.
     pub orders: Option<OrdersFile>,
+    /// Who started this process, and its watchdog.
+    pub manager: Manager,
     /// Makes the plan; runs on a thread of its own.
     pub planner: Box<dyn FnOnce() -> Result<Plan, String> + Send>,
 }
@@ -74,6 +77,8 @@ impl Companion {
         let mut stop = std::pin::pin!(stop);
         let mut stopping = false;
         let mut orders = self.orders;
+        let mut manager = self.manager;
+        let mut standing = Standing::default();
         loop {
             if let Some((record, orders)) = executive.poll_record().zip(orders.as_mut()) {
                 orders.keep(record);
@@ -93,7 +98,16 @@ impl Companion {
             }
             while let Some(notice) = executive.poll_notice() {
                 log(role, executive.phase_name(), &notice);
+                standing.hear(&notice);
             }
+            if let Some(text) = standing.news(role, executive.phase_name()) {
+                manager.status(&text);
+            }
+            let (deadline, why) = executive.poll_timeout();
+            if executive.outcome().is_some() {
+                manager.stopping();
+            }
+            manager.turn(clock.now(), deadline);
             if let Some(outcome) = executive.outcome() {
                 debug!("autopilot link: {}", autopilot.counters());
                 debug!("pair link: {}", pair.counters());
@@ -105,11 +119,11 @@ impl Companion {
                 }
                 return Ok(outcome);
             }
-            let (deadline, why) = executive.poll_timeout();
             tokio::select! {
                 biased;
                 () = &mut stop, if !stopping => {
                     stopping = true;
+                    manager.stopping();
                     executive.shutdown(clock.now());
                 }
                 // Deadlines before messages: no flood can hold up a setpoint.
@@ -123,9 +137,40 @@ impl Companion {
                 frame = autopilot.recv() => hear(&mut executive, &frame, &clock),
                 frame = heard(&mut radio) => hear_radio(&mut executive, &frame, &clock),
                 frame = pair.recv() => executive.handle_pair(&frame.message, clock.now()),
-                plan = planned(&mut planning) => executive.handle_plan(plan.map_err(CompanionError::Plan)?),
+                plan = planned(&mut planning) => {
+                    executive.handle_plan(plan.map_err(CompanionError::Plan)?);
+                    // The links were open before.
+                    manager.ready();
+                }
             }
         }
+    }
+}
+
+/// What a service manager shows of a companion: its phase, and the last that it said of weight.
+#[derive(Debug, Default)]
+struct Standing {
+    phase: &'static str,
+    said: String,
+    is_news: bool,
+}
+
+impl Standing {
+    fn hear(&mut self, notice: &Notice) {
+        if notice.severity() as u8 <= MavSeverity::MAV_SEVERITY_INFO as u8 {
+            self.said = notice.to_string();
+            self.is_news = true;
+        }
+    }
+
+    /// In words, where anything has changed.
+    fn news(&mut self, role: Role, phase: &'static str) -> Option<String> {
+        if !std::mem::take(&mut self.is_news) && self.phase == phase {
+            return None;
+        }
+        self.phase = phase;
+        let said = if self.said.is_empty() { String::new() } else { format!("; {}", self.said) };
+        Some(format!("vehicle {role}: {phase}{said}"))
     }
 }
 

@@ -43,4 +43,6 @@ pub mod reply;
 #[cfg(feature = "companion")]
 pub mod service;
 #[cfg(feature = "companion")]
+pub mod systemd;
+#[cfg(feature = "companion")]
 pub mod transmitter;

@@ -18,6 +18,7 @@ use crate::link::envelope::Enclosed;
 use crate::link::{Aboard, Clock, Form, Link, LinkAddress, LinkConfig, LinkError};
 use crate::radio_device::{Device, Line, drive};
 use crate::radio_host::{Host, Notice, Said, Settings};
+use crate::systemd::Manager;
 use crate::time::Instant;
 use crate::transmitter::wire;
 
@@ -102,6 +103,8 @@ pub struct RadioProcess<D> {
     pub line: Option<Box<dyn Line>>,
     /// Where a kill is kept.
     pub kill_file: PathBuf,
+    /// Who started this process, and its watchdog.
+    pub manager: Manager,
 }
 
 impl<D: Device + 'static> RadioProcess<D> {
@@ -124,6 +127,9 @@ impl<D: Device + 'static> RadioProcess<D> {
         let mut line = self.line;
         let mut line_obeys = true;
         let mut give_up_at: Option<Instant> = None;
+        let mut manager = self.manager;
+        // The device is told off at the first turn.
+        manager.ready();
         let stopped = loop {
             while let Some(level) = host.poll_line() {
                 let driven = line.as_mut().map(|line| line.drive(level));
@@ -141,11 +147,13 @@ impl<D: Device + 'static> RadioProcess<D> {
                 link.send(own, &aboard(said, self.form, own));
             }
             while let Some(notice) = host.poll_notice() {
+                manager.status(&notice.to_string());
                 log(notice);
             }
             if let Some(killed) = host.poll_kill_record() {
                 kept.keep(kill_text(killed).to_owned());
             }
+            manager.turn(clock.now(), host.poll_timeout().0);
             match give_up_at {
                 Some(_) if host.is_off() => break Stopped::Off,
                 Some(at) if at <= clock.now() && host.is_silent() => break Stopped::ByLine,
@@ -162,6 +170,7 @@ impl<D: Device + 'static> RadioProcess<D> {
                 biased;
                 () = &mut stop, if give_up_at.is_none() => {
                     info!("stopping: off");
+                    manager.stopping();
                     host.stop(clock.now());
                     give_up_at = Some(clock.now() + STOP_WITHIN);
                 }

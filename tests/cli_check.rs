@@ -117,7 +117,7 @@ fn spec_shipped_files_pass_with_a_summary() {
         "simulated transmitters only",
         "antenna of I   dipole, its null 25 dB below the largest gain",
         "fading         none: nothing is scattered",
-        "pointing       heading 2.000 deg, mounting 0.500 deg, position 0.5 m, 0.8 m vertically",
+        "pointing       heading 2.00, mounting 0.50 deg; position 0.5 m, vertically 0.8 m",
     ] {
         assert!(stdout.contains(part), "{part} is not in {stdout}");
     }
@@ -185,7 +185,7 @@ rician_k_db = { user = 15.0, eavesdropper = 12.0 }
         "antenna of I   dipole, its null 25 dB below the largest gain",
         "antenna of J   measured in 3 points, the least gain -20 dB at 0 deg",
         "fading         Rician, K 15.0 dB at users, 12.0 dB at eavesdroppers",
-        "pointing       heading 2.000 deg, mounting 0.500 deg, position 0.5 m, 0.8 m vertically",
+        "pointing       heading 2.00, mounting 0.50 deg; position 0.5 m, vertically 0.8 m",
         "power of I     up to 500.000 mW, by radio.max_power_w, at least 10.000 mW",
         "power of J     up to 500.000 mW, by radio.max_power_w, in levels of 10.000 mW, 25.000 mW, 100.000 mW, 500.000 mW",
         "emission       2400 to 2410 MHz, at most 500.000 mW, authorised by a regulator",

@@ -19,7 +19,7 @@ const LAYERS: [&[&str]; 15] = [
     &["pair", "autopilot", "transmitter"],
     &["service", "radio_host"],
     &["mission"],
-    &["link"],
+    &["link", "systemd"],
     &["radio_device"],
     &["config"],
     &["planning"],

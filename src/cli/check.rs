@@ -77,7 +77,8 @@ fn summary(mission: &Mission, vehicles: &[(&Path, Vehicle)]) -> String {
     let mut line = |title: &str, text: String| {
         let _ = writeln!(out, "{title:<14} {text}");
     };
-    line("mission", format!("{}, seed {}, digest {}", mission.name, mission.seed, mission.digest_hex()));
+    line("mission", format!("{}, seed {}", mission.name, mission.seed));
+    line("digest", mission.digest_hex());
     line("users", names(mission.users.iter().map(|user| user.name.as_str()).collect()));
     line("eavesdroppers", names(mission.eavesdroppers.iter().map(|node| node.name.as_str()).collect()));
     let [low_m, high_m] = mission.airspace.altitude_m;
@@ -104,15 +105,9 @@ fn summary(mission: &Mission, vehicles: &[(&Path, Vehicle)]) -> String {
             (_, true) => "simulated transmitter",
             (_, false) => "real transmitter",
         };
-        line(
-            &format!("vehicle {}", vehicle.role),
-            format!(
-                "{}: {transmitter}, autopilot {}, pair {}",
-                path.display(),
-                vehicle.autopilot.link,
-                vehicle.pair_link
-            ),
-        );
+        line(&format!("vehicle {}", vehicle.role), format!("{}: {transmitter}", path.display()));
+        line("", format!("autopilot {}", vehicle.autopilot.link));
+        line("", format!("pair {}", vehicle.pair_link));
     }
     out
 }

@@ -127,7 +127,7 @@ fn table(mission: &Mission, document: &PlanDocument) -> String {
     let per_hz = |bps: f64| bps / mission.radio.bandwidth_hz;
     let line = |slot: &crate::planner::document::SlotDocument| {
         format!(
-            "user {}: secrecy rate {:.4} +- {:.4} bit/s/Hz ({:.4} Mbit/s), bound {:.4} ({})\n",
+            "user {}: secrecy rate {:.4} +- {:.4} bit/s/Hz ({:.4} Mbit/s)\n  upper bound {:.4} bit/s/Hz ({})\n",
             slot.user,
             per_hz(slot.secrecy_rate_bps),
             per_hz(slot.standard_error_bps),

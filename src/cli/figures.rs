@@ -2,7 +2,6 @@
 
 use std::error::Error;
 use std::fmt::Write as _;
-use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
@@ -14,7 +13,8 @@ use crate::link::clock::Clock;
 use crate::planning::options;
 
 use super::planning::plan_mission;
-use super::{Exit, load_mission, print_text, progress};
+use super::progress::Progress;
+use super::{Exit, load_mission, may_escape, print_text, progress};
 
 /// Draw the paper's figures 3 and 4a to 4c, rates over null depth and Rician factor, and what each imperfection costs a
 /// mission, from the running planner, as SVG and CSV.
@@ -87,6 +87,7 @@ pub(super) fn run(args: &Args) -> Exit {
 
 fn all(mission: &Mission, settings: &Settings, line: &ProgressLine) -> Result<Vec<Figure>, Box<dyn Error>> {
     let mut figures = figures::all(settings, &|figure, done, count| line.show(figure, done, count))?;
+    line.end();
     let planned = plan_mission(mission, &options(mission))?;
     let slots = planned.plan.slots.iter().zip(&planned.assessments).map(|(slot, assessment)| {
         Slot::new(&slot.user, slot.plan.secrecy_rate_bps, assessment, mission.radio.bandwidth_hz)
@@ -109,24 +110,39 @@ fn write(out: &Path, figure: &Figure) -> Result<[PathBuf; 2], Exit> {
     Ok([write("svg", &figure.svg)?, write("csv", &figure.csv)?])
 }
 
-/// One line on stderr, rewritten on a terminal; elsewhere a line for every tenth of a figure.
+/// A bar for each figure on a terminal; elsewhere a line for every tenth of one.
 #[derive(Debug, Default)]
-struct ProgressLine(Mutex<(String, usize)>);
+struct ProgressLine(Mutex<Shown>);
+
+#[derive(Debug, Default)]
+struct Shown {
+    figure: String,
+    percent: usize,
+    bar: Option<Progress>,
+}
 
 impl ProgressLine {
+    /// Nothing is shown any more.
+    fn end(&self) {
+        self.0.lock().unwrap_or_else(std::sync::PoisonError::into_inner).bar = None;
+    }
+
     fn show(&self, figure: &str, done: usize, count: usize) {
         // A thread that died while printing spoils nothing here.
         let mut shown = self.0.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-        if shown.0 != figure {
-            *shown = (figure.to_owned(), 0);
+        if shown.figure != figure {
+            let bar = may_escape().then(|| Progress::new(figure, count as u64));
+            *shown = Shown { figure: figure.to_owned(), percent: 0, bar };
         }
         let percent = 100 * done / count.max(1);
         // Threads may report out of order: only what is further than before is shown.
-        if std::io::stderr().is_terminal() && percent > shown.1 {
-            shown.1 = percent;
-            eprint!("\r{figure}: {percent:3}%{}", if done == count { "\n" } else { "" });
-        } else if percent / 10 > shown.1 / 10 {
-            shown.1 = percent;
+        if let Some(bar) = &shown.bar {
+            if percent > shown.percent {
+                bar.at(done as u64);
+                shown.percent = percent;
+            }
+        } else if percent / 10 > shown.percent / 10 {
+            shown.percent = percent;
             progress(&format!("{figure}: {percent}%"));
         }
     }

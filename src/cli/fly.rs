@@ -19,6 +19,7 @@ use crate::link::signing::RADIO_STATUS_ID;
 use crate::link::{Key, LinkConfig, SigningConfig, TlogWriter};
 use crate::mission::Outcome;
 use crate::planning;
+use crate::systemd::Manager;
 use crate::transmitter::Transmitter;
 
 use super::{Exit, interrupt, load_mission};
@@ -154,9 +155,23 @@ fn companion(args: &Args, mission: Mission, vehicle: &Vehicle, clock: &Clock) ->
         ),
         transmitter: Transmitter::new(transmitter_settings(vehicle, boot_id), clock.now()),
         orders: Some(orders),
+        manager: manager(args)?,
         settings,
         planner: Box::new(move || planning::plan(&mission).map_err(|error| error.to_string())),
     })
+}
+
+/// The service manager, where time is its own: nobody else's seconds feed a watchdog.
+fn manager(args: &Args) -> Result<Manager, String> {
+    #[cfg(feature = "desk")]
+    let given = args.clock_from_stdin;
+    #[cfg(not(feature = "desk"))]
+    let given = false;
+    #[allow(clippy::float_cmp, reason = "exactly 1 is the default")]
+    if given || args.clock_rate != 1.0 {
+        return Ok(Manager::none());
+    }
+    Manager::from_environment().map_err(|error| format!("NOTIFY_SOCKET: {error}"))
 }
 
 /// How the link called `to` signs. Each has a record of timestamps of its own, and a link id: with one key on several

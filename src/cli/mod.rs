@@ -24,8 +24,11 @@ mod evaluate;
 mod figures;
 mod fly;
 mod interrupt;
+mod journal;
+mod manuals;
 mod plan;
 mod planning;
+mod progress;
 mod radio;
 #[cfg(feature = "desk")]
 mod report;
@@ -39,6 +42,8 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand, ValueEnum};
 use tracing_subscriber::EnvFilter;
+use tracing_subscriber::layer::SubscriberExt;
+use tracing_subscriber::util::SubscriberInitExt;
 
 /// How a command ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -70,10 +75,13 @@ impl From<Exit> for ExitCode {
     }
 }
 
+/// With the commit and the target of this build (build.rs).
+const VERSION: &str = env!("VEILWING_VERSION");
+
 /// Two omnidirectional multirotors protect a ground user's radio traffic: plan, simulate, fly.
 #[derive(Debug, Parser)]
 #[command(
-    version,
+    version = VERSION,
     after_help = "Example: veilwing sitl config/mission.toml\nA mission file to start from: config/mission.toml\nExit codes: 0 done; 1 ran, and the result is bad; 2 unusable input or arguments; 130 interrupted."
 )]
 struct Cli {
@@ -86,8 +94,12 @@ struct Cli {
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum LogFormat {
+    /// Lines for a reader
     Text,
+    /// One JSON document a line
     Json,
+    /// Records of systemd's journal, each field by its own name; as text where there is no journal
+    Journal,
 }
 
 #[derive(Debug, Subcommand)]
@@ -111,6 +123,7 @@ enum Command {
     #[cfg(feature = "desk")]
     Calibrate(calibrate::Args),
     Schema(schema::Args),
+    Manuals(manuals::Args),
 }
 
 /// Runs the command named on the command line.
@@ -138,8 +151,16 @@ pub fn main() -> ExitCode {
         #[cfg(feature = "desk")]
         Command::Calibrate(args) => calibrate::run(args),
         Command::Schema(args) => schema::run(args),
+        Command::Manuals(args) => manuals::run(args),
     };
     exit.into()
+}
+
+/// Whether escape sequences may go to stderr: to a terminal that knows them, unless NO_COLOR is in the environment.
+fn may_escape() -> bool {
+    let refused = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
+    let is_dumb = std::env::var_os("TERM").is_none_or(|term| term == "dumb");
+    !refused && !is_dumb && std::io::IsTerminal::is_terminal(&std::io::stderr())
 }
 
 /// The log on stderr is JSON.
@@ -148,6 +169,10 @@ static JSON_LOG: std::sync::atomic::AtomicBool = std::sync::atomic::AtomicBool::
 fn start_log(format: LogFormat) {
     JSON_LOG.store(matches!(format, LogFormat::Json), std::sync::atomic::Ordering::Relaxed);
     let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("info"));
+    if let (LogFormat::Journal, Ok(journal)) = (format, journal::Journal::open()) {
+        tracing_subscriber::registry().with(filter).with(journal).init();
+        return;
+    }
     let log = tracing_subscriber::fmt()
         .with_env_filter(filter)
         .with_writer(std::io::stderr)
@@ -155,7 +180,7 @@ fn start_log(format: LogFormat) {
         // It would panic when stderr takes nothing: in flight, when the terminal or the pipe behind it is gone.
         .log_internal_errors(false);
     match format {
-        LogFormat::Text => log.with_ansi(std::io::IsTerminal::is_terminal(&std::io::stderr())).init(),
+        LogFormat::Text | LogFormat::Journal => log.with_ansi(may_escape()).init(),
         LogFormat::Json => log.json().init(),
     }
 }

@@ -142,11 +142,11 @@ fn write_slot(text: &mut String, mission: &Mission, slot: &SlotDocument) -> std:
     let per_hz = |bps: f64| bps / mission.radio.bandwidth_hz;
     writeln!(
         text,
-        "\nuser {}: secrecy rate {:.4} Mbit/s ({:.3} +- {:.3} bit/s/Hz), {}, planned in {:.1} ms",
+        "\nuser {}: secrecy rate {:.3} +- {:.3} bit/s/Hz ({:.4} Mbit/s)\n  {}, planned in {:.1} ms",
         slot.user,
-        slot.secrecy_rate_bps / 1e6,
         per_hz(slot.secrecy_rate_bps),
         per_hz(slot.standard_error_bps),
+        slot.secrecy_rate_bps / 1e6,
         slot.status,
         slot.planning_time_s * 1e3,
     )?;

@@ -13,6 +13,8 @@ use crate::planner::slots::{Plan, hex};
 use crate::planner::{EvaluateOptions, Options};
 use crate::planning::{self, PlanningError};
 
+use super::progress::Progress;
+
 /// Samples by which a plan is assessed.
 const ASSESSED_SAMPLES: usize = 16_384;
 
@@ -52,6 +54,7 @@ fn problem_of(mission: &Mission, user: &str) -> Option<Problem> {
 /// Replaces each slot's bound by the best that a certificate's budget shows. Poses, powers and digest stay.
 pub(crate) fn certify_plan(mission: &Mission, timed: &mut TimedPlan) -> Result<(), PlanningError> {
     let clock = Clock::real();
+    let progress = Progress::new("slots certified", timed.plan.slots.len() as u64);
     for (slot, time) in timed.plan.slots.iter_mut().zip(&mut timed.bound_time) {
         let Some(problem) = problem_of(mission, &slot.user) else { continue };
         let started = clock.now();
@@ -60,6 +63,7 @@ pub(crate) fn certify_plan(mission: &Mission, timed: &mut TimedPlan) -> Result<(
         *time = clock.now().saturating_since(started);
         slot.plan.upper_bound_bps = bound.upper_bound_bps;
         slot.plan.upper_bound_kind = bound.kind;
+        progress.step();
     }
     Ok(())
 }

@@ -13,6 +13,7 @@ use crate::link::{Clock, Form, Key, LinkConfig, SigningConfig, TlogWriter};
 use crate::radio_device::{AnyDevice, Line, gpio};
 use crate::radio_host::Settings;
 use crate::radio_loop::{RadioProcess, Stopped, kept_kill};
+use crate::systemd::Manager;
 use crate::transmitter::wire::WHOLE;
 
 /// Set a transmitter's power by lease: the radio's side, as a small process beside it.
@@ -158,5 +159,6 @@ fn process(file: &Path, radio: &RadioFile, clock: &Clock) -> Result<RadioProcess
     };
     let device = radio.device(clock).ok_or("the file names no device")?;
     let form = if radio.tunnel { Form::Tunnel { to_system: 0 } } else { Form::Plain };
-    Ok(RadioProcess { link: (radio.address.clone(), link), form, settings, device, line, kill_file })
+    let manager = Manager::from_environment().map_err(|error| format!("NOTIFY_SOCKET: {error}"))?;
+    Ok(RadioProcess { link: (radio.address.clone(), link), form, settings, device, line, kill_file, manager })
 }

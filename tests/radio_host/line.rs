@@ -1,6 +1,7 @@
 //! The radio host's loop with a kill line of the test's: it is off though the device is not to be had, and one that does not obey
 //! lets nothing through.
 
+use std::os::unix::net::UnixDatagram;
 use std::time::Duration;
 
 use veilwing::config::RadioFile;
@@ -9,6 +10,7 @@ use veilwing::radio_device::Line;
 use veilwing::radio_device::gpio::LineError;
 use veilwing::radio_host::{Level, Settings};
 use veilwing::radio_loop::{RadioProcess, Stopped};
+use veilwing::systemd::Manager;
 use veilwing::transmitter::Protocol;
 use veilwing::transmitter::wire::VeilwingRadioResult as Is;
 
@@ -64,8 +66,17 @@ fn process(
         device: file.device(clock).unwrap(),
         line: Some(Box::new(Wire { driven: driven.clone(), obeys: obeys.clone() })),
         kill_file: path.join("radio.kill"),
+        manager: Manager::none(),
     };
     (process, driven, obeys)
+}
+
+/// What the service manager was told, line by line.
+fn hear(manager: &UnixDatagram, told: &mut Vec<String>) {
+    let mut datagram = [0; 512];
+    while let Ok(length) = manager.recv(&mut datagram) {
+        told.extend(std::str::from_utf8(&datagram[..length]).unwrap().lines().map(str::to_owned));
+    }
 }
 
 #[tokio::test]
@@ -127,18 +138,24 @@ async fn spec_a_one_shot_is_fed_by_the_loop_itself_while_it_radiates() {
         .replace("silent_ms = 5", "oneshot_ms = 2000")
         .replace("off_ms = 100\nchange_ms = 200", "off_ms = 2000\nchange_ms = 4000");
     let clock = Clock::real();
-    let (process, driven, _obeys) = process(&text, &clock, &path);
+    let (mut process, driven, _obeys) = process(&text, &clock, &path);
+    let (ours, manager) = UnixDatagram::pair().unwrap();
+    manager.set_nonblocking(true).unwrap();
+    process.manager = Manager::at(ours, Some(Duration::from_millis(400))).unwrap();
     let _device = radio(Protocol::Bytewise, Habit::Obeys, radio_port);
     let (stop, stopped) = tokio::sync::oneshot::channel::<()>();
     let host = process.run(clock.clone(), async { stopped.await.unwrap() });
     let companion = async {
+        let mut told = Vec::new();
         let mut companion = Companion::new(companion_port, 5, None).await;
         companion.report().await;
+        hear(&manager, &mut told);
         let on = companion.give(20.0, 4900).await;
         assert_eq!((on.result, on.power_mdbm), (Is::VEILWING_RADIO_RESULT_ACCEPTED, 20_000));
         let begun = clock.now();
         while driven.lock().unwrap().len() < 5 {
             companion.report().await;
+            hear(&manager, &mut told);
         }
         let edges = driven.lock().unwrap().clone();
         assert_eq!(edges[..5], [Level::Off, Level::On, Level::Off, Level::On, Level::Off]);
@@ -146,9 +163,16 @@ async fn spec_a_one_shot_is_fed_by_the_loop_itself_while_it_radiates() {
             clock.now().saturating_since(begun) < Duration::from_secs(2),
             "three edges in half of its time"
         );
+        hear(&manager, &mut told);
         stop.send(()).unwrap();
+        told
     };
-    let (ended, ()) = tokio::join!(host, companion);
+    let (ended, mut told) = tokio::join!(host, companion);
     assert_eq!(ended.unwrap(), Stopped::Off);
+    hear(&manager, &mut told);
+    let at = |word: &str| told.iter().position(|line| line.starts_with(word));
+    assert!(at("READY=1") < at("STATUS=radio: commanded by") && at("STATUS") < at("STOPPING=1"), "{told:?}");
+    let fed = told.iter().filter(|line| *line == "WATCHDOG=1").count();
+    assert!(at("READY=1").is_some() && fed > 2, "{told:?}");
     std::fs::remove_dir_all(path).unwrap();
 }

@@ -3,7 +3,6 @@
 mod out;
 mod shard;
 
-use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 
 use sha2::{Digest, Sha256};
@@ -19,6 +18,7 @@ use crate::link::clock::Clock;
 use crate::planner::slots::hex;
 
 use super::planning::{document as plan_document, plan_mission};
+use super::progress::Progress;
 use super::{Exit, interrupt, load_mission, print_json, print_text};
 use out::Out;
 use shard::Shard;
@@ -161,25 +161,21 @@ fn fly(args: &Args, (mission, file): (&Mission, &Path), faults: &Faults) -> Resu
     let mut flights = Vec::new();
     let mut failed = None;
     let mut cpu_s = 0.0;
-    let progress = std::io::stderr().is_terminal();
+    let progress = Progress::new("flights", runs.len() as u64);
     let note = |done: Done<Result<FlightLine, ScenarioError>>| {
         cpu_s += done.cpu_s;
         match done.result {
             Ok(flight) => {
-                log(&flight);
+                progress.aside(|| log(&flight));
                 flights.push(flight);
             }
             Err(error) => failed = Some(error),
         }
-        if progress {
-            eprint!("\r{} of {} flights ", flights.len(), runs.len());
-        }
+        progress.step();
     };
     let interrupted = fly_all(&runs, threads, interrupt::requested(), fly_one, note)
         .map_err(|error| format!("the event loop cannot start: {error}"))?;
-    if progress {
-        eprintln!();
-    }
+    drop(progress);
     if let Some(error) = failed {
         return Err(format!("a flight could not be flown: {error}"));
     }

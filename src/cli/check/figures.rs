@@ -64,7 +64,7 @@ fn pointing(mission: &Mission) -> String {
         return "exact".to_owned();
     }
     format!(
-        "heading {heading_deg:.3} deg, mounting {mounting_deg:.3} deg, position {horizontal_m} m, {vertical_m} m vertically"
+        "heading {heading_deg:.2}, mounting {mounting_deg:.2} deg; position {horizontal_m} m, vertically {vertical_m} m"
     )
 }
 

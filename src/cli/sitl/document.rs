@@ -132,14 +132,11 @@ impl FlightDocument {
         ends: &PerVehicle<Option<End>>,
     ) -> std::fmt::Result {
         let per_hz = |bps: f64| bps / mission.radio.bandwidth_hz;
-        writeln!(
-            text,
-            "\nslot  user            planned  achieved     +-   ratio  on_I_s  on_J_s  unprot_s  pos_I_m  pos_J_m  att_I_deg  att_J_deg"
-        )?;
+        writeln!(text, "\nslot  user            planned  achieved     +-   ratio  on_I_s  on_J_s  unprot_s")?;
         for (number, slot) in self.report.slots.iter().enumerate() {
             writeln!(
                 text,
-                "{number:>4}  {:<14} {:>8.3} {:>9.3} {:>6.3} {:>7.3} {:>7.2} {:>7.2} {:>9.3} {:>8} {:>8} {:>10} {:>10}",
+                "{number:>4}  {:<14} {:>8.3} {:>9.3} {:>6.3} {:>7.3} {:>7.2} {:>7.2} {:>9.3}",
                 slot.user,
                 per_hz(slot.planned_secrecy_rate_bps),
                 per_hz(slot.achieved_secrecy_rate_bps),
@@ -148,20 +145,26 @@ impl FlightDocument {
                 slot.radiated_s.i,
                 slot.radiated_s.j,
                 slot.unprotected_s,
+            )?;
+        }
+        writeln!(text, "(rates in bit/s/Hz; on: seconds radiated; unprot: I on without J)")?;
+        // Two tables: one would be wider than 80 columns.
+        writeln!(text, "\nslot  pos_I_m  pos_J_m  att_I_deg  att_J_deg")?;
+        for (number, slot) in self.report.slots.iter().enumerate() {
+            writeln!(
+                text,
+                "{number:>4} {:>8} {:>8} {:>10} {:>10}",
                 figure(slot.position_rms_m.i, 3),
                 figure(slot.position_rms_m.j, 3),
                 figure(slot.attitude_rms_deg.i, 2),
                 figure(slot.attitude_rms_deg.j, 2),
             )?;
         }
-        writeln!(
-            text,
-            "(rates in bit/s/Hz; on: seconds radiated; unprot: I on without J; errors are rms, jitter included)"
-        )?;
+        writeln!(text, "(errors of position and attitude in the slot, rms, jitter included)")?;
         if mission.eavesdroppers.iter().any(|e| e.node.uncertainty != Uncertainty::None) {
             let text_uncertain =
-                "the plan is for uncertain eavesdropper positions; this flight drew them once from the seed";
-            writeln!(text, "({text_uncertain}, so achieved may differ from planned)")?;
+                "the plan is for uncertain eavesdropper positions; this flight drew them once";
+            writeln!(text, "({text_uncertain}\nfrom the seed, so achieved may differ from planned)")?;
         }
         for role in Role::BOTH {
             if let Some(end) = ends[role].filter(|end| *end != End::Code(0)) {
@@ -181,7 +184,7 @@ impl FlightDocument {
         if let Some(WorldLate { steps, worst_ms }) = self.world_late.as_ref().filter(|late| late.steps > 0) {
             writeln!(
                 text,
-                "the world ran late in {steps} of its steps, by {worst_ms} ms of flight at worst: this machine was busy; a lower --speed asks less of it"
+                "the world ran late in {steps} of its steps, by {worst_ms} ms of flight at worst:\nthis machine was busy; a lower --speed asks less of it"
             )?;
         }
         let verdict = match self.result {
@@ -194,13 +197,13 @@ impl FlightDocument {
         let out = self.report.emitted_out_of_pose_s;
         writeln!(
             text,
-            "unprotected {:.3} s, on the air out of pose {:.3} s, in all and whatever the cause",
+            "unprotected {:.3} s, on the air out of pose {:.3} s, whatever the cause",
             self.report.unprotected_s,
             out.i + out.j
         )?;
         writeln!(
             text,
-            "{verdict}: {} violations, least separation {separation}, {:.1} s of flight in {:.1} s of wall time",
+            "{verdict}: {} violations, least separation {separation}\n{:.1} s of flight in {:.1} s of wall time",
             self.report.violations.len(),
             self.report.flight_s,
             self.wall_s
