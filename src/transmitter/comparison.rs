@@ -200,16 +200,22 @@ impl Transmitter {
         })
     }
 
-    /// What the device does when its host dies.
+    /// What the device does when its host dies. I's must be as quick as at an off: J protects it until its lease and that time are
+    /// over, and no longer. J's may take a lease: until then I may be on, and J's noise harms nobody but the eavesdroppers.
     fn orphaned(&self, demands: &Demands) -> Option<Check> {
         let (name, ms) = (Fact::DeadMs.parameter(), self.fact(Fact::DeadMs)?);
         let lease_ms = demands.lease.as_secs_f64() * 1e3;
-        if (0.0..=lease_ms).contains(&ms) {
+        let (most_ms, why) = match demands.role {
+            Role::I => (self.fact(Fact::OffMs)?.min(lease_ms), "its TX_OFF_MS"),
+            Role::J => (lease_ms, "a lease"),
+        };
+        // Both have come in single precision.
+        if (0.0..=most_ms * (1.0 + ROUNDING)).contains(&ms) {
             return Some(check(name, Verdict::Pass, format!("silent {ms} ms after its host's death")));
         }
         let is = if ms < 0.0 { "never by itself".to_owned() } else { format!("{ms} ms") };
         let detail = format!(
-            "{is}, should be at most {lease_ms:.0} ms: a device whose host dies radiates on, unprotected"
+            "{is}, should be at most {most_ms:.0} ms ({why}): a device whose host dies radiates on, unprotected"
         );
         Some(match (demands.real, demands.accept_orphaned) {
             (true, false) => {

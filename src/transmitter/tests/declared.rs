@@ -20,7 +20,7 @@ const GOOD: [(Fact, f32); 8] = [
     (Fact::OffMs, 20.0),
     (Fact::ChangeMs, 300.0),
     (Fact::ReadBack, 1.0),
-    (Fact::DeadMs, 200.0),
+    (Fact::DeadMs, 20.0),
     (Fact::BandLowKhz, 2_401_000.0),
     (Fact::BandHighKhz, 2_409_000.0),
 ];
@@ -99,7 +99,10 @@ fn spec_what_it_cannot_do_is_refused_by_name_with_the_value_and_what_it_should_b
         ),
         (Fact::ReadBack, 0.0, simulated, "TX_READ_BACK", Warn, "0, should be 1"),
         (Fact::DeadMs, 500.0, DEMANDS, "TX_DEAD_MS", Pass, "500 ms"),
-        (Fact::DeadMs, 501.0, DEMANDS, "TX_DEAD_MS", Fail, "501 ms, should be at most 500"),
+        (Fact::DeadMs, 501.0, DEMANDS, "TX_DEAD_MS", Fail, "501 ms, should be at most 500 ms (a lease)"),
+        // J is off when its lease and I's time to off are over.
+        (Fact::DeadMs, 20.0, i, "TX_DEAD_MS", Pass, "20 ms"),
+        (Fact::DeadMs, 21.0, i, "TX_DEAD_MS", Fail, "21 ms, should be at most 20 ms (its TX_OFF_MS)"),
         (Fact::DeadMs, -1.0, DEMANDS, "TX_DEAD_MS", Fail, "accept_orphaned_radio = true"),
         (Fact::DeadMs, -1.0, accepted, "TX_DEAD_MS", Warn, "never by itself"),
         (Fact::DeadMs, -1.0, simulated, "TX_DEAD_MS", Warn, "never by itself"),
