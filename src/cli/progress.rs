@@ -27,6 +27,7 @@ impl Progress {
     }
 
     /// So many steps are done.
+    #[cfg(feature = "desk")]
     pub fn at(&self, done: u64) {
         self.0.set_position(done);
     }
