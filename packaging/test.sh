@@ -46,7 +46,10 @@ fi
 
 container=
 end() {
-    [ -z "$container" ] || kill -s RTMIN+4 "$container" 2>/dev/null || true
+    # Its first process takes all others with it; the container's own ends by itself then.
+    local inner
+    inner=$([ -z "$container" ] || pgrep -P "$container" || true)
+    [ -z "$inner" ] || kill -KILL "$inner" 2>/dev/null || true
     [ -z "$container" ] || wait "$container" 2>/dev/null || true
     rm -rf "$root"
 }
