@@ -6,7 +6,7 @@ use crate::time::Instant;
 
 use super::interlock::{Silence, Window};
 use super::pose_monitor::{PoseMonitor, Tolerance};
-use super::protection::Protection;
+use super::protection::{Jamming, Protection};
 
 /// See the module.
 #[derive(Debug, Clone)]
@@ -25,6 +25,7 @@ pub struct Slot {
     pub(super) closing: bool,
     pub(super) monitor: PoseMonitor,
     pub(super) protection: Protection,
+    pub(super) jamming: Jamming,
     pub(super) served: Served,
 }
 
@@ -50,6 +51,7 @@ impl Slot {
             closing: false,
             monitor: PoseMonitor::new(vehicle.pose, tolerance.leaning(terms.lean_rad[role])),
             protection: Protection::default(),
+            jamming: Jamming::Unconfirmed,
             served: Served::No(None),
         }
     }

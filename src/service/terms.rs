@@ -10,6 +10,7 @@ use crate::pair::{self, Commitment};
 use crate::transmitter::NotReady;
 
 use super::interlock::{Ceilings, Permit, Silence};
+use super::protection::Jamming;
 use super::slot::Served;
 use super::staleness::Freshness;
 
@@ -102,7 +103,7 @@ pub enum Event {
     /// The transmitter was told to be silent.
     Off(Silence),
     /// J ends this slot: I is off for most of it.
-    JammedInVain(u16),
+    JammedInVain(u16, Jamming),
     /// A slot's time is over, or it was ended early and all is quiet.
     Over(u16, Served),
     /// Every slot is over.
