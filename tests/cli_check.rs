@@ -135,6 +135,22 @@ fn spec_shipped_files_pass_with_a_summary() {
 }
 
 #[test]
+fn spec_an_eavesdropper_that_may_stand_at_a_user_is_warned_of() {
+    let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join("beside.toml");
+    let mission = std::fs::read_to_string("config/paper.toml").unwrap();
+    let beside = "\n[[eavesdropper]]\nname = \"beside\"\nenu_m = [30.0, 0.0, 0.0]\nradius_m = ";
+    for (radius_m, warned) in [(29.0, false), (31.0, true)] {
+        std::fs::write(&path, format!("{mission}{beside}{radius_m}\n")).unwrap();
+        let output = check(&[path.to_str().unwrap()]);
+        let stderr = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(0), "{stderr}");
+        let told = stderr.contains("eavesdropper \"beside\" may stand where user")
+            && stderr.contains("30 m from where it is said to be: in the worst case no secrecy is possible");
+        assert_eq!(told, warned, "{stderr}");
+    }
+}
+
+#[test]
 fn spec_the_summary_tells_what_the_mission_states_of_its_link_and_of_its_permission() {
     let directory = Path::new(env!("CARGO_TARGET_TMPDIR"));
     let path = directory.join("stated.toml");

@@ -31,6 +31,7 @@ pub use vehicle::config::{
 pub use vehicle::geometry::{Geometry, MAX_ROTORS, Rotor};
 pub use vehicle::jitter::{JitterAxes, JitterConfig, JitterModel};
 pub use vehicle::radio_hop::{Manners, Toward};
+pub use vehicle::transmitter::DevicePower;
 pub use vehicle::{Vehicle, VehicleCounters, VehicleSnapshot};
 pub use wire::WireCounters;
 pub use world::circumstances::{Circumstances, Passage};

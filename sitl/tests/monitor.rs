@@ -198,6 +198,77 @@ fn alone(flight: &mut Flight, ms: u64) {
     }
 }
 
+/// Both devices set from outside, off.
+fn devices() -> Flight {
+    let mut flight = on_station(config());
+    (0..2).for_each(|v| flight.world.set_device_power(v, DevicePower::default()));
+    flight
+}
+
+/// A vehicle's device at its planned power.
+fn device_on(flight: &mut Flight, vehicle: usize, astray: bool) {
+    let dbm = Some(flight.planned_dbm(0, vehicle));
+    flight.world.set_device_power(vehicle, DevicePower { dbm, slot: Some(0), astray });
+}
+
+#[test]
+fn spec_a_device_is_judged_by_what_it_does_and_not_by_what_the_radio_was_told() {
+    let mut flight = devices();
+    // What the vehicles' own radios are told radiates nothing, and protects nobody.
+    flight.hold(0, 300, [true, true]);
+    assert!(flight.world.snapshot().vehicles.iter().all(|v| v.tx_power_w.is_none()));
+    device_on(&mut flight, 1, false);
+    flight.hold(0, 300, [false, false]);
+    device_on(&mut flight, 0, false);
+    // Far longer than any lease: nobody here knows what it was told.
+    flight.hold(0, 2000, [false, false]);
+    assert_eq!(flight.invariants(), vec![]);
+    assert_eq!(flight.world.report().slots[0].radiated_s.i, 2.0);
+    assert_eq!(flight.world.snapshot().vehicles[0].slot, Some(0));
+    flight.world.set_device_power(1, DevicePower::default());
+    flight.hold(0, 100, [true, true]);
+    assert_eq!(names(&flight), ["S1", "S3"]);
+    assert_eq!(unprotected_ms(&flight), (100, vec![], 100));
+}
+
+#[test]
+fn spec_a_device_gone_astray_is_excused_by_name_and_one_in_no_slot_is_not() {
+    let mut flight = devices();
+    device_on(&mut flight, 0, true);
+    flight.hold(0, 200, [false, false]);
+    assert_eq!(unprotected_ms(&flight), (200, vec![("radio-out-of-order", 200)], 0));
+    let mut flight = devices();
+    let dbm = Some(flight.planned_dbm(0, 1));
+    flight.world.set_device_power(1, DevicePower { dbm, slot: None, astray: false });
+    flight.hold(0, 200, [false, false]);
+    assert_eq!(names(&flight), ["S2"], "{:?}", flight.invariants());
+}
+
+#[test]
+fn spec_a_radio_of_js_that_fails_is_excused_for_the_rest_of_the_lease() {
+    let mut flight = devices();
+    device_on(&mut flight, 1, false);
+    device_on(&mut flight, 0, false);
+    flight.hold(0, 500, [false, false]);
+    flight.world.inject(Fault::RadioFails { vehicle: 1 });
+    flight.world.set_device_power(1, DevicePower::default());
+    flight.hold(0, 700, [false, false]);
+    let (all, excused, counted) = unprotected_ms(&flight);
+    assert_eq!((all, excused), (700, vec![("jammer-failed", 500)]));
+    assert_eq!(counted, 200);
+    assert!(names(&flight).contains(&"S4"), "J's companion could have known");
+    // One whose host is gone says nothing any more: what nobody could hear of, I need not follow within S4's time.
+    let mut flight = devices();
+    device_on(&mut flight, 1, false);
+    device_on(&mut flight, 0, false);
+    flight.hold(0, 500, [false, false]);
+    flight.world.inject(Fault::RadioFails { vehicle: 1 });
+    flight.world.set_device_power(1, DevicePower { astray: true, ..DevicePower::default() });
+    flight.hold(0, 400, [false, false]);
+    assert_eq!(flight.invariants(), vec![]);
+    assert_eq!(unprotected_ms(&flight), (400, vec![("jammer-failed", 400)], 0));
+}
+
 #[test]
 fn spec_out_of_pose_breaks_s1_and_s2() {
     // Nor is I protected by a jammer out of its pose.

@@ -5,7 +5,7 @@ mod in_step;
 
 use std::path::{Path, PathBuf};
 
-use rustix::process::{Signal, getpid, kill_process};
+use rustix::process::Signal;
 use tokio::runtime::Runtime;
 use tokio::signal::unix::{self, SignalKind};
 
@@ -84,11 +84,7 @@ fn fly(args: &Args, mission: Mission, vehicle: &Vehicle) -> Result<Exit, String>
     let (runtime, _handled) = runtime()?;
     let companion = companion(args, mission, vehicle, &clock)?;
     if args.until_stdin_ends {
-        std::thread::spawn(|| {
-            // However the reading ends, nobody is at the other end.
-            let _ = std::io::copy(&mut std::io::stdin().lock(), &mut std::io::sink());
-            let _ = kill_process(getpid(), Signal::TERM);
-        });
+        interrupt::when_stdin_ends();
     }
     let outcome = runtime.block_on(companion.run(clock, interrupt::requested()));
     Ok(end(outcome.map_err(|error| error.to_string())?))

@@ -6,7 +6,8 @@
 use std::io;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use tokio::signal::unix::{Signal, SignalKind, signal};
+use rustix::process::{Signal, getpid, kill_process};
+use tokio::signal::unix::{self, SignalKind, signal};
 use tokio::sync::Notify;
 
 use super::Exit;
@@ -66,14 +67,23 @@ pub(super) fn watch() {
     });
 }
 
+/// Asks this process to stop, in order, when stdin ends: with the program that started it, however that ended.
+pub(super) fn when_stdin_ends() {
+    std::thread::spawn(|| {
+        // However the reading ends, nobody is at the other end.
+        let _ = io::copy(&mut io::stdin().lock(), &mut io::sink());
+        let _ = kill_process(getpid(), Signal::TERM);
+    });
+}
+
 /// Completes on Ctrl-C or SIGTERM. Once it has been waited for, ending is the caller's business.
 pub(super) async fn requested() {
     STOP.requested().await;
 }
 
 struct Signals {
-    interrupt: Signal,
-    terminate: Signal,
+    interrupt: unix::Signal,
+    terminate: unix::Signal,
 }
 
 impl Signals {

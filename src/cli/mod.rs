@@ -104,6 +104,9 @@ enum Command {
     Fly(fly::Args),
     Radio(radio::Args),
     #[cfg(feature = "desk")]
+    #[command(hide = true)]
+    RadioDevice(sitl::radios::client::Args),
+    #[cfg(feature = "desk")]
     Report(report::Args),
     #[cfg(feature = "desk")]
     Calibrate(calibrate::Args),
@@ -128,6 +131,8 @@ pub fn main() -> ExitCode {
         Command::Campaign(args) => campaign::run(args),
         Command::Fly(args) => fly::run(args),
         Command::Radio(args) => radio::run(args),
+        #[cfg(feature = "desk")]
+        Command::RadioDevice(args) => sitl::radios::client::run(args),
         #[cfg(feature = "desk")]
         Command::Report(args) => report::run(args),
         #[cfg(feature = "desk")]

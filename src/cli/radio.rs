@@ -30,6 +30,9 @@ pub(super) struct Args {
     /// The radio file.
     #[arg(required = true, value_name = "RADIO.toml")]
     file: Option<PathBuf>,
+    /// Stop, in order, when stdin ends: with the program that started this one, however that ended.
+    #[arg(long, hide = true)]
+    until_stdin_ends: bool,
 }
 
 #[derive(Debug, clap::Subcommand)]
@@ -43,7 +46,12 @@ pub(super) fn run(args: &Args) -> Exit {
     match (&args.command, &args.file) {
         (Some(Command::Measure(args)), _) => measure::run(args),
         (Some(Command::Calibrate(args)), _) => calibrate::run(args),
-        (None, Some(file)) => host(file),
+        (None, Some(file)) => {
+            if args.until_stdin_ends {
+                interrupt::when_stdin_ends();
+            }
+            host(file)
+        }
         (None, None) => Exit::Unusable,
     }
 }

@@ -8,7 +8,7 @@ use super::link_checks;
 use super::mission_file::{FAR_M, NOWHERE};
 use crate::geo::polygon::{Polygon, check_simple};
 use crate::geo::{Enu, Geodetic};
-use crate::planner::problem::Airspace;
+use crate::planner::problem::{Airspace, Uncertainty};
 use crate::role::Role;
 
 pub(super) const ORIGIN: &str = "mission.origin";
@@ -126,19 +126,37 @@ fn nodes(draft: &MissionDraft, file: &mut Document) {
             node(draft, file, kind, &path, at.position());
         }
     }
+    secrecy(draft, file);
+}
+
+/// Warns of eavesdroppers where users are, or may be: nothing is secret there whatever the plan.
+fn secrecy(draft: &MissionDraft, file: &mut Document) {
     let origin = draft.origin.unwrap_or(NOWHERE);
-    let users: Vec<Enu> = draft.users.iter().map(|user| user.position().enu(origin)).collect();
     for (index, node) in draft.eavesdroppers.iter().enumerate() {
         let at = node.position().enu(origin);
-        let path = format!("eavesdropper[{index}]");
-        if let Some(user) = users.iter().position(|user| *user == at)
-            && file.sound(&[&format!("user[{user}]"), &path])
-        {
-            let message = format!(
-                "eavesdropper {:?} stands where user {:?} does: no secrecy is possible",
-                node.name, draft.users[user].name
-            );
-            file.warning(file.at(&path), message, "check both positions".to_owned());
+        let radius_m = if let Uncertainty::Disc { radius_m } = node.uncertainty() { radius_m } else { 0.0 };
+        for (number, user) in draft.users.iter().enumerate() {
+            let distance_m = (user.position().enu(origin) - at).norm();
+            let path = format!("eavesdropper[{index}]");
+            if !file.sound(&[&format!("user[{number}]"), &path]) {
+                continue;
+            }
+            if distance_m == 0.0 {
+                let message = format!(
+                    "eavesdropper {:?} stands where user {:?} does: no secrecy is possible",
+                    node.name, user.name
+                );
+                file.warning(file.at(&path), message, "check both positions".to_owned());
+            } else if distance_m < radius_m {
+                let message = format!(
+                    "eavesdropper {:?} may stand where user {:?} does, {distance_m:.0} m from where it is said to be: in the \
+                     worst case no secrecy is possible",
+                    node.name, user.name
+                );
+                let help = "give a smaller radius_m if more is known; the objectives \"mean\" and \"quantile\" count such \
+                            places by their share";
+                file.warning(file.at(&format!("{path}.radius_m")), message, help.to_owned());
+            }
         }
     }
 }

@@ -10,7 +10,7 @@ use crate::pair::wire::{VeilwingAnswer, VeilwingSilence};
 use crate::role::Role;
 use crate::schedule::transit::TransitError;
 use crate::service::{GiveUp, Jamming, Silence};
-use crate::transmitter::NotReady;
+use crate::transmitter::{NotReady, Trouble};
 use crate::units::Watts;
 
 use super::cause::Cause;
@@ -181,6 +181,14 @@ pub enum Notice {
         /// Why.
         reason: NotReady,
     },
+    /// Our own transmitter may radiate, and its device does not.
+    #[error("slot {slot}: off: {trouble}")]
+    Troubled {
+        /// The slot's number over superframes.
+        slot: u16,
+        /// What is wrong with it.
+        trouble: Trouble,
+    },
     /// Jamming protects nobody: the slot is ended.
     #[error("slot {slot} ended early: {}", words::in_vain(*peer, *jamming))]
     JammedInVain {
@@ -295,6 +303,7 @@ impl Notice {
             | Self::Ending
             | Self::Refused { .. }
             | Self::Unready { .. }
+            | Self::Troubled { .. }
             | Self::JammedInVain { .. }
             | Self::PeerSilent { .. }
             | Self::PeerGone(..)

@@ -93,6 +93,7 @@ impl Executive {
             ServiceEvent::PeerSilent(reason) => self.notice(Notice::PeerSilent { peer, reason }),
             ServiceEvent::Refused(slot, answer) => self.notice(Notice::Refused { peer, slot, answer }),
             ServiceEvent::Unready(slot, reason) => self.notice(Notice::Unready { slot, reason }),
+            ServiceEvent::Troubled(slot, trouble) => self.notice(Notice::Troubled { slot, trouble }),
             ServiceEvent::Ordered(change) => self.on_order(change, now),
             ServiceEvent::Agreed(commitment) => self.begin_transit(commitment, now),
             ServiceEvent::On(permit) => self.notice(Notice::On(permit.slot, Watts(permit.power_w))),

@@ -185,7 +185,7 @@ impl OverDraws for WorstCase {
         let mut known = vec![estimates(setup)];
         let mut best = start;
         for &(clip, rounds) in self.sweeps {
-            let look = Look { clip, least_step: self.least_step };
+            let look = Look::of_search(clip, self.least_step);
             let (mut worst, value) = worst_positions(setup, &best.raw, &samples, &known, &look);
             best.value = value;
             let mut at = best;

@@ -17,6 +17,8 @@ use super::setup::Setup;
 pub const SETTLED: f64 = 2e-4;
 /// Points of a disc's scan: the centre and two rings.
 const RING: usize = 12;
+/// [`Look::about_user`] of a search.
+const ABOUT_USER: f64 = 0.05;
 /// Rounds over all nodes in one search for the worst positions, and those of them that scan the whole discs.
 const ROUNDS: usize = 6;
 const SCANS: usize = 2;
@@ -28,11 +30,19 @@ pub struct Look {
     pub clip: bool,
     /// Least step, as a share of a disc's radius. The rate is flat about a worst point: its error is of second order.
     pub least_step: f64,
+    /// Places of a disc that holds the user which are nearer to it than this share of the radius are passed over. There the
+    /// rate is 0 whatever the poses, and a search that knew of it would have nothing to climb.
+    pub about_user: f64,
 }
 
 impl Look {
     /// For a figure that is given out.
-    pub const FINAL: Self = Self { clip: true, least_step: 1e-3 };
+    pub const FINAL: Self = Self { clip: true, least_step: 1e-3, about_user: 0.0 };
+
+    /// For a search.
+    pub fn of_search(clip: bool, least_step: f64) -> Self {
+        Self { clip, least_step, about_user: ABOUT_USER }
+    }
 }
 
 /// The radius of the circle in which a node is taken to be, in metres.
@@ -57,7 +67,8 @@ pub fn worst_positions(
     let mut user = Vec::with_capacity(beams.len());
     beams.user_sinr(&mut user);
     let sinr = vec![Vec::new(); nodes.len()];
-    let mut search = Worst { beams: &beams, nodes, user, look, sinr, trial: Vec::new() };
+    let place = setup.problem.user_enu_m;
+    let mut search = Worst { beams: &beams, nodes, place, user, look, sinr, trial: Vec::new() };
     let mut best: Option<(Vec<Vector3<f64>>, f64)> = None;
     // From each node's own worst point, and from the newest positions known.
     for from in [None, known.last()] {
@@ -77,6 +88,8 @@ pub fn worst_positions(
 struct Worst<'a> {
     beams: &'a Beams,
     nodes: &'a [Eavesdropper],
+    /// Where the user is.
+    place: Vector3<f64>,
     /// The user's SINR at every sample.
     user: Vec<f64>,
     look: &'a Look,
@@ -125,9 +138,16 @@ impl Worst<'_> {
     /// Scans the node's disc, if asked to, and refines the best point; leaves its SINR in place.
     fn move_node(&mut self, node: usize, position: &mut Vector3<f64>, others: &[f64], scan: bool) -> f64 {
         let (centre, radius) = (self.nodes[node].position_enu_m, radius_m(&self.nodes[node]));
-        let mut best = (*position, self.rate_at(node, position, others));
+        let place = self.place;
+        let near = self.look.about_user * radius;
+        let passed_over = |at: &Vector3<f64>| (at - place).norm() < near && (centre - place).norm() < radius;
+        let rate_at = |search: &mut Self, at: &Vector3<f64>| match passed_over(at) {
+            true => f64::INFINITY,
+            false => search.rate_at(node, at, others),
+        };
+        let mut best = (*position, rate_at(self, position));
         let consider = |search: &mut Self, at: Vector3<f64>, best: &mut (Vector3<f64>, f64)| {
-            let rate = search.rate_at(node, &at, others);
+            let rate = rate_at(search, &at);
             let better = rate < best.1;
             if better {
                 *best = (at, rate);

@@ -384,13 +384,14 @@ impl Rig {
 
     fn off_failed(&mut self, fault: Fault, now: Instant) -> Turn {
         self.known = Known::Unsure { at_most_dbm: self.known.at_most_dbm().max(self.scale.least_dbm()) };
-        self.wanted = None;
         self.off_again_at = Some(now + OFF_AGAIN);
         self.doubt(fault)
     }
 
-    /// An off is not confirmed: told once, and again when it is for another reason.
+    /// An off is not confirmed: told once, and again when it is for another reason. Whoever wanted a power is told so, and has no
+    /// lease any more: once off is confirmed after all, nothing is wanted.
     fn doubt(&mut self, fault: Fault) -> Turn {
+        self.wanted = None;
         let same = self.fault.replace(fault) == Some(fault);
         let first = !std::mem::replace(&mut self.in_doubt, true);
         if first || !same { Turn::Failed(fault) } else { Turn::Nothing }

@@ -3,6 +3,7 @@
 use crate::pair::{Commitment, SlotTerms};
 use crate::role::Role;
 use crate::time::Instant;
+use crate::transmitter::{NotReady, Trouble};
 
 use super::interlock::{Silence, Window};
 use super::pose_monitor::{PoseMonitor, Tolerance};
@@ -27,6 +28,10 @@ pub struct Slot {
     pub(super) protection: Protection,
     pub(super) jamming: Jamming,
     pub(super) served: Served,
+    /// Its radio was at the slot's power, as it answered.
+    pub(super) achieved: bool,
+    /// What was wrong with the radio's device while it was to radiate, last.
+    pub(super) trouble: Option<Trouble>,
 }
 
 /// Whether this vehicle's transmitter was on in a slot.
@@ -53,6 +58,18 @@ impl Slot {
             protection: Protection::default(),
             jamming: Jamming::Unconfirmed,
             served: Served::No(None),
+            achieved: false,
+            trouble: None,
+        }
+    }
+
+    /// Whether this vehicle's transmitter was on, as far as is known: a permit is nothing where the radio's device never did it.
+    pub(super) fn outcome(&self) -> Served {
+        match (self.served, self.trouble) {
+            (Served::Yes, Some(trouble)) if !self.achieved => {
+                Served::No(Some(Silence::Transmitter(NotReady::Trouble(trouble))))
+            }
+            (served, _) => served,
         }
     }
 

@@ -363,6 +363,7 @@ impl SlotService {
             }
             Ok(_) | Err(_) => {}
         }
+        self.follow_device(now);
         self.weigh_protection(now);
         self.ask_or_vouch(&facts, now);
         self.warn_if_late(now);
@@ -399,6 +400,24 @@ impl SlotService {
             (Ok(_), _) => slot.served = Served::Yes,
             (Err(silence), Served::No(_)) if airtime => slot.served = Served::No(Some(silence)),
             (Err(_), _) => {}
+        }
+    }
+
+    /// Whether the radio's device does what it may. J tells I where it does not: I follows then, and does not wait for its lease
+    /// to run out.
+    fn follow_device(&mut self, now: Instant) {
+        let transmitter = self.interlock.transmitter();
+        let (trouble, achieved) = (transmitter.trouble(), transmitter.on_until_at_least(now).is_some());
+        let on = self.interlock.is_on();
+        let Stage::Committed(slot) = &mut self.stage else { return };
+        if on && achieved {
+            (slot.achieved, slot.trouble) = (true, None);
+        }
+        let Some(trouble) = trouble.filter(|trouble| on && slot.trouble != Some(*trouble)) else { return };
+        slot.trouble = Some(trouble);
+        self.events.push_back(Event::Troubled(slot.commitment.slot, trouble));
+        if self.role == Role::J {
+            self.pair.silent(VeilwingSilence::VEILWING_SILENCE_TRANSMITTER, now);
         }
     }
 
@@ -552,7 +571,7 @@ impl SlotService {
 
     fn end_slot(&mut self, now: Instant) {
         let Some(slot) = self.slot() else { return };
-        let (number, served) = (slot.commitment.slot, slot.served);
+        let (number, served) = (slot.commitment.slot, slot.outcome());
         self.events.push_back(Event::Over(number, served));
         self.pair.release(now);
         let next = number.saturating_add(1);

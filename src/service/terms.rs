@@ -7,7 +7,7 @@ use mavlink::dialects::ardupilotmega::MavMessage;
 use crate::pair::orders::Change;
 use crate::pair::wire::{self, VeilwingAnswer, VeilwingSilence};
 use crate::pair::{self, Commitment};
-use crate::transmitter::NotReady;
+use crate::transmitter::{NotReady, Trouble};
 
 use super::interlock::{Ceilings, Permit, Silence};
 use super::protection::Jamming;
@@ -102,6 +102,8 @@ pub enum Event {
     On(Permit),
     /// The transmitter was told to be silent.
     Off(Silence),
+    /// The transmitter may radiate in this slot, and its device does not do it: it is off, or told to be.
+    Troubled(u16, Trouble),
     /// J ends this slot: I is off for most of it.
     JammedInVain(u16, Jamming),
     /// A slot's time is over, or it was ended early and all is quiet.

@@ -43,7 +43,7 @@ pub use parameter::{Level, PowerParameter, Unit};
 pub use parameter_protocol::Protocol;
 use steady::Steady;
 use terms::Lease;
-pub use terms::{Kind, NotReady, Settings, Vouched};
+pub use terms::{Kind, NotReady, Settings, Trouble, Vouched};
 
 /// A command that has not arrived by now never will.
 const LONGEST_TRANSIT: Duration = Duration::from_millis(500);
@@ -389,6 +389,15 @@ impl Transmitter {
             Driver::Numbered(_) | Driver::Leased(_) => self.declared.limit_w(),
             Driver::Parameter(parameter) => parameter.limit_w(),
             Driver::None => None,
+        }
+    }
+
+    /// What is wrong with the radio's device, by its answer to the newest command that it answered.
+    #[must_use]
+    pub fn trouble(&self) -> Option<Trouble> {
+        match &self.driver {
+            Driver::Numbered(numbered) => numbered.trouble(),
+            Driver::Leased(_) | Driver::Parameter(_) | Driver::None => None,
         }
     }
 

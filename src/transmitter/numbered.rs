@@ -32,7 +32,7 @@ use mavlink::dialects::ardupilotmega::{COMMAND_ACK_DATA, MavCmd, MavMessage};
 
 use super::round_trip::RoundTrips;
 use super::wire::{VEILWING_RADIO_DATA, VeilwingRadioResult};
-use super::{NotReady, PERSISTENCE, REPEAT_OFF_FAST, Vouched, until_next_off};
+use super::{NotReady, PERSISTENCE, REPEAT_OFF_FAST, Trouble, Vouched, until_next_off};
 use crate::time::Instant;
 use crate::units::{Dbm, Watts};
 use clock::{RadioClock, RadioTime};
@@ -91,6 +91,8 @@ pub(super) struct Numbered {
     clock: RadioClock,
     round_trips: RoundTrips,
     in_force: Option<InForce>,
+    /// What is wrong with its device, by the answer to the command of this number: newer ones are not answered yet.
+    trouble: Option<(u32, Trouble)>,
     /// The latest instant by which the radio was commanded to be off by itself.
     on_until: Option<Instant>,
     heard_at: Option<Instant>,
@@ -121,6 +123,7 @@ impl Numbered {
             clock: RadioClock::default(),
             round_trips: RoundTrips::default(),
             in_force: None,
+            trouble: None,
             on_until: None,
             heard_at: None,
             acknowledged: false,
@@ -260,6 +263,7 @@ impl Numbered {
 
     fn take_answer(&mut self, report: &VEILWING_RADIO_DATA, sent: &Sent) {
         use VeilwingRadioResult as Is;
+        self.follow_trouble(report.result, sent.number);
         match report.result {
             Is::VEILWING_RADIO_RESULT_ACCEPTED => {
                 // A late answer names a command that is forgotten by now.
@@ -289,6 +293,37 @@ impl Numbered {
             | Is::VEILWING_RADIO_RESULT_OTHER_SERIES
             | Is::VEILWING_RADIO_RESULT_EXPIRED => {}
         }
+    }
+
+    /// What the answer says of the radio's device, unless a newer one has been heard.
+    fn follow_trouble(&mut self, result: VeilwingRadioResult, number: u32) {
+        use VeilwingRadioResult as Is;
+        if self.trouble.is_some_and(|(said_by, _)| number < said_by) {
+            return;
+        }
+        let trouble = match result {
+            Is::VEILWING_RADIO_RESULT_TOO_LOW => Trouble::TooLow,
+            Is::VEILWING_RADIO_RESULT_DEVICE_LATE => Trouble::DeviceLate,
+            Is::VEILWING_RADIO_RESULT_DEVICE_ERROR => Trouble::DeviceError,
+            Is::VEILWING_RADIO_RESULT_OTHER_POWER => Trouble::OtherPower,
+            Is::VEILWING_RADIO_RESULT_ACCEPTED => {
+                self.trouble = None;
+                return;
+            }
+            // Of the command, and not of the device.
+            Is::VEILWING_RADIO_RESULT_DENIED
+            | Is::VEILWING_RADIO_RESULT_NOT_NOW
+            | Is::VEILWING_RADIO_RESULT_FAILED
+            | Is::VEILWING_RADIO_RESULT_NOT_NEWER
+            | Is::VEILWING_RADIO_RESULT_OTHER_SERIES
+            | Is::VEILWING_RADIO_RESULT_EXPIRED => return,
+        };
+        self.trouble = Some((number, trouble));
+    }
+
+    /// What is wrong with the radio's device, as far as its answers say.
+    pub(super) fn trouble(&self) -> Option<Trouble> {
+        self.trouble.map(|(_, trouble)| trouble)
     }
 
     fn confirm_off(&mut self, report: &VEILWING_RADIO_DATA, now: Instant, out: &mut VecDeque<MavMessage>) {
@@ -369,6 +404,9 @@ impl Numbered {
     /// Whether a slot can be served.
     pub(super) fn ready(&self, now: Instant) -> Result<(), NotReady> {
         self.read_lately(now)?;
+        if let Some(trouble) = self.trouble() {
+            return Err(NotReady::Trouble(trouble));
+        }
         let round_trip = self.round_trips.median(now).ok_or(NotReady::NotAnswered)?;
         let longest = self.longest_round_trip;
         if round_trip > longest { Err(NotReady::TooSlow { round_trip, longest }) } else { Ok(()) }

@@ -68,6 +68,23 @@ pub struct Vouched {
     pub until: Instant,
 }
 
+/// What a radio says of its device in answer to a command (results 7 to 10 of docs/radio.md): it is off, or told to be.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error, strum::IntoStaticStr, strum::VariantNames)]
+pub enum Trouble {
+    /// Below the least power that it can give.
+    #[error("the power is below the least that the radio can give")]
+    TooLow,
+    /// It did not answer in the time that it declares.
+    #[error("the radio's device is late")]
+    DeviceLate,
+    /// It cannot be reached, refuses, or answers what cannot be understood.
+    #[error("the radio's device cannot be reached, refuses, or is not understood")]
+    DeviceError,
+    /// It was read back at another power than it was set to, or on when it was told off.
+    #[error("the radio's device was read back at another power")]
+    OtherPower,
+}
+
 /// Why a power cannot be commanded, or a slot not be served.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error, strum::IntoStaticStr, strum::VariantNames)]
 pub enum NotReady {
@@ -97,4 +114,7 @@ pub enum NotReady {
     /// It does not know the command.
     #[error("the radio does not know the command")]
     Unsupported,
+    /// Its device does not do as it is told.
+    #[error("{0}")]
+    Trouble(Trouble),
 }

@@ -62,6 +62,7 @@ fn vehicle(mission: &Mission, role: Role, setup: &Setup) -> Vehicle {
     let (simulated, tunnel) = (setup.simulated, setup.tunnel[role]);
     draft.transmitter.simulated = simulated;
     draft.transmitter.link = setup.radio_apart.then(|| on_this_machine(3));
+    draft.transmitter.accept_orphaned_radio = setup.accept_orphaned_radio;
     draft.pair_tunnel = tunnel;
     draft.autopilot.fence = setup.fence[role];
     // Nothing is signed in virtual time; what is at stake here is the mission's leave, not the links'.
@@ -101,6 +102,8 @@ pub struct Setup {
     pub start_unasked: bool,
     /// Each radio has a link of its own.
     pub radio_apart: bool,
+    /// Both accept a radio that goes on when its host dies.
+    pub accept_orphaned_radio: bool,
     /// What the radios' devices are.
     pub devices: PerVehicle<RadioDevice>,
     /// Whose pair messages ride in TUNNEL.
@@ -122,6 +125,7 @@ impl Default for Setup {
             simulated: true,
             start_unasked: true,
             radio_apart: false,
+            accept_orphaned_radio: false,
             devices: PerVehicle::default(),
             tunnel: PerVehicle::default(),
             fence: PerVehicle::default(),

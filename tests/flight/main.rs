@@ -14,6 +14,7 @@ mod fence;
 mod forged;
 mod guard;
 mod harness;
+mod hosts;
 mod kinds;
 mod mutations;
 mod nominal;

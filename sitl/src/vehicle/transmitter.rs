@@ -6,6 +6,7 @@
 
 mod device;
 mod numbered;
+mod outside;
 
 use std::time::Duration;
 
@@ -18,6 +19,7 @@ use device::Device;
 pub use device::RadioDevice;
 use numbered::Numbered;
 pub(super) use numbered::{REPORT_CRC_EXTRA, REPORT_ID, Report};
+pub use outside::DevicePower;
 
 /// The component id of a payload radio (MAV_COMP_ID_TELEMETRY_RADIO).
 pub const COMPONENT: u8 = 68;
@@ -72,6 +74,8 @@ pub(crate) struct Transmitter {
     pub stuck: bool,
     /// A fault: it has no power, and so is off and silent.
     pub dark: bool,
+    /// Another device radiates in place of its own.
+    outside: Option<DevicePower>,
 }
 
 impl Transmitter {
@@ -93,6 +97,7 @@ impl Transmitter {
             endless: !expires,
             stuck: false,
             dark: false,
+            outside: None,
         }
     }
 
@@ -112,7 +117,18 @@ impl Transmitter {
 
     /// What is on the air.
     pub fn emission(&self) -> Option<Emission> {
-        self.device.emission()
+        self.outside.map_or_else(|| self.device.emission(), DevicePower::emission)
+    }
+
+    /// A device that is not simulated here radiates this from now on, in place of its own.
+    pub fn radiate_by(&mut self, power: DevicePower) {
+        self.outside = Some(power);
+    }
+
+    /// What is left of the command in force, as far as it is known: nobody here knows what another device was told.
+    pub fn lasts(&self, now: Duration) -> Option<Duration> {
+        let known = self.emission().filter(|_| self.outside.is_none());
+        known.map(|emission| emission.expires_at.saturating_sub(now))
     }
 
     /// Radiated power in watts; `None` when silent.
@@ -148,6 +164,9 @@ impl Transmitter {
 
     /// Whether it radiates otherwise than a radio in order would by the same commands.
     pub fn is_out_of_order(&self) -> bool {
+        if let Some(outside) = self.outside {
+            return outside.astray;
+        }
         let what = |emission: Option<Emission>| emission.map(|e| (e.power_dbm, e.slot));
         what(self.told) != what(self.due)
     }

@@ -121,6 +121,12 @@ pub enum Fault {
         /// Without power, or starting.
         on: bool,
     },
+    /// The radio behind a power set from outside ([`World::set_device_power`](super::World::set_device_power)) fails, as by its
+    /// host's death. Nothing else changes in the world.
+    RadioFails {
+        /// 0 for I, 1 for J.
+        vehicle: usize,
+    },
     /// The companion has been killed, and does not run until the host says so. Nothing else changes in the world.
     CompanionLost {
         /// 0 for I, 1 for J.
@@ -141,6 +147,7 @@ impl Fault {
                 | Self::PilotMode { .. }
                 | Self::RotorLoss { .. }
                 | Self::BatteryLow { .. }
+                | Self::RadioFails { .. }
         )
     }
 
@@ -165,6 +172,7 @@ impl Fault {
             | Self::BatteryLow { vehicle, .. }
             | Self::TransmitterIgnoresExpiry { vehicle }
             | Self::TransmitterStuck { vehicle }
+            | Self::RadioFails { vehicle }
             | Self::CompanionLost { vehicle } => vehicle,
         }
     }

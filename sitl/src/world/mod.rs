@@ -20,6 +20,7 @@ use serde::Serialize;
 
 use crate::vehicle::autopilot::Mode;
 use crate::vehicle::bias::Bias;
+use crate::vehicle::transmitter::DevicePower;
 use crate::vehicle::{TICKS_PER_SAMPLE, Vehicle, VehicleCounters, VehicleSnapshot, tick_time};
 use circumstances::{Circumstances, Passage};
 use config::{Error, Off, Reference, WorldConfig};
@@ -216,6 +217,8 @@ impl World {
             Fault::BatteryLow { charge, .. } => vehicle.set_battery(charge),
             Fault::TransmitterIgnoresExpiry { .. } => vehicle.transmitter_mut().endless = true,
             Fault::TransmitterStuck { .. } => vehicle.transmitter_mut().stuck = true,
+            // Said to the monitor above.
+            Fault::RadioFails { .. } => {}
             Fault::CompanionLost { vehicle } => self.monitor.companion_gone(vehicle, self.now),
         }
     }
@@ -230,6 +233,16 @@ impl World {
     pub fn set_circumstances(&mut self, vehicle: usize, circumstances: Circumstances) {
         if vehicle < self.vehicles.len() {
             self.monitor.tell(vehicle, circumstances, self.now);
+        }
+    }
+
+    /// From now on a vehicle radiates what another device does, as its host says, and not what its own radio was told by MAVLink.
+    pub fn set_device_power(&mut self, vehicle: usize, power: DevicePower) {
+        let Some(target) = self.vehicles.get_mut(vehicle) else { return };
+        let before = (target.transmitter().emission(), target.transmitter().is_out_of_order());
+        target.transmitter_mut().radiate_by(power);
+        if (target.transmitter().emission(), target.transmitter().is_out_of_order()) != before {
+            self.watch();
         }
     }
 
@@ -253,7 +266,7 @@ impl World {
         let turns_on = power_w.is_some() && !self.monitor.radiated(k);
         Seen {
             power_w,
-            lasts: vehicle.transmitter().emission().map(|e| e.expires_at.saturating_sub(self.now)),
+            lasts: vehicle.transmitter().lasts(self.now),
             slot,
             plan,
             off,

@@ -109,6 +109,12 @@ fn prepare(args: &Args, path: &Path) -> Result<(Mission, Faults), Exit> {
             Exit::Unusable
         })?,
     };
+    if let Some(kind) = faults.of_radio_hosts() {
+        eprintln!(
+            "error: {kind} befalls radio hosts, and campaigns have none: fly it by veilwing sitl --radio-hosts KIND"
+        );
+        return Err(Exit::Unusable);
+    }
     Ok((mission, faults))
 }
 

@@ -14,6 +14,7 @@ use crate::role::{PerVehicle, Role};
 
 use super::host::Flight;
 use super::process::{End, describe_end};
+use super::radios::RadiosDocument;
 
 /// How a flight ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -42,6 +43,9 @@ pub(in crate::cli) struct FlightDocument {
     #[serde(skip_serializing_if = "Option::is_none")]
     world_late: Option<WorldLate>,
     messages: Messages,
+    /// Radio hosts, and what their devices did.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    radio_hosts: Option<RadiosDocument>,
 }
 
 /// How far the simulated world fell behind its own clock.
@@ -75,7 +79,17 @@ impl FlightDocument {
         messages: Messages,
     ) -> Self {
         let format = "veilwing-flight/1";
-        Self { format, result, plan_digest, wall_s, report, excused, world_late: None, messages }
+        Self {
+            format,
+            result,
+            plan_digest,
+            wall_s,
+            report,
+            excused,
+            world_late: None,
+            messages,
+            radio_hosts: None,
+        }
     }
 
     /// The document of a flight of companion processes.
@@ -95,7 +109,7 @@ impl FlightDocument {
         let document = Self::new(result, flight.report.clone(), excused, plan_digest, wall_s, messages);
         let worst = flight.late.iter().map(|late| late.by).max().unwrap_or_default();
         let world_late = Some(WorldLate { steps: flight.late.len(), worst_ms: worst.as_millis() });
-        Self { world_late, ..document }
+        Self { world_late, radio_hosts: flight.radios.clone(), ..document }
     }
 
     /// Completed without a violated invariant.

@@ -7,11 +7,11 @@ use std::time::Duration;
 
 use tokio::sync::mpsc;
 use tokio::time::MissedTickBehavior;
-use veilwing_sitl::{self as sim, World};
+use veilwing_sitl::{self as sim, DevicePower, World};
 
 use crate::config::Mission;
 use crate::desk::report::Event;
-use crate::desk::simulation::{self, Excused, Fault, FaultKind, Late, Supervisor, index, judge};
+use crate::desk::simulation::{self, Excused, Fault, FaultKind, Late, RadioFault, Supervisor, index, judge};
 use crate::link::HostPort;
 use crate::link::clock::Clock;
 use crate::role::{PerVehicle, Role};
@@ -19,9 +19,10 @@ use crate::time::{Instant, Utc};
 
 use super::files::write_vehicle;
 use super::journal::Journal;
-use super::links::{Links, Traffic};
+use super::links::{Links, RadioEnd, Traffic};
 use super::lockstep::{Round, STEP, Step};
 use super::process::{Companion, End, Said, Spawning, spawn_companion};
+use super::radios::{Options, Radios, RadiosDocument};
 
 /// By the wall's clock, the world advances in steps of this much wall time.
 const WALL_STEP: Duration = Duration::from_millis(2);
@@ -63,6 +64,8 @@ pub(super) struct Setup<'a> {
     pub settings: &'a Mission,
     /// Each radio has a link of its own.
     pub own_radio_links: bool,
+    /// Radio hosts with such devices, and the powers in watts that they must give.
+    pub radio_hosts: Option<(Options, PerVehicle<Vec<f64>>)>,
     pub ground_station: Option<&'a HostPort>,
     /// Begin without waiting for MISSION_START.
     pub start: bool,
@@ -90,6 +93,7 @@ pub(super) struct Flight {
     pub ends: PerVehicle<Option<End>>,
     pub interrupted: bool,
     pub traffic: Traffic,
+    pub radios: Option<RadiosDocument>,
 }
 
 /// A flight under way.
@@ -98,6 +102,11 @@ struct Host<'a> {
     clock: Clock,
     links: Links,
     companions: PerVehicle<Companion>,
+    radios: Option<Radios>,
+    /// What each radio host's device radiates, as the world was told.
+    on_air: PerVehicle<Option<f64>>,
+    /// As they were when the companions had ended.
+    radios_document: Option<RadiosDocument>,
     vehicle_files: PerVehicle<PathBuf>,
     said: mpsc::UnboundedSender<(Role, Said)>,
     /// What the world was last told of the companions.
@@ -115,22 +124,43 @@ struct Host<'a> {
 /// # Errors
 /// Sockets, files or processes that cannot be had, or a companion in step that hangs; in words.
 pub(super) async fn fly(mut setup: Setup<'_>) -> Result<Flight, String> {
-    let links =
-        Links::open(setup.seed, setup.own_radio_links, setup.ground_station, &mut setup.world).await?;
+    let radio_end = match (&setup.radio_hosts, setup.own_radio_links) {
+        (Some(_), _) => RadioEnd::Hosted,
+        (None, true) => RadioEnd::OnItsOwn,
+        (None, false) => RadioEnd::BehindAutopilot,
+    };
+    let links = Links::open(setup.seed, radio_end, setup.ground_station, &mut setup.world).await?;
     let (said, mut log) = mpsc::unbounded_channel();
     let write = |role: Role| {
         write_vehicle(setup.directory, setup.settings, role, links.numbers(role)?, links.radio_number(role)?)
     };
     let vehicle_files = PerVehicle { i: write(Role::I)?, j: write(Role::J)? };
     let spawn = |role: Role| spawn_companion(&setup.spawning(), role, &vehicle_files[role], &said);
+    let mut radios = match &setup.radio_hosts {
+        None => None,
+        Some((options, powers_w)) => {
+            let number = |role| Ok::<u16, String>(links.host_number(role)?.unwrap_or_default());
+            let companions = PerVehicle { i: number(Role::I)?, j: number(Role::J)? };
+            Some(Radios::start(*options, powers_w, companions, setup.directory, &said).await?)
+        }
+    };
     let companions = PerVehicle { i: spawn(Role::I)?, j: spawn(Role::J)? };
     let clock = Clock::start(setup.speed).map_err(|error| error.to_string())?;
+    if let Some(radios) = &mut radios {
+        radios.serve(&clock);
+        Role::BOTH
+            .into_iter()
+            .for_each(|role| setup.world.set_device_power(index(role), DevicePower::default()));
+    }
     let mut supervisor = Supervisor::new(setup.faults.clone(), setup.longest);
     let mut host = Host {
         setup,
         clock,
         links,
         companions,
+        radios,
+        on_air: PerVehicle::default(),
+        radios_document: None,
         vehicle_files,
         said,
         told: PerVehicle::default(),
@@ -143,6 +173,10 @@ pub(super) async fn fly(mut setup: Setup<'_>) -> Result<Flight, String> {
     match host.setup.pace {
         Pace::Wall => host.live_by_the_wall(&mut supervisor, &mut log).await,
         Pace::InStep { utc_start } => host.live_in_step(utc_start, &mut supervisor, &mut log).await?,
+    }
+    if let Some(radios) = &mut host.radios {
+        host.radios_document = Some(radios.document());
+        radios.stop(&host.clock).await;
     }
     // The companions' last words: to the end of what they said, now that no other will be started.
     host.said = mpsc::unbounded_channel().0;
@@ -219,6 +253,16 @@ impl Host<'_> {
             self.journal.change(self.setup.world.now(), &change);
             supervisor.apply(change, self);
         }
+        for (role, end) in self.radios.as_mut().map(Radios::ended).unwrap_or_default() {
+            self.journal.radio_end(self.setup.world.now(), role, end);
+            self.setup.world.inject(sim::Fault::RadioFails { vehicle: index(role) });
+        }
+        // The slot, and whose doing it is, may have changed; of what a device has done since, its change tells.
+        for role in Role::BOTH {
+            if self.radios.as_ref().is_some_and(|radios| radios.is_told(role)) {
+                self.radiate(role, self.on_air[role]);
+            }
+        }
         self.tell_world();
     }
 
@@ -226,8 +270,24 @@ impl Host<'_> {
     fn advance(&mut self, to: Duration) {
         // What a fault or a command has just changed keeps its own instant.
         self.recorder.observe(&self.setup.world);
+        let changes = self.radios.as_mut().map(Radios::changes).unwrap_or_default();
+        for (at, role, dbm) in changes {
+            self.setup.world.advance(at.min(to));
+            self.radiate(role, dbm);
+            self.recorder.observe(&self.setup.world);
+        }
         self.setup.world.advance(to);
         self.recorder.observe(&self.setup.world);
+    }
+
+    /// A vehicle radiates what its device does.
+    fn radiate(&mut self, role: Role, dbm: Option<f64>) {
+        let now = self.setup.world.now();
+        let Some(radios) = &self.radios else { return };
+        let (slot, astray) = (self.links.asked_slot(role), radios.is_astray(role, now));
+        let power = DevicePower { dbm, slot, astray };
+        self.on_air[role] = dbm;
+        self.setup.world.set_device_power(index(role), power);
     }
 
     /// Datagrams out, and whoever has ended.
@@ -272,6 +332,7 @@ impl Host<'_> {
             ends: self.companions.map(|companion| companion.end),
             interrupted: self.interrupted,
             traffic: self.links.traffic(),
+            radios: self.radios_document,
             world: self.setup.world,
         }
     }
@@ -404,5 +465,22 @@ impl simulation::Host for Host<'_> {
 
     fn set_autopilot_path(&mut self, role: Role, path: Option<simulation::Path>) {
         self.links.set_autopilot_path(role, path);
+    }
+
+    fn befall_radio(&mut self, fault: RadioFault, role: Role, on: bool) {
+        let Some(radios) = &mut self.radios else { return };
+        let vehicle = index(role);
+        if fault == RadioFault::HostLoss {
+            self.links.cut_host(role, on);
+            return self.setup.world.inject(sim::Fault::RadioHopFrozen {
+                vehicle,
+                toward: sim::Toward::Radio,
+                on,
+            });
+        }
+        radios.befall(fault, role, on);
+        if on {
+            self.setup.world.inject(sim::Fault::RadioFails { vehicle });
+        }
     }
 }

@@ -61,6 +61,16 @@ impl Journal {
         self.note(at, EventKind::Process, Some(role), severity, text);
     }
 
+    /// A radio host's end, which nobody asked for.
+    pub fn radio_end(&mut self, at: Duration, role: Role, end: End) {
+        let text = match end {
+            End::Code(code) => format!("radio host has ended with exit code {code}"),
+            End::Signal(_) | End::Stopped => format!("radio host {}", describe_end(end)),
+        };
+        Self::say(at, &format!("{role}  {text}"));
+        self.note(at, EventKind::Process, Some(role), Severity::Warning, text);
+    }
+
     /// Where the vehicles are, if it is time to say so.
     pub fn progress(&mut self, world: &World) {
         let now = world.now();

@@ -6,7 +6,7 @@ use std::time::Duration;
 use veilwing_sitl::vehicle::RADIO_LINK;
 use veilwing_sitl::{Passage, World};
 
-use crate::desk::simulation::{Path, index};
+use crate::desk::simulation::{Asked, Path, index};
 use crate::link::HostPort;
 use crate::role::{PerVehicle, Role};
 
@@ -19,7 +19,22 @@ pub(super) struct Links {
     pair: PerVehicle<Port>,
     /// Radios that have links of their own.
     radio: PerVehicle<Option<Port>>,
+    /// Where the radio hosts are, which take what comes over these; without one it is for the simulated radio.
+    hosts: PerVehicle<Option<Port>>,
+    /// What the hosts were asked for.
+    asked: PerVehicle<Asked>,
     ground: Option<GroundStation>,
+}
+
+/// Who is at the other end of the companions' links to their radios.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum RadioEnd {
+    /// There are no such links: the simulated radio is behind the autopilot.
+    BehindAutopilot,
+    /// The simulated radio.
+    OnItsOwn,
+    /// A radio host.
+    Hosted,
 }
 
 /// What has passed over the companions' links.
@@ -37,7 +52,7 @@ impl Links {
     /// Opens the sockets; degraded links draw from `seed`. With a ground station, both vehicles speak to it at once.
     pub async fn open(
         seed: u64,
-        own_radio_links: bool,
+        radios: RadioEnd,
         ground: Option<&HostPort>,
         world: &mut World,
     ) -> Result<Self, String> {
@@ -51,10 +66,19 @@ impl Links {
         Ok(Self {
             autopilot: PerVehicle { i: Port::bind(seed, 0)?, j: Port::bind(seed, 1)? },
             pair: PerVehicle { i: Port::bind(seed, 2)?, j: Port::bind(seed, 3)? },
-            radio: match own_radio_links {
-                true => PerVehicle { i: Some(Port::bind(seed, 4)?), j: Some(Port::bind(seed, 5)?) },
-                false => PerVehicle::default(),
+            radio: match radios {
+                RadioEnd::BehindAutopilot => PerVehicle::default(),
+                RadioEnd::OnItsOwn | RadioEnd::Hosted => {
+                    PerVehicle { i: Some(Port::bind(seed, 4)?), j: Some(Port::bind(seed, 5)?) }
+                }
             },
+            hosts: match radios {
+                RadioEnd::BehindAutopilot | RadioEnd::OnItsOwn => PerVehicle::default(),
+                RadioEnd::Hosted => {
+                    PerVehicle { i: Some(Port::bind(seed, 6)?), j: Some(Port::bind(seed, 7)?) }
+                }
+            },
+            asked: PerVehicle::default(),
             ground,
         })
     }
@@ -69,6 +93,24 @@ impl Links {
         self.radio[role].as_ref().map(Port::number).transpose()
     }
 
+    /// Where a radio host reaches its companion, if there is one.
+    pub fn host_number(&self, role: Role) -> Result<Option<u16>, String> {
+        self.hosts[role].as_ref().map(Port::number).transpose()
+    }
+
+    /// The slot for which a radio host was asked to radiate last.
+    pub fn asked_slot(&self, role: Role) -> Option<u16> {
+        self.asked[role].slot()
+    }
+
+    /// Cuts both directions between a companion and its radio host, or mends them.
+    pub fn cut_host(&mut self, role: Role, cut: bool) {
+        let path = if cut { Path { delay: Duration::ZERO, ..Path::CUT } } else { DIRECT };
+        for port in [&mut self.radio[role], &mut self.hosts[role]].into_iter().flatten() {
+            port.set_path_from(path);
+        }
+    }
+
     /// Takes in what has arrived: for the vehicles at once, from companion to companion by the path between them.
     pub fn listen(&mut self, world: &mut World) {
         let now = world.now();
@@ -80,7 +122,19 @@ impl Links {
             if let Some(radio) = &mut self.radio[role] {
                 radio.listen(now);
                 while let Some(bytes) = radio.receive(now) {
-                    world.handle(index(role), RADIO_LINK, &bytes);
+                    match &mut self.hosts[role] {
+                        None => world.handle(index(role), RADIO_LINK, &bytes),
+                        Some(host) => {
+                            self.asked[role].hear(&bytes);
+                            host.send(&bytes, now);
+                        }
+                    }
+                }
+                if let Some(host) = &mut self.hosts[role] {
+                    host.listen(now);
+                    while let Some(bytes) = host.receive(now) {
+                        radio.send(&bytes, now);
+                    }
                 }
             }
             self.pair[role].listen(now);
@@ -98,6 +152,10 @@ impl Links {
     pub fn deliver(&mut self, world: &mut World) {
         while let Some((vehicle, link, frame)) = world.poll_transmit() {
             let role = Role::BOTH[vehicle];
+            if link == RADIO_LINK && self.hosts[role].is_some() {
+                // Of the simulated radio, which is not aboard.
+                continue;
+            }
             match (&self.ground, &mut self.radio[role]) {
                 (_, Some(radio)) if link == RADIO_LINK => radio.send(&frame, world.now()),
                 _ if link != GROUND_LINK => self.autopilot[role].send(&frame, world.now()),
@@ -110,6 +168,9 @@ impl Links {
             self.autopilot[role].deliver(world.now());
             if let Some(radio) = &mut self.radio[role] {
                 radio.deliver(world.now());
+            }
+            if let Some(host) = &mut self.hosts[role] {
+                host.deliver(world.now());
             }
             self.pair[role].deliver(world.now());
         }

@@ -10,6 +10,7 @@ mod links;
 mod lockstep;
 mod port;
 mod process;
+pub(super) mod radios;
 
 use std::path::PathBuf;
 
@@ -21,6 +22,7 @@ use crate::desk::report;
 use crate::desk::simulation::{self, Faults, LONGEST, Scenario, draw};
 use crate::link::HostPort;
 use crate::link::clock::Clock;
+use crate::role::{PerVehicle, Role};
 use crate::time::Utc;
 
 use super::plan::write_plan;
@@ -58,12 +60,45 @@ pub(super) struct Args {
     /// Give each radio a link of its own, as a radio host beside the companion has, instead of the way through the autopilot.
     #[arg(long)]
     own_radio_links: bool,
+    /// A radio host (`veilwing radio`) for each vehicle, with a fake device of this kind: what the device does is what the
+    /// vehicle radiates.
+    #[arg(long, value_name = "KIND", conflicts_with_all = ["in_step", "own_radio_links"])]
+    radio_hosts: Option<radios::Kind>,
+    /// How long the fake devices take: from an off to silence, and from an order to the power.
+    #[arg(long, value_names = ["OFF", "CHANGE"], num_args = 2, requires = "radio_hosts", value_parser = parse_ms)]
+    device_ms: Option<Vec<f64>>,
+    /// The fake devices are silent by themselves so long after their host has died or stopped; without it never.
+    #[arg(long, value_name = "MS", requires = "radio_hosts", value_parser = parse_ms)]
+    device_dead_ms: Option<f64>,
+    /// The fake devices go dark when their own control dies; without it they radiate on.
+    #[arg(long, requires = "radio_hosts")]
+    device_goes_dark: bool,
     /// A ground station (QGroundControl, MAVProxy) that listens there; both vehicles and both companions are on it.
     #[arg(long, value_name = "udpout:HOST:PORT", value_parser = ground::parse_ground_station)]
     ground_station: Option<HostPort>,
     /// Take off only when the ground station sends MISSION_START (command 300) to either companion (component 191).
     #[arg(long, requires = "ground_station")]
     wait_for_start: bool,
+}
+
+/// Of a fake device.
+fn parse_ms(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(ms) if (0.0..=60_000.0).contains(&ms) => Ok(ms),
+        _ => Err("give milliseconds from 0 to 60000".into()),
+    }
+}
+
+impl Args {
+    /// The radio hosts' devices, if there are any.
+    fn devices(&self) -> Option<radios::Options> {
+        let times_ms = match self.device_ms.as_deref() {
+            Some([off, change]) => Some([*off, *change]),
+            _ => None,
+        };
+        let (dead_ms, goes_dark) = (self.device_dead_ms, self.device_goes_dark);
+        self.radio_hosts.map(|kind| radios::Options { kind, times_ms, dead_ms, goes_dark })
+    }
 }
 
 fn parse_speed(text: &str) -> Result<f64, String> {
@@ -85,6 +120,17 @@ pub(super) fn run(args: &Args) -> Exit {
             return Exit::Unusable;
         }
     };
+    if args.radio_hosts.is_some() && args.speed != 1.0 {
+        eprintln!(
+            "error: --radio-hosts with --speed {}: a radio host lives by this machine's clock; leave --speed out",
+            args.speed
+        );
+        return Exit::Unusable;
+    }
+    if let Some(kind) = faults.of_radio_hosts().filter(|_| args.radio_hosts.is_none()) {
+        eprintln!("error: {kind} befalls radio hosts, and there are none: give --radio-hosts KIND");
+        return Exit::Unusable;
+    }
     fly(args, &mission, &faults).unwrap_or_else(|message| {
         eprintln!("error: {message}");
         Exit::Unusable
@@ -101,7 +147,7 @@ fn fly(args: &Args, mission: &Mission, faults: &Faults) -> Result<Exit, String> 
         return Ok(Exit::Unusable);
     }
     let mut config = simulation::world_config(mission, &timed.plan)?;
-    if args.own_radio_links {
+    if args.own_radio_links || args.radio_hosts.is_some() {
         config.vehicles.iter_mut().for_each(|vehicle| vehicle.radio_place = RadioPlace::OnItsOwn);
     }
     let utc_start = Utc { unix_us: config.utc_start_us };
@@ -134,6 +180,12 @@ fn fly(args: &Args, mission: &Mission, faults: &Faults) -> Result<Exit, String> 
         directory: directory.path(),
         settings: mission,
         own_radio_links: args.own_radio_links,
+        radio_hosts: args.devices().map(|options| {
+            let powers_w = |role: Role| {
+                timed.plan.slots.iter().map(|slot| slot.plan.vehicles[role].tx_power_w).collect()
+            };
+            (options, PerVehicle::from_fn(powers_w))
+        }),
         ground_station: args.ground_station.as_ref(),
         start: !args.wait_for_start,
     }))?;

@@ -181,7 +181,12 @@ pub(super) enum Said {
 }
 
 /// Takes what a companion says, to its end: its log into the file, and what concerns this process or the operator to `said`.
-async fn listen(role: Role, stderr: ChildStderr, mut file: File, said: mpsc::UnboundedSender<(Role, Said)>) {
+pub(super) async fn listen(
+    role: Role,
+    stderr: ChildStderr,
+    mut file: File,
+    said: mpsc::UnboundedSender<(Role, Said)>,
+) {
     let mut stderr = BufReader::new(stderr).lines();
     while let Ok(Some(line)) = stderr.next_line().await {
         let heard = if Done::read(&line).is_some() {

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use veilwing_sitl::vehicle::{COMPANION_LINK, RADIO_LINK, TICK};
-use veilwing_sitl::{Circumstances, Fault, World};
+use veilwing_sitl::{Circumstances, DevicePower, Fault, Toward, World};
 
 use crate::companion::{MOST_WAITING, WOKEN_LATE};
 use crate::link::counters::Counters;
@@ -13,6 +13,8 @@ use crate::mission::{Outcome, Outgoing};
 use crate::role::{PerVehicle, Role};
 
 use super::disk::Disk;
+use super::fault::RadioFault;
+use super::hosted::{DeviceModel, Hosted};
 use super::index;
 use super::observer::{Observer, Wire};
 use super::path::{Path, Pipe};
@@ -70,6 +72,8 @@ pub struct Flight {
     /// Of radios that have links of their own, and from them.
     to_radio: PerVehicle<Pipe>,
     from_radio: PerVehicle<Pipe>,
+    /// Radios whose device a host drives, in place of the simulated vehicle's own.
+    hosted: PerVehicle<Option<Hosted>>,
     /// By sender.
     pair: PerVehicle<Pipe>,
     disks: PerVehicle<Disk>,
@@ -100,6 +104,7 @@ impl Flight {
             pair: PerVehicle::from_fn(pipe(setup.pair, 2)),
             to_radio: PerVehicle::from_fn(pipe(setup.autopilot, 3)),
             from_radio: PerVehicle::from_fn(pipe(setup.autopilot, 4)),
+            hosted: PerVehicle::default(),
             disks: PerVehicle::default(),
             on_air: [false; 2],
             lives: PerVehicle::default(),
@@ -112,6 +117,61 @@ impl Flight {
         Role::BOTH.into_iter().for_each(|role| flight.start(role));
         Role::BOTH.into_iter().for_each(|role| flight.tell(role));
         flight
+    }
+
+    /// Puts a radio host and such a device aboard, in place of the vehicle's own radio, which is to have a link of its own
+    /// ([`RadioPlace::OnItsOwn`](veilwing_sitl::RadioPlace::OnItsOwn)).
+    pub fn host_radio(&mut self, role: Role, model: DeviceModel) {
+        self.hosted[role] = Hosted::start(role, model, self.setup.seed, self.now);
+        self.world.set_device_power(index(role), DevicePower::default());
+    }
+
+    /// The radio host aboard, if there is one.
+    #[must_use]
+    pub fn hosted(&self, role: Role) -> Option<&Hosted> {
+        self.hosted[role].as_ref()
+    }
+
+    /// What befalls a radio host or its device begins, or is over; nothing where there is none.
+    pub fn befall_radio(&mut self, fault: RadioFault, role: Role, on: bool) {
+        let now = self.now;
+        let Some(hosted) = &mut self.hosted[role] else { return };
+        if fault == RadioFault::HostLoss {
+            let path = if on { Path::CUT } else { Path::GOOD };
+            self.to_radio[role].path = path;
+            self.from_radio[role].path = path;
+            let vehicle = index(role);
+            return self.world.inject(Fault::RadioHopFrozen { vehicle, toward: Toward::Radio, on });
+        }
+        hosted.befall(fault, on, now);
+        if on {
+            self.world.inject(Fault::RadioFails { vehicle: index(role) });
+        }
+        self.radiate(role);
+    }
+
+    /// Lets the radio hosts do what is due.
+    fn run_hosts(&mut self) {
+        for role in Role::BOTH {
+            let Some(hosted) = &mut self.hosted[role] else { continue };
+            while let Some(bytes) = hosted.listens().then(|| self.to_radio[role].receive(self.now)).flatten()
+            {
+                hosted.hear(&bytes, self.now);
+            }
+            for bytes in hosted.run(self.now) {
+                self.received += 1;
+                self.lost += self.from_radio[role].send(&bytes, self.now);
+            }
+            self.radiate(role);
+        }
+    }
+
+    /// The vehicle radiates what its device does.
+    fn radiate(&mut self, role: Role) {
+        let Some(hosted) = &self.hosted[role] else { return };
+        let astray = hosted.device().is_astray(self.now);
+        let power = DevicePower { dbm: hosted.device().power_dbm(), slot: hosted.slot(), astray };
+        self.world.set_device_power(index(role), power);
     }
 
     /// Starts a companion process, in place of the one that runs if one does.
@@ -254,6 +314,7 @@ impl Flight {
         self.now = self.next_event().min(limit).max(self.now);
         self.world.advance(self.now);
         self.collect_frames();
+        self.run_hosts();
         for role in Role::BOTH {
             self.run_companion(role, observer)?;
         }
@@ -261,11 +322,12 @@ impl Flight {
             while let Some(bytes) = self.to_vehicle[role].receive(self.now) {
                 self.world.handle(index(role), 0, &bytes);
             }
-            while let Some(bytes) = self.to_radio[role].receive(self.now) {
+            while let Some(bytes) = self.next_for_own_radio(role) {
                 self.world.handle(index(role), RADIO_LINK, &bytes);
             }
         }
         self.collect_frames();
+        self.run_hosts();
         let on = self.world.snapshot().vehicles.map(|vehicle| vehicle.tx_power_w.is_some());
         if on != self.on_air {
             self.on_air = on;
@@ -275,13 +337,22 @@ impl Flight {
         Ok(())
     }
 
+    /// The next datagram for the vehicle's own radio, where no host takes it.
+    fn next_for_own_radio(&mut self, role: Role) -> Option<Vec<u8>> {
+        self.hosted[role].is_none().then(|| self.to_radio[role].receive(self.now)).flatten()
+    }
+
     /// The world's next tick, the next arrival, or the next deadline of a companion.
     fn next_event(&self) -> Duration {
         let tick_us = TICK.as_micros() as u64;
         let mut next = Duration::from_micros((self.now.as_micros() as u64 / tick_us + 1) * tick_us);
         for role in Role::BOTH {
-            let arrivals = [&self.to_vehicle[role], &self.to_radio[role]].map(Pipe::next_arrival);
-            let events = [self.next_of_companion(role)].into_iter().chain(arrivals);
+            // What a stopped host lets wait is no event.
+            let listens = self.hosted[role].as_ref().is_none_or(Hosted::listens);
+            let to_radio = Some(&self.to_radio[role]).filter(|_| listens).and_then(Pipe::next_arrival);
+            let arrivals = [self.to_vehicle[role].next_arrival(), to_radio];
+            let hosted = self.hosted[role].as_ref().and_then(Hosted::next).filter(|at| *at > self.now);
+            let events = [self.next_of_companion(role), hosted].into_iter().chain(arrivals);
             next = events.flatten().fold(next, Duration::min);
         }
         next
@@ -299,6 +370,8 @@ impl Flight {
         while let Some((vehicle, link, frame)) = self.world.poll_transmit() {
             let role = Role::BOTH[vehicle];
             let pipe = match link {
+                // Its own radio is not aboard.
+                RADIO_LINK if self.hosted[role].is_some() => continue,
                 COMPANION_LINK => &mut self.to_companion[role],
                 RADIO_LINK => &mut self.from_radio[role],
                 _ => continue,

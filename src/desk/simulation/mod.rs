@@ -3,13 +3,14 @@
 //!
 //! `world` tells the world of a mission and its plan, `imperfections` what the mission says of its link; `path` is a link that may lose, delay, repeat and reorder;
 //! `process` is one companion as its operating system would run it; `flight` moves all of them from event to event;
-//! `fault` draws what goes wrong; `supervisor` lets it befall the companions, and gives them up; `excuse` tells what does
+//! `hosted` is a radio host and its device; `fault` draws what goes wrong; `supervisor` lets it befall the companions, and gives them up; `excuse` tells what does
 //! not count; `scenario` flies a mission again and again, each time with a seed and its faults.
 
 mod disk;
 mod excuse;
 pub mod fault;
 mod flight;
+mod hosted;
 mod imperfections;
 mod observer;
 mod path;
@@ -21,8 +22,9 @@ mod vehicle;
 mod world;
 
 pub use excuse::{Cause, Excused, Late, judge};
-pub use fault::{Change, Fault, FaultKind, Faults, Lengths, Order, Schedule, draw};
+pub use fault::{Change, Fault, FaultKind, Faults, Lengths, Order, RadioFault, Schedule, draw};
 pub use flight::{Flight, FlightError, Setup};
+pub use hosted::{Asked, DeviceModel, Hosted, SimulatedDevice};
 pub use imperfections::{Imperfections, Towards};
 pub use observer::{Observer, Wire};
 pub use path::Path;

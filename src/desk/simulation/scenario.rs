@@ -13,7 +13,7 @@ use crate::planner::slots::Plan;
 use crate::role::{PerVehicle, Role};
 
 use super::excuse::{Excused, judge};
-use super::fault::{Change, Fault, FaultKind, Lengths};
+use super::fault::{Change, Fault, FaultKind, Lengths, RadioFault};
 use super::flight::{Flight, FlightError, Setup};
 use super::imperfections::Imperfections;
 use super::observer::Observer;
@@ -276,5 +276,9 @@ impl Host for Flight {
 
     fn set_autopilot_path(&mut self, role: Role, path: Option<Path>) {
         Self::set_autopilot_path(self, role, path.unwrap_or(Path::GOOD));
+    }
+
+    fn befall_radio(&mut self, fault: RadioFault, role: Role, on: bool) {
+        Self::befall_radio(self, fault, role, on);
     }
 }

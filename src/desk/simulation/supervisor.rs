@@ -7,7 +7,7 @@ use veilwing_sitl::World;
 
 use crate::role::{PerVehicle, Role};
 
-use super::fault::{Change, Fault, FaultKind, Schedule};
+use super::fault::{Change, Fault, FaultKind, RadioFault, Schedule};
 use super::index;
 use super::path::Path;
 use super::station::{STATION_LINK, Station};
@@ -47,6 +47,8 @@ pub trait Host {
     fn set_pair_path(&mut self, from: Role, path: Option<Path>);
     /// Both directions of a companion's autopilot link; `None`: as good as ever.
     fn set_autopilot_path(&mut self, role: Role, path: Option<Path>);
+    /// What befalls a radio host or its device begins (`on`), or is over. A flight without one comes to none.
+    fn befall_radio(&mut self, fault: RadioFault, role: Role, on: bool);
 }
 
 /// A companion that was killed to be started again.
@@ -140,6 +142,7 @@ impl Supervisor {
             FaultKind::PairLoss | FaultKind::PairDegraded | FaultKind::PairFrozen => {
                 host.set_pair_path(role, self.schedule.path(&PAIR, role));
             }
+            FaultKind::Radio(fault) => host.befall_radio(fault, role, still),
             FaultKind::Operator(order) if on => {
                 let frame = self.station.order(order, role, fault.is_to_all());
                 host.world().handle(index(role), STATION_LINK, &frame);

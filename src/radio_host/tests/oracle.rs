@@ -181,3 +181,20 @@ proptest! {
         }
     }
 }
+
+/// The lease goes with the fault: what was wanted before it must not come on afterwards, when nothing would end it.
+#[test]
+fn regress_a_power_that_waited_for_a_late_off_is_not_radiated_after_it() {
+    use crate::radio_host::{Order, Outcome};
+    let mut stand = Stand::new();
+    stand.obeys_after = None;
+    stand.on(0.0, 300);
+    stand.off();
+    stand.on(0.0, 300);
+    for wait in [185, 115] {
+        stand.run(wait);
+        stand.outcome(Outcome::Off);
+        let last = stand.orders.last().map(|(_, order)| *order);
+        assert!(!matches!(last, Some(Order::Set(_))), "told {last:?}, with no lease");
+    }
+}

@@ -164,7 +164,8 @@ impl Fault {
             | FaultKind::PairLoss
             | FaultKind::PairDegraded
             | FaultKind::PairFrozen
-            | FaultKind::Operator(_) => None,
+            | FaultKind::Operator(_)
+            | FaultKind::Radio(_) => None,
         }
     }
 }

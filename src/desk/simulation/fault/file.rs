@@ -255,6 +255,13 @@ impl Faults {
         Ok(Self { laws, canonical: canonical.join("\n") })
     }
 
+    /// The first of them that only a flight with radio hosts can come to.
+    #[must_use]
+    pub fn of_radio_hosts(&self) -> Option<&'static str> {
+        let mut kinds = self.laws.iter().map(|law| law.kind);
+        kinds.find(|kind| matches!(kind, FaultKind::Radio(_))).map(FaultKind::name)
+    }
+
     /// The JSON Schema of the fault file.
     #[must_use]
     pub fn schema() -> Json {
@@ -264,6 +271,7 @@ impl Faults {
 
 #[cfg(test)]
 mod tests {
+    use super::super::kind::RadioFault;
     use super::*;
 
     fn laws(text: &str) -> Vec<FaultLaw> {
@@ -274,9 +282,15 @@ mod tests {
     fn spec_every_kind_has_a_name_of_its_own_and_is_in_the_example() {
         let laws = laws(include_str!("../../../../config/faults.toml"));
         let harsh = self::laws(include_str!("../../../../config/faults-harsh.toml"));
-        let names: std::collections::BTreeSet<_> = FaultKind::ALL.iter().map(|kind| kind.name()).collect();
-        assert_eq!(names.len(), FaultKind::ALL.len());
-        assert_eq!(NAMES.len(), FaultKind::ALL.len());
+        let of_radios = RadioFault::ALL.map(FaultKind::Radio);
+        let all = || FaultKind::ALL.iter().chain(&of_radios);
+        let names: std::collections::BTreeSet<_> = all().map(|kind| kind.name()).collect();
+        assert_eq!((names.len(), NAMES.len()), (all().count(), all().count()));
+        let radios = Faults::parse("f.toml", include_str!("../../../../config/faults-radio.toml")).unwrap();
+        assert!(radios.of_radio_hosts().is_some());
+        for kind in of_radios {
+            assert!(radios.laws.iter().any(|law| law.kind == kind), "{} is not in an example", kind.name());
+        }
         for kind in FaultKind::ALL {
             for laws in [&laws, &harsh] {
                 assert!(laws.iter().any(|law| law.kind == *kind), "{} is not in an example", kind.name());

@@ -30,6 +30,13 @@ pub(super) const NAMES: &[(&str, FaultKind)] = &[
     ("transmitter-ignores-expiry", FaultKind::TransmitterIgnoresExpiry),
     ("transmitter-stuck", FaultKind::TransmitterStuck),
     ("transmitter-restart", FaultKind::TransmitterRestart),
+    ("radio-host-kill", FaultKind::Radio(RadioFault::HostKill)),
+    ("radio-host-stop", FaultKind::Radio(RadioFault::HostStop)),
+    ("radio-host-loss", FaultKind::Radio(RadioFault::HostLoss)),
+    ("device-kill", FaultKind::Radio(RadioFault::DeviceKill)),
+    ("device-stop", FaultKind::Radio(RadioFault::DeviceStop)),
+    ("device-loss", FaultKind::Radio(RadioFault::DeviceLoss)),
+    ("device-mute", FaultKind::Radio(RadioFault::DeviceMute)),
     ("operator-start", FaultKind::Operator(Order::Start)),
     ("operator-pause", FaultKind::Operator(Order::Pause)),
     ("operator-continue", FaultKind::Operator(Order::Continue)),
@@ -53,6 +60,56 @@ pub enum Order {
     Kill,
     /// The same with param1 = 1: the kill is lifted at this vehicle.
     Lift,
+}
+
+/// What befalls a radio host (`veilwing radio`) or its device. Only a flight that has some can come to it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum RadioFault {
+    /// SIGKILL of the host.
+    HostKill,
+    /// SIGSTOP of the host, SIGCONT after the duration.
+    HostStop,
+    /// Nothing passes between the companion and the host.
+    HostLoss,
+    /// The device's control dies: connections end, none is taken. Whether it radiates on is the device's.
+    DeviceKill,
+    /// The device's control stops: it answers nothing, and goes on after the duration. It radiates as it did.
+    DeviceStop,
+    /// Nothing passes between the host and the device.
+    DeviceLoss,
+    /// What the device answers is lost; what it is told arrives.
+    DeviceMute,
+}
+
+impl RadioFault {
+    /// All of them, in the order of reports.
+    pub const ALL: [Self; 7] = [
+        Self::HostKill,
+        Self::HostStop,
+        Self::HostLoss,
+        Self::DeviceKill,
+        Self::DeviceStop,
+        Self::DeviceLoss,
+        Self::DeviceMute,
+    ];
+
+    const fn describe(self) -> &'static str {
+        match self {
+            Self::HostKill => "radio host killed (SIGKILL)",
+            Self::HostStop => "radio host stopped (SIGSTOP)",
+            Self::HostLoss => "link between companion and radio host cut",
+            Self::DeviceKill => "radio device's control dead",
+            Self::DeviceStop => "radio device's control stopped",
+            Self::DeviceLoss => "line between radio host and device cut",
+            Self::DeviceMute => "radio device's answers lost",
+        }
+    }
+
+    /// Whether it can end.
+    #[must_use]
+    pub const fn can_end(self) -> bool {
+        !matches!(self, Self::HostKill | Self::DeviceKill)
+    }
 }
 
 /// Kinds of fault.
@@ -117,10 +174,12 @@ pub enum FaultKind {
     TransmitterRestart,
     /// An operator orders something of the companion.
     Operator(Order),
+    /// Of a radio host or its device.
+    Radio(RadioFault),
 }
 
 impl FaultKind {
-    /// Every kind, in the order in which reports list them.
+    /// Every kind that any flight can come to, in the order in which reports list them.
     pub const ALL: &[Self] = &[
         Self::LinkLoss,
         Self::LinkDegraded,
@@ -202,6 +261,7 @@ impl FaultKind {
             Self::TransmitterIgnoresExpiry => "transmitter ignores expiry",
             Self::TransmitterStuck => "transmitter sticks",
             Self::TransmitterRestart => "transmitter restarts",
+            Self::Radio(fault) => fault.describe(),
             Self::Operator(Order::Start) => "operator orders the start",
             Self::Operator(Order::Pause) => "operator orders a pause",
             Self::Operator(Order::Continue) => "operator orders to go on",
@@ -235,6 +295,9 @@ impl FaultKind {
     /// Whether it can end.
     #[must_use]
     pub const fn can_end(self) -> bool {
+        if let Self::Radio(fault) = self {
+            return fault.can_end();
+        }
         matches!(
             self,
             Self::CompanionRestart

@@ -178,6 +178,36 @@ fn spec_a_refusal_vouches_for_nothing_and_what_was_in_force_goes_on() {
 }
 
 #[test]
+fn spec_what_is_wrong_with_the_radios_device_is_told_until_a_command_is_carried_out_again() {
+    use VeilwingRadioResult as Is;
+    for (result, trouble) in [
+        (Is::VEILWING_RADIO_RESULT_TOO_LOW, Trouble::TooLow),
+        (Is::VEILWING_RADIO_RESULT_DEVICE_LATE, Trouble::DeviceLate),
+        (Is::VEILWING_RADIO_RESULT_DEVICE_ERROR, Trouble::DeviceError),
+        (Is::VEILWING_RADIO_RESULT_OTHER_POWER, Trouble::OtherPower),
+    ] {
+        let mut world = World::settled(2);
+        assert_eq!(world.command(0.1, 1, 500), Ok(()));
+        world.run(ms(20));
+        assert!(world.vouched().is_some() && world.transmitter.trouble().is_none());
+        (world.radio.refuses, world.radio.on) = (Some(result), None);
+        assert_eq!(world.command(0.1, 1, 500), Ok(()));
+        world.run(ms(20));
+        assert_eq!((world.vouched(), world.transmitter.trouble()), (None, Some(trouble)));
+        assert_eq!(world.transmitter.ready(world.now), Err(NotReady::Trouble(trouble)));
+        // What is refused for another reason does not hide it.
+        world.radio.refuses = Some(Is::VEILWING_RADIO_RESULT_DENIED);
+        assert_eq!(world.command(0.1, 1, 500), Ok(()));
+        world.run(ms(20));
+        assert_eq!(world.transmitter.trouble(), Some(trouble));
+        world.radio.refuses = None;
+        world.silence();
+        world.run(ms(20));
+        assert_eq!((world.transmitter.trouble(), world.transmitter.ready(world.now)), (None, Ok(())));
+    }
+}
+
+#[test]
 fn spec_a_power_asked_for_anew_is_vouched_for_when_it_is_answered() {
     let mut world = World::settled(5);
     assert_eq!(world.command(0.1, 1, 500), Ok(()));

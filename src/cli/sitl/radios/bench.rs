@@ -1,0 +1,219 @@
+//! A fake device on its line: what it is told over TCP, when that is done, and what stands between.
+
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use tokio::sync::Notify;
+
+use crate::desk::simulation::{RadioFault, SimulatedDevice};
+use crate::link::Clock;
+use crate::time::Instant;
+
+use super::kind::{Kind, Table};
+
+/// The line between host and device.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Line {
+    Good,
+    Cut,
+    /// Nothing comes back.
+    Mute,
+}
+
+/// The device and its front panel.
+#[derive(Debug)]
+struct State {
+    device: SimulatedDevice,
+    setting: f64,
+    on: bool,
+    line: Line,
+}
+
+/// The device is dead.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Dead;
+
+/// See the module. Times are the flight's.
+#[derive(Debug)]
+pub(super) struct Bench {
+    kind: Kind,
+    table: Table,
+    clock: Clock,
+    state: Mutex<State>,
+    changed: Notify,
+    /// Requests are heard in the order of their arrival, over whichever connection: none overtakes one that the device, stopped,
+    /// has not heard yet.
+    turn: tokio::sync::Mutex<()>,
+}
+
+impl Bench {
+    pub fn new(kind: Kind, table: Table, device: SimulatedDevice, clock: Clock) -> Arc<Self> {
+        let setting = table.grid().least;
+        Arc::new(Self {
+            kind,
+            table,
+            clock,
+            state: Mutex::new(State { device, setting, on: false, line: Line::Good }),
+            changed: Notify::new(),
+            turn: tokio::sync::Mutex::new(()),
+        })
+    }
+
+    pub fn kind(&self) -> Kind {
+        self.kind
+    }
+
+    fn now(&self) -> Duration {
+        self.clock.now().since_start()
+    }
+
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Looks at the device, as of now.
+    pub fn look<T>(&self, look: impl FnOnce(&SimulatedDevice) -> T) -> T {
+        let mut state = self.state();
+        state.device.advance(self.now());
+        look(&state.device)
+    }
+
+    /// Its host has died or stopped, or goes on.
+    pub fn lose_host(&self, lost: bool) {
+        let now = self.now();
+        self.state().device.lose_host(lost, now);
+        self.changed.notify_waiters();
+    }
+
+    /// What befalls the device or its line begins (`on`), or is over.
+    pub fn befall(&self, fault: RadioFault, on: bool) {
+        let now = self.now();
+        let mut state = self.state();
+        state.device.advance(now);
+        match fault {
+            RadioFault::DeviceKill if on => {
+                state.device.fail(true, now);
+                state.device.die(now);
+            }
+            RadioFault::DeviceStop => {
+                state.device.fail(on, now);
+                state.device.stop(on, now);
+            }
+            RadioFault::DeviceLoss | RadioFault::DeviceMute => {
+                let bad = if fault == RadioFault::DeviceLoss { Line::Cut } else { Line::Mute };
+                state.line = if on { bad } else { Line::Good };
+                state.device.fail(on, now);
+            }
+            RadioFault::DeviceKill | RadioFault::HostKill | RadioFault::HostStop | RadioFault::HostLoss => {}
+        }
+        drop(state);
+        self.changed.notify_waiters();
+    }
+
+    /// Everything in order again, for the end of a flight; a dead control stays dead.
+    pub fn mend(&self) {
+        self.lose_host(false);
+        self.befall(RadioFault::DeviceStop, false);
+        self.befall(RadioFault::DeviceLoss, false);
+    }
+
+    /// Until its control dies.
+    pub async fn died(&self) {
+        let _: Result<(), Dead> = self.until(|_| false).await;
+    }
+
+    /// Waits until the state is so.
+    async fn until(&self, ready: impl Fn(&State) -> bool) -> Result<(), Dead> {
+        loop {
+            // Before the look: what changes in between is not missed.
+            let changed = self.changed.notified();
+            let next = {
+                let mut state = self.state();
+                state.device.advance(self.now());
+                if state.device.is_dead() {
+                    return Err(Dead);
+                }
+                if ready(&state) {
+                    return Ok(());
+                }
+                state.device.next()
+            };
+            match next {
+                Some(at) => tokio::select! {
+                    () = changed => {}
+                    () = self.clock.sleep_until(Instant::from_start(at)) => {}
+                },
+                None => changed.await,
+            }
+        }
+    }
+
+    /// Hears a request and carries it out; its answer, once that is done and can be heard.
+    pub async fn answer(&self, asked: &str) -> Result<String, Dead> {
+        let answer = {
+            let _turn = self.turn.lock().await;
+            self.until(|state| state.device.runs() && state.line != Line::Cut).await?;
+            let mut state = self.state();
+            match super::protocol::request(self.kind, asked) {
+                Ok(request) => {
+                    let answer = self.carry_out(request, &mut state);
+                    let dbm = state.on.then(|| self.table.dbm(state.setting)).flatten();
+                    state.device.tell(dbm, self.now());
+                    answer
+                }
+                Err(refusal) => refusal,
+            }
+        };
+        self.until(|state| state.device.runs() && state.device.is_done() && state.line == Line::Good).await?;
+        Ok(answer.text(self.kind, &self.state()))
+    }
+
+    fn carry_out(&self, request: Request, state: &mut State) -> Answer {
+        match request {
+            Request::Set(setting) if self.table.dbm(setting).is_some() => {
+                state.setting = setting;
+                // An attenuator has nothing else to turn it on.
+                state.on |= self.kind == Kind::Attenuator;
+                Answer::Done
+            }
+            Request::Set(_) => Answer::Refused,
+            Request::Turn(on) => {
+                state.on = on;
+                Answer::Done
+            }
+            Request::Setting => Answer::Setting,
+            Request::State => Answer::State,
+            Request::Say(text) => Answer::Text(text),
+        }
+    }
+}
+
+/// What a device can be asked for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Request {
+    Set(f64),
+    Turn(bool),
+    /// The setting in force.
+    Setting,
+    /// Whether it is on.
+    State,
+    /// What it is.
+    Say(&'static str),
+}
+
+/// What it answers, once it has done what it was told.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Answer {
+    Done,
+    Refused,
+    Setting,
+    State,
+    Text(&'static str),
+}
+
+impl Answer {
+    fn text(self, kind: Kind, state: &State) -> String {
+        let on = state.device.power_dbm().is_some();
+        super::protocol::answer(kind, self, state.setting, on)
+    }
+}
