@@ -121,6 +121,7 @@ const ELSEWHERE: &[(&str, &[&str], &str)] = &[
         &["NotAnswered", "NotHeard", "NotTaken", "Unsupported"],
         "the preflight waits for them; src/transmitter/numbered/tests",
     ),
+    ("notice", &["MayLean"], "of conventional vehicles; src/mission/lean.rs"),
     ("notice", &["Troubled"], "of radio hosts; tests/flight/hosts.rs"),
     ("radio-not-ready", &["Trouble"], "of radio hosts; tests/flight/hosts.rs"),
     (

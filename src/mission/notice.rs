@@ -9,7 +9,7 @@ use crate::pair::orders::START_EXPIRES;
 use crate::pair::wire::{VeilwingAnswer, VeilwingSilence};
 use crate::role::Role;
 use crate::schedule::transit::TransitError;
-use crate::service::{GiveUp, Silence};
+use crate::service::{GiveUp, Jamming, Silence};
 use crate::transmitter::{NotReady, Trouble};
 use crate::units::Watts;
 
@@ -190,14 +190,14 @@ pub enum Notice {
         trouble: Trouble,
     },
     /// Jamming protects nobody: the slot is ended.
-    #[error(
-        "slot {slot} ended early: vehicle {peer} hardly radiates in it, so jamming protects nobody; see vehicle {peer}'s log for the reason, and the delay of the pair link"
-    )]
+    #[error("slot {slot} ended early: {}", words::in_vain(*peer, *jamming))]
     JammedInVain {
         /// The peer.
         peer: Role,
         /// The slot's number over superframes.
         slot: u16,
+        /// What our radio has confirmed.
+        jamming: Jamming,
     },
     /// The peer fell silent out of turn.
     #[error("vehicle {peer} fell silent: {}", words::reason(*reason))]

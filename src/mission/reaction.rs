@@ -99,7 +99,9 @@ impl Executive {
             ServiceEvent::On(permit) => self.notice(Notice::On(permit.slot, Watts(permit.power_w))),
             ServiceEvent::Off(Silence::NoSlot) => {}
             ServiceEvent::Off(silence) => self.notice(Notice::Silent(silence)),
-            ServiceEvent::JammedInVain(slot) => self.notice(Notice::JammedInVain { peer, slot }),
+            ServiceEvent::JammedInVain(slot, jamming) => {
+                self.notice(Notice::JammedInVain { peer, slot, jamming })
+            }
             ServiceEvent::Over(slot, served) => self.slot_over(slot, served),
             ServiceEvent::AllOver => self.finish(now),
             ServiceEvent::GiveUp(why) => self.lose_peer(why, now),

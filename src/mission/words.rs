@@ -2,7 +2,8 @@
 
 use crate::pair::wire::{VeilwingAnswer, VeilwingSilence};
 use crate::role::Role;
-use crate::service::{GiveUp, Silence};
+use crate::service::{GiveUp, Jamming, Silence};
+use crate::units::Watts;
 
 /// Why the service cannot go on, `peer` being the other vehicle.
 pub(super) fn give_up(peer: &Role, why: &GiveUp) -> String {
@@ -25,6 +26,24 @@ pub(super) fn give_up(peer: &Role, why: &GiveUp) -> String {
 /// What is added to "not served".
 pub(super) fn because(silence: &Option<Silence>) -> String {
     silence.map_or(String::new(), |silence| format!(": {silence}"))
+}
+
+/// Why J's jamming protected nobody.
+pub(super) fn in_vain(peer: Role, jamming: Jamming) -> String {
+    match jamming {
+        Jamming::Unconfirmed => {
+            "our radio has not confirmed its power, so nothing could be promised; it may refuse that power"
+                .into()
+        }
+        Jamming::Short { given_w, planned_w } => format!(
+            "our radio gives {} of the plan's {}, so nothing could be promised: give it finer steps",
+            Watts(given_w),
+            Watts(planned_w)
+        ),
+        Jamming::Full => format!(
+            "vehicle {peer} hardly radiates in it, so jamming protects nobody; see vehicle {peer}'s log for the reason, and the delay of the pair link"
+        ),
+    }
 }
 
 /// Why the peer fell silent.
@@ -50,5 +69,18 @@ pub(super) fn answer(answer: VeilwingAnswer) -> &'static str {
         VeilwingAnswer::VEILWING_ANSWER_TOO_LATE => "it cannot be on station in time",
         VeilwingAnswer::VEILWING_ANSWER_CLOCK => "the two clocks differ too much, or are not compared yet",
         VeilwingAnswer::VEILWING_ANSWER_LIMITS => "a pose or power is beyond its limits",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn spec_jamming_in_vain_names_whose_fault_it_is() {
+        let short = in_vain(Role::I, Jamming::Short { given_w: 3.77e-6, planned_w: 3.82e-6 });
+        assert!(short.starts_with("our radio gives 3.770 uW of the plan's 3.820 uW"), "{short}");
+        assert!(in_vain(Role::I, Jamming::Unconfirmed).starts_with("our radio has not confirmed"));
+        assert!(in_vain(Role::I, Jamming::Full).starts_with("vehicle I hardly radiates in it"));
     }
 }

@@ -12,6 +12,22 @@ const MOST_IN_VAIN: Duration = Duration::from_millis(1500);
 /// ... with every moment on making up for so many off.
 const MAKES_UP_FOR: u32 = 2;
 
+/// What J's own radio has confirmed of a slot's power: without all of it J vouches for nothing, and I has to stay off.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Jamming {
+    /// Nothing.
+    Unconfirmed,
+    /// So many watts, less than the plan's: most radios have steps.
+    Short {
+        /// Confirmed.
+        given_w: f64,
+        /// The plan's.
+        planned_w: f64,
+    },
+    /// The plan's.
+    Full,
+}
+
 /// Weighs the time in which I is on against the time in which it is off.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Protection {

@@ -7,7 +7,7 @@ use crate::transmitter::{NotReady, Trouble};
 
 use super::interlock::{Silence, Window};
 use super::pose_monitor::{PoseMonitor, Tolerance};
-use super::protection::Protection;
+use super::protection::{Jamming, Protection};
 
 /// See the module.
 #[derive(Debug, Clone)]
@@ -26,6 +26,7 @@ pub struct Slot {
     pub(super) closing: bool,
     pub(super) monitor: PoseMonitor,
     pub(super) protection: Protection,
+    pub(super) jamming: Jamming,
     pub(super) served: Served,
     /// Its radio was at the slot's power, as it answered.
     pub(super) achieved: bool,
@@ -55,6 +56,7 @@ impl Slot {
             closing: false,
             monitor: PoseMonitor::new(vehicle.pose, tolerance.leaning(terms.lean_rad[role])),
             protection: Protection::default(),
+            jamming: Jamming::Unconfirmed,
             served: Served::No(None),
             achieved: false,
             trouble: None,

@@ -18,6 +18,7 @@ use super::agreement_time::AgreementTime;
 use super::evidence::Vehicle;
 use super::interlock::{Facts, Interlock, Permit, Silence};
 use super::pose_monitor::Tolerance;
+use super::protection::Jamming;
 use super::refusals::{Refusal, Refusals};
 use super::slot::{Served, Slot};
 use super::staleness::Staleness;
@@ -429,14 +430,14 @@ impl SlotService {
         slot.protection.feed((jams && airtime).then_some(i_on), now);
         if slot.protection.is_in_vain() {
             slot.closing = true;
-            self.events.push_back(Event::JammedInVain(slot.commitment.slot));
+            self.events.push_back(Event::JammedInVain(slot.commitment.slot, slot.jamming));
         }
     }
 
     /// I: asks for leases while it could use one. J: vouches while its transmitter certainly is on and its own interlock
     /// agrees.
     fn ask_or_vouch(&mut self, facts: &Facts, now: Instant) {
-        let Stage::Committed(slot) = &self.stage else {
+        let Stage::Committed(slot) = &mut self.stage else {
             self.pair.want_lease(false, now);
             self.pair.set_vouch(None);
             return;
@@ -450,9 +451,17 @@ impl SlotService {
             }
             Role::J => {
                 let on = self.interlock.is_on() && now < slot.radiate_until && !slot.closing;
-                let radiates = self.interlock.transmitter().on_until_at_least(now).filter(|vouched| {
-                    on && vouched.slot == slot.commitment.slot && vouched.power_w >= FULL_POWER * slot.power_w
-                });
+                let confirmed = self.interlock.transmitter().on_until_at_least(now);
+                let confirmed = confirmed.filter(|vouched| on && vouched.slot == slot.commitment.slot);
+                let radiates = confirmed.filter(|vouched| vouched.power_w >= FULL_POWER * slot.power_w);
+                if let Some(vouched) = confirmed {
+                    let (given_w, planned_w) = (vouched.power_w, slot.power_w);
+                    slot.jamming = if radiates.is_some() {
+                        Jamming::Full
+                    } else {
+                        Jamming::Short { given_w, planned_w }
+                    };
+                }
                 self.pair.set_vouch(
                     radiates.map(|vouched| Vouch { until: vouched.until, closes_at: slot.closes_at }),
                 );

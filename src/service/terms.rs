@@ -10,6 +10,7 @@ use crate::pair::{self, Commitment};
 use crate::transmitter::{NotReady, Trouble};
 
 use super::interlock::{Ceilings, Permit, Silence};
+use super::protection::Jamming;
 use super::slot::Served;
 use super::staleness::Freshness;
 
@@ -104,7 +105,7 @@ pub enum Event {
     /// The transmitter may radiate in this slot, and its device does not do it: it is off, or told to be.
     Troubled(u16, Trouble),
     /// J ends this slot: I is off for most of it.
-    JammedInVain(u16),
+    JammedInVain(u16, Jamming),
     /// A slot's time is over, or it was ended early and all is quiet.
     Over(u16, Served),
     /// Every slot is over.
