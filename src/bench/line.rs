@@ -196,7 +196,7 @@ pub fn drift(drift: &Drift) -> Line {
     };
     let verdict = if ppm.abs() - within > 200.0 {
         Verdict::Fail
-    } else if within > 200.0 || ppm.abs() > 200.0 {
+    } else if ppm.abs() > 200.0 {
         Verdict::Warn
     } else {
         Verdict::Pass
