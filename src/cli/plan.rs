@@ -174,13 +174,13 @@ fn write_slot(text: &mut String, mission: &Mission, slot: &SlotDocument) -> std:
     for eavesdropper in &slot.sinr.eavesdroppers {
         write!(text, ", {} {:.1} dB", eavesdropper.name, db(eavesdropper.sinr))?;
     }
-    writeln!(text, "\n  vehicle  east_m  north_m  up_m  roll_deg  pitch_deg  yaw_deg  may_be_off  power")?;
+    writeln!(text, "\n     east_m  north_m   up_m  roll_deg  pitch_deg  yaw_deg  off_deg  power")?;
     for role in Role::BOTH {
         let v = &slot.vehicles[role];
         let [e, n, u] = v.position_enu_m;
         writeln!(
             text,
-            "  {role:>7} {e:>7.1} {n:>8.1} {u:>5.1} {:>9.2} {:>10.2} {:>8.2} {:>7.1} deg  {}",
+            "  {role} {e:>7.1} {n:>8.1} {u:>6.1} {:>9.2} {:>10.2} {:>8.2} {:>8.1}  {}",
             v.roll_rad.to_degrees(),
             v.pitch_rad.to_degrees(),
             v.yaw_rad.to_degrees(),
