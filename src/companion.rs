@@ -143,7 +143,7 @@ impl Companion {
                     executive.handle_timeout(clock.now());
                 }
                 frame = autopilot.recv() => hear(&mut executive, &frame, &clock),
-                frame = heard(&mut radio) => hear_radio(&mut executive, &frame, &clock),
+                frame = Link::recv_of(&mut radio) => hear_radio(&mut executive, &frame, &clock),
                 frame = pair.recv() => executive.handle_pair(&frame.message, clock.now()),
                 look = health::next(&mut health) => {
                     let status = health::message(&look, clock.utc());
@@ -202,14 +202,6 @@ fn hear_radio(executive: &mut Executive, frame: &Frame<Aboard>, clock: &Clock) {
     }
 }
 
-/// The next frame of a link; never completes where there is none.
-async fn heard(link: &mut Option<Link<Aboard>>) -> Frame<Aboard> {
-    match link {
-        Some(link) => link.recv().await,
-        None => std::future::pending().await,
-    }
-}
-
 /// Takes what has arrived meanwhile. A process that slept too long must not call state lost that waits at its door; a
 /// bounded number, so that a flood cannot hold up a setpoint here either.
 async fn take_waiting(
@@ -221,7 +213,7 @@ async fn take_waiting(
         tokio::select! {
             biased;
             frame = autopilot.recv() => hear(executive, &frame, clock),
-            frame = heard(radio) => hear_radio(executive, &frame, clock),
+            frame = Link::recv_of(radio) => hear_radio(executive, &frame, clock),
             frame = pair.recv() => executive.handle_pair(&frame.message, clock.now()),
             () = std::future::ready(()) => break,
         }

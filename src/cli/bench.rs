@@ -13,7 +13,7 @@ use crate::autopilot::FenceDuty;
 use crate::bench::figures::Samples;
 use crate::bench::line::{self, Line};
 use crate::bench::{Bench, SETTLE, Settings};
-use crate::companion::settings::{pair_form, settings, transmitter_settings};
+use crate::companion::settings::{settings, transmitter_settings};
 use crate::computer::Reading;
 use crate::config::{Mission, Vehicle};
 use crate::link::{Aboard, Clock, Link, PairLink};
@@ -22,9 +22,9 @@ use crate::preflight::Verdict;
 use crate::schedule::trajectory::Limits;
 use crate::time::Instant;
 
-use super::fly::{AUTOPILOT, PAIR, RADIO, boot_id, link, runtime};
+use super::fly::{Links, boot_id, links, runtime};
 use super::recording::Recording;
-use super::{Exit, interrupt, load_mission, print_json, print_text};
+use super::{Exit, interrupt, load_mission, load_vehicle, print_json, print_text};
 
 /// What is appended and synced at a time, as a busy link's log is.
 const DISK_BYTES: usize = 16 * 1024;
@@ -77,14 +77,10 @@ pub(super) fn run(args: &Args) -> Exit {
         Ok(mission) => mission,
         Err(exit) => return exit,
     };
-    let vehicle = match Vehicle::load(&args.vehicle) {
+    let vehicle = match load_vehicle(&args.vehicle) {
         Ok(vehicle) => vehicle,
-        Err(errors) => {
-            eprint!("{errors}");
-            return Exit::Unusable;
-        }
+        Err(exit) => return exit,
     };
-    eprint!("{}", vehicle.warnings);
     measure(args, mission.as_ref(), &vehicle).unwrap_or_else(|message| {
         eprintln!("error: {message}");
         Exit::Unusable
@@ -176,28 +172,21 @@ impl Stand<'_> {
             own: of_flight.own,
             autopilot,
             transmitter: transmitter_settings(vehicle, boot),
-            radio_apart: radio_apart(vehicle),
+            radio_apart: of_flight.radio_apart,
         })
     }
 
     async fn measure(&self) -> Result<Measured, String> {
         let Self { vehicle, clock, recording, .. } = *self;
-        let (autopilot, radio) = (&vehicle.autopilot, &vehicle.transmitter);
-        let config = link(recording, vehicle, AUTOPILOT, autopilot.system_id, autopilot.key_file.as_deref())?;
         let words = |error: crate::link::LinkError| error.to_string();
+        let Links { autopilot, radio, pair } = links(recording, vehicle)?;
         let mut autopilot_link: Link<Aboard> =
-            Link::open(autopilot.link.clone(), config, clock.clone()).await.map_err(words)?;
-        let mut radio_link: Option<Link<Aboard>> = None;
-        if let Some(address) = &radio.link {
-            let system = radio.system_id.or(autopilot.system_id);
-            let config = link(recording, vehicle, RADIO, system, radio.key_file.as_deref())?;
-            radio_link = Some(Link::open(address.clone(), config, clock.clone()).await.map_err(words)?);
-        }
-        let config = link(recording, vehicle, PAIR, vehicle.pair_peer_system, vehicle.key_file.as_deref())?;
-        let mut pair_link =
-            PairLink::open(vehicle.pair_link.clone(), config, pair_form(vehicle), clock.clone())
-                .await
-                .map_err(words)?;
+            Link::open(autopilot.0, autopilot.1, clock.clone()).await.map_err(words)?;
+        let mut radio_link: Option<Link<Aboard>> = match radio {
+            Some((address, config)) => Some(Link::open(address, config, clock.clone()).await.map_err(words)?),
+            None => None,
+        };
+        let mut pair_link = PairLink::open(pair.0, pair.1, pair.2, clock.clone()).await.map_err(words)?;
         let mut bench = Bench::new(self.settings()?, clock.now());
         let begun = clock.now();
         let end = begun + SETTLE + Duration::from_secs(self.seconds);
@@ -241,12 +230,12 @@ impl Stand<'_> {
                     Aboard::Common(message) => {
                         bench.handle_autopilot(frame.header, message, clock.now(), clock.utc());
                     }
-                    Aboard::Radio(message) if !radio_apart(vehicle) => {
+                    Aboard::Radio(message) if radio_link.is_none() => {
                         bench.handle_report(frame.header, message.message(), clock.now());
                     }
                     Aboard::Radio(_) => {}
                 },
-                frame = heard(&mut radio_link) => match &frame.message {
+                frame = Link::recv_of(&mut radio_link) => match &frame.message {
                     Aboard::Common(message) => bench.handle_radio_link(frame.header, message, clock.now()),
                     Aboard::Radio(message) => bench.handle_report(frame.header, message.message(), clock.now()),
                 },
@@ -262,18 +251,6 @@ impl Stand<'_> {
             lines.extend(line::computer(&before, &after_rest, &after_load));
         }
         Ok(Measured::Lines { lines, held_back: bench.held_back().clone() })
-    }
-}
-
-fn radio_apart(vehicle: &Vehicle) -> bool {
-    vehicle.transmitter.link.is_some()
-}
-
-/// The next frame of a link; never completes where there is none.
-async fn heard(link: &mut Option<Link<Aboard>>) -> crate::link::Frame<Aboard> {
-    match link {
-        Some(link) => link.recv().await,
-        None => std::future::pending().await,
     }
 }
 

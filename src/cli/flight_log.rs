@@ -12,7 +12,7 @@ use tracing_subscriber::fmt::MakeWriter;
 use tracing_subscriber::registry::LookupSpan;
 
 use crate::durable::append::{Appender, Keeping};
-use crate::mission::Notice;
+use crate::link::tlog;
 
 /// The file, once there is one.
 static FILE: Mutex<Option<Arc<Appender<Vec<u8>>>>> = Mutex::new(None);
@@ -26,7 +26,7 @@ pub(super) fn layer<S: Subscriber + for<'a> LookupSpan<'a>>() -> impl Layer<S> {
 
 /// From now on into this file.
 pub(super) fn begin(path: &Path, keeping: Keeping) -> Result<(), String> {
-    let file = Appender::start(path, keeping, told)
+    let file = Appender::start(path, keeping, tlog::told)
         .map_err(|error| crate::config::file::unwritable(path, &error))?;
     *FILE.lock().unwrap_or_else(PoisonError::into_inner) = Some(Arc::new(file));
     Ok(())
@@ -37,14 +37,6 @@ pub(super) fn end() {
     // Dropped without the lock: its thread may have something to log.
     let file = FILE.lock().unwrap_or_else(PoisonError::into_inner).take();
     drop(file);
-}
-
-fn told(path: &Path, error: Option<&io::Error>) {
-    let path = path.display();
-    match error {
-        Some(error) => tracing::warn!(%path, %error, "{}", Notice::LosingLog),
-        None => tracing::info!(%path, "{}", Notice::LogTakenAgain),
-    }
 }
 
 /// Takes lines for the file, or for nobody.

@@ -17,7 +17,7 @@ use crate::config::file::usable_directory;
 use crate::config::{Mission, Vehicle};
 use crate::link::clock::Clock;
 use crate::link::signing::RADIO_STATUS_ID;
-use crate::link::{Key, LinkConfig, SigningConfig};
+use crate::link::{Form, Key, LinkAddress, LinkConfig, SigningConfig};
 use crate::mission::Outcome;
 use crate::planner::slots::Plan;
 use crate::planning;
@@ -25,12 +25,12 @@ use crate::systemd::Manager;
 use crate::transmitter::Transmitter;
 
 use super::recording::Recording;
-use super::{Exit, interrupt, load_mission};
+use super::{Exit, interrupt, load_mission, load_vehicle};
 
 /// Names of the links, in logs and file names.
-pub(super) const AUTOPILOT: &str = "autopilot";
-pub(super) const RADIO: &str = "transmitter";
-pub(super) const PAIR: &str = "pair";
+const AUTOPILOT: &str = "autopilot";
+const RADIO: &str = "transmitter";
+const PAIR: &str = "pair";
 
 /// Run the companion of one vehicle, beside its autopilot.
 #[derive(Debug, clap::Args)]
@@ -65,15 +65,12 @@ pub(super) fn run(args: &Args) -> Exit {
         Ok(mission) => mission,
         Err(exit) => return exit,
     };
-    let vehicle = match Vehicle::load(&args.vehicle) {
+    let vehicle = match load_vehicle(&args.vehicle) {
         Ok(vehicle) => vehicle,
-        Err(errors) => {
-            eprint!("{errors}");
-            return Exit::Unusable;
-        }
+        Err(exit) => return exit,
     };
     let findings = vehicle.check_against(&mission);
-    eprint!("{}{findings}", vehicle.warnings);
+    eprint!("{findings}");
     if findings.has_errors() {
         return Exit::Unusable;
     }
@@ -154,25 +151,11 @@ fn companion(
         OrdersFile::open(orders_file::path(&vehicle.log_dir, role)).map_err(|error| error.to_string())?;
     settings.pair.orders = kept;
     allow_for_clock_rate(&mut settings, args.clock_rate);
-    let (autopilot, radio) = (&vehicle.autopilot, &vehicle.transmitter);
-    let radio_system = radio.system_id.or(autopilot.system_id);
-    let radio_link = match &radio.link {
-        Some(address) => {
-            Some((address.clone(), link(recording, vehicle, RADIO, radio_system, radio.key_file.as_deref())?))
-        }
-        None => None,
-    };
+    let Links { autopilot, radio, pair } = links(recording, vehicle)?;
     Ok(Companion {
-        autopilot: (
-            autopilot.link.clone(),
-            link(recording, vehicle, AUTOPILOT, autopilot.system_id, autopilot.key_file.as_deref())?,
-        ),
-        radio: radio_link,
-        pair: (
-            vehicle.pair_link.clone(),
-            link(recording, vehicle, PAIR, vehicle.pair_peer_system, vehicle.key_file.as_deref())?,
-            pair_form(vehicle),
-        ),
+        autopilot,
+        radio,
+        pair,
         transmitter: Transmitter::new(transmitter_settings(vehicle, boot_id), clock.now()),
         orders: Some(orders),
         computer: has_own_time(args).then(|| vehicle.log_dir.clone()),
@@ -185,13 +168,11 @@ fn companion(
 /// By this machine's clock, and not by one that a simulation gives out: there nothing may depend on how the machine fares.
 fn has_own_time(args: &Args) -> bool {
     #[cfg(feature = "desk")]
-    let given = args.clock_from_stdin;
-    #[cfg(not(feature = "desk"))]
-    let given = {
-        let _ = args;
-        false
-    };
-    !given
+    if args.clock_from_stdin {
+        return false;
+    }
+    let _ = args;
+    true
 }
 
 /// Makes the plan, and has it kept with the flight's logs.
@@ -210,19 +191,36 @@ fn planner(
     })
 }
 
-/// What the link called `to` is told.
-pub(super) fn link(
-    recording: &Recording,
-    vehicle: &Vehicle,
-    to: &str,
-    peer_system: Option<u8>,
-    key_file: Option<&Path>,
-) -> Result<LinkConfig, String> {
-    let signing = key_file.map(|path| signing(path, to, vehicle)).transpose()?;
-    let tlog = recording.tlog(&format!("{}-{to}.tlog", vehicle.role.key()))?;
-    // Ground stations speak through the autopilot; nobody speaks through the peer.
-    let accept_foreign = to == AUTOPILOT;
-    Ok(LinkConfig { name: to.into(), peer_system, accept_foreign, signing, tlog: Some(tlog) })
+/// A vehicle's links, to be opened.
+pub(super) struct Links {
+    pub autopilot: (LinkAddress, LinkConfig),
+    /// To a radio that is not reached through the autopilot.
+    pub radio: Option<(LinkAddress, LinkConfig)>,
+    pub pair: (LinkAddress, LinkConfig, Form),
+}
+
+/// The links that the vehicle file names, with their keys and logs.
+pub(super) fn links(recording: &Recording, vehicle: &Vehicle) -> Result<Links, String> {
+    let link = |to: &str, peer_system, key_file: Option<&Path>| -> Result<LinkConfig, String> {
+        let signing = key_file.map(|path| signing(path, to, vehicle)).transpose()?;
+        let tlog = recording.tlog(&format!("{}-{to}.tlog", vehicle.role.key()))?;
+        // Ground stations speak through the autopilot; nobody speaks through the peer.
+        let accept_foreign = to == AUTOPILOT;
+        Ok(LinkConfig { name: to.into(), peer_system, accept_foreign, signing, tlog: Some(tlog) })
+    };
+    let (autopilot, radio) = (&vehicle.autopilot, &vehicle.transmitter);
+    let radio_system = radio.system_id.or(autopilot.system_id);
+    let radio = match &radio.link {
+        Some(address) => Some((address.clone(), link(RADIO, radio_system, radio.key_file.as_deref())?)),
+        None => None,
+    };
+    let autopilot_config = link(AUTOPILOT, autopilot.system_id, autopilot.key_file.as_deref())?;
+    let pair_config = link(PAIR, vehicle.pair_peer_system, vehicle.key_file.as_deref())?;
+    Ok(Links {
+        autopilot: (autopilot.link.clone(), autopilot_config),
+        radio,
+        pair: (vehicle.pair_link.clone(), pair_config, pair_form(vehicle)),
+    })
 }
 
 /// The service manager, where time is its own: nobody else's seconds feed a watchdog.

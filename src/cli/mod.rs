@@ -242,6 +242,20 @@ fn folded(text: &str, width: usize) -> Vec<String> {
     lines
 }
 
+/// Loads a vehicle file; warnings and errors go to stderr as those of a mission.
+fn load_vehicle(path: &std::path::Path) -> Result<crate::config::Vehicle, Exit> {
+    match crate::config::Vehicle::load(path) {
+        Ok(vehicle) => {
+            eprint!("{}", vehicle.warnings);
+            Ok(vehicle)
+        }
+        Err(errors) => {
+            eprint!("{errors}");
+            Err(Exit::Unusable)
+        }
+    }
+}
+
 /// Loads a mission; warnings and errors go to stderr as `file:line:column: message`.
 fn load_mission(path: &std::path::Path) -> Result<crate::config::Mission, Exit> {
     match crate::config::Mission::load(path) {

@@ -7,7 +7,7 @@ use crate::config::file::usable_directory;
 use crate::config::{Mission, RadioFile, Vehicle};
 use crate::durable::append::Keeping;
 use crate::link::{Clock, TlogWriter};
-use crate::logbook::{Ended, Running, Start, Writer};
+use crate::logbook::{Ended, Limits, Running, Start, Writer};
 use crate::mission::Outcome;
 use crate::planner::Options;
 use crate::planning::Timed;
@@ -39,8 +39,8 @@ impl Recording {
             mission_digest: Some(mission.digest_hex()),
             utc: clock.utc(),
         };
-        let begun = Running::begin(&vehicle.log_dir, vehicle.log_limits.in_bytes(), &start);
-        let recording = Self::of(begun, &vehicle.log_dir, &format!("companion-{name}.log"))?;
+        let log = format!("companion-{name}.log");
+        let recording = Self::start(&vehicle.log_dir, vehicle.log_limits.in_bytes(), &start, &log)?;
         recording.keep("mission.toml", &mission.to_file())?;
         recording.keep(&format!("vehicle-{name}.toml"), &vehicle.to_file())?;
         Ok(recording)
@@ -50,8 +50,7 @@ impl Recording {
     pub fn begin_radio(radio: &RadioFile, clock: &Clock) -> Result<Self, String> {
         let number = format!("{}-{}", radio.system_id, radio.component_id);
         let start = Start { writer: Writer::Radio, mission: &number, mission_digest: None, utc: clock.utc() };
-        let begun = Running::begin(&radio.log_dir, radio.log_limits.in_bytes(), &start);
-        Self::of(begun, &radio.log_dir, "radio.log")
+        Self::start(&radio.log_dir, radio.log_limits.in_bytes(), &start, "radio.log")
     }
 
     /// A bench's, with a copy of the vehicle file.
@@ -59,8 +58,8 @@ impl Recording {
         let name = vehicle.role.key();
         let writer = Writer::Companion(vehicle.role);
         let start = Start { writer, mission: "bench", mission_digest: None, utc: clock.utc() };
-        let begun = Running::begin(&vehicle.log_dir, vehicle.log_limits.in_bytes(), &start);
-        let recording = Self::of(begun, &vehicle.log_dir, &format!("bench-{name}.log"))?;
+        let log = format!("bench-{name}.log");
+        let recording = Self::start(&vehicle.log_dir, vehicle.log_limits.in_bytes(), &start, &log)?;
         recording.keep(&format!("vehicle-{name}.toml"), &vehicle.to_file())?;
         Ok(recording)
     }
@@ -85,14 +84,10 @@ impl Recording {
         &self.directory
     }
 
-    fn of(
-        begun: Result<Running, crate::logbook::LogbookError>,
-        root: &Path,
-        log: &str,
-    ) -> Result<Self, String> {
+    fn start(root: &Path, limits: Limits, start: &Start<'_>, log: &str) -> Result<Self, String> {
         // Where files cannot be made at all, that is what there is to say.
-        let running =
-            begun.map_err(|error| usable_directory(root).err().unwrap_or_else(|| error.to_string()))?;
+        let running = Running::begin(root, limits, start)
+            .map_err(|error| usable_directory(root).err().unwrap_or_else(|| error.to_string()))?;
         usable_directory(root)?;
         flight_log::begin(&running.path().join(log), running.keeping())?;
         tracing::info!(flight = %running.path().display(), "recorded");

@@ -142,6 +142,14 @@ impl<M: Dialogue> Link<M> {
         std::future::poll_fn(|cx| self.poll_recv(cx)).await
     }
 
+    /// [`Self::recv`] of a link that there may be; of none it never ends.
+    pub async fn recv_of(link: &mut Option<Self>) -> Frame<M> {
+        match link {
+            Some(link) => link.recv().await,
+            None => std::future::pending().await,
+        }
+    }
+
     /// Sends `message` from `(system, component)`. Never waits: without a peer the message is dropped, on a
     /// congested way the oldest one that waits, and either is counted.
     pub fn send(&mut self, from: (u8, u8), message: &M) {

@@ -87,8 +87,8 @@ impl TlogWriter {
     }
 }
 
-/// Says that the disk takes nothing, and that it takes records again.
-fn told(path: &Path, error: Option<&io::Error>) {
+/// Says in the log that a file's disk takes nothing, and that it takes records again.
+pub fn told(path: &Path, error: Option<&io::Error>) {
     let path = path.display();
     match error {
         Some(error) => tracing::warn!(%path, %error, "{}", Notice::LosingLog),

@@ -23,7 +23,7 @@ use nalgebra::Vector3;
 
 use super::draws::{Combination, QUANTILE};
 use super::expectation::kernel::Raw;
-use super::expectation::samples::{Draw, LANES, Samples};
+use super::expectation::samples::{Draw, Samples};
 use super::expectation::sobol;
 use super::model::{Local, Memory, Solver, Target};
 use super::problem::{Eavesdropper, Objective, Problem, Uncertainty};
@@ -45,8 +45,6 @@ pub enum Resolution {
 }
 /// Of the ranks that a quantile weighs, so many times as many draws are the lowest that it is searched over.
 const LOWEST_TIMES: f64 = 2.0;
-/// Where nothing changes within a slot a draw takes the place of a block of so many samples at most.
-const MOST_ALIKE: usize = 64;
 /// A gain of the quantile, in nats, that is worth another round.
 const WORTH: f64 = 1e-4;
 /// Sharpness of the soft minimum, per nat.
@@ -108,13 +106,14 @@ pub struct Quantile {
 
 impl OverDraws for Quantile {
     fn new(setup: &Setup, seed: u64, resolution: Resolution) -> Self {
-        let (draws, count, rounds, width) = match resolution {
-            Resolution::Coarse => (256, 32, 1, QUANTILE),
-            Resolution::Medium => (512, 32, 2, QUANTILE),
+        // Draws where something changes within a slot, and where nothing does.
+        let ([varying, steady], count, rounds, width) = match resolution {
+            Resolution::Coarse => ([256, 1024], 32, 1, QUANTILE),
+            Resolution::Medium => ([512, 2048], 32, 2, QUANTILE),
             // Of 64 attitudes a dozen variables fit some: up to 0.16 bit/s/Hz over fresh ones.
-            Resolution::Fine => (2048, 256, 4, 0.4 * QUANTILE),
+            Resolution::Fine => ([2048, 16_384], 256, 4, 0.4 * QUANTILE),
         };
-        let of = if setup.varies() { draws } else { draws * count.min(MOST_ALIKE) / LANES };
+        let of = if setup.varies() { varying } else { steady };
         let draws = Samples::draws_of(setup.problem, of, sobol::mix(seed, 2));
         Self {
             seed,

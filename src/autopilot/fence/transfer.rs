@@ -116,23 +116,23 @@ pub(super) struct Transfer {
 
 impl Transfer {
     /// Asks for the list `kind`. Where it has another length than `items`, it is not read any further.
-    pub fn read(
-        kind: MavMissionType,
-        items: Vec<Item>,
-        (own, target): (Address, Address),
-        now: Instant,
-    ) -> Self {
-        Self { kind, own, target, items, stage: Stage::Counting, sent: 0, waits_until: now }
+    pub fn read(kind: MavMissionType, items: Vec<Item>, between: (Address, Address), now: Instant) -> Self {
+        Self::begin(Stage::Counting, kind, items, between, now)
     }
 
     /// Gives `items` as the list `kind`, in place of what there is.
-    pub fn write(
+    pub fn write(kind: MavMissionType, items: Vec<Item>, between: (Address, Address), now: Instant) -> Self {
+        Self::begin(Stage::Offering, kind, items, between, now)
+    }
+
+    fn begin(
+        stage: Stage,
         kind: MavMissionType,
         items: Vec<Item>,
         (own, target): (Address, Address),
         now: Instant,
     ) -> Self {
-        Self { kind, own, target, items, stage: Stage::Offering, sent: 0, waits_until: now }
+        Self { kind, own, target, items, stage, sent: 0, waits_until: now }
     }
 
     pub fn timeout(&self) -> Instant {

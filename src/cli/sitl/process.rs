@@ -137,36 +137,50 @@ pub(super) fn spawn_companion(
         Some(rate) => vec!["--until-stdin-ends".to_owned(), "--clock-rate".to_owned(), rate.to_string()],
         None => vec!["--clock-from-stdin".to_owned()],
     };
-    let mut child = Command::new(program)
+    let mut command = Command::new(program);
+    command
         .args(["--log-format", "json", "fly", "--log-dir-is-the-flight-s"])
         .arg(mission)
         .arg("--vehicle")
         .arg(vehicle)
         .args(start.then_some("--start"))
-        .args(clock)
-        .stdin(Stdio::piped())
-        .stdout(Stdio::null())
-        .stderr(Stdio::piped())
-        // Ctrl-C reaches this process alone, which then stops the companions in order.
-        .process_group(0)
-        .kill_on_drop(true)
-        .spawn()
-        .map_err(|error| format!("companion {role} cannot start: {error}"))?;
-    let pid = child.id().unwrap_or_default();
-    progress(&format!("[    0.0 s] {role}  companion started, process {pid}"));
-    let name = role.key();
-    let path = directory.join(format!("companion-{name}.log"));
-    let file = std::fs::OpenOptions::new()
-        .append(true)
-        .create(true)
-        .open(&path)
-        .map_err(|error| format!("{}: {error}", path.display()))?;
-    if let Some(stderr) = child.stderr.take() {
-        tokio::spawn(listen(role, stderr, file, said.clone()));
-    }
+        .args(clock);
+    let log = directory.join(format!("companion-{}.log", role.key()));
+    let mut child = spawn(&mut command, "companion", role, &log, said)?;
     let stdin = rate.is_none().then(|| child.stdin.take()).flatten();
     let lead = stdin.map(|stdin| Lead::new(role, stdin));
     Ok(Companion { role, child, lead, end: None, gone: false, frozen: false, killed: false })
+}
+
+/// Starts a process of a vehicle's, which ends no later than this one; what it logs goes to the end of a file, and what the
+/// operator should see of it to `said`.
+pub(super) fn spawn(
+    command: &mut Command,
+    what: &str,
+    role: Role,
+    log: &Path,
+    said: &mpsc::UnboundedSender<(Role, Said)>,
+) -> Result<Child, String> {
+    let mut child = command
+        .stdin(Stdio::piped())
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        // Ctrl-C reaches this process alone, which then stops them in order.
+        .process_group(0)
+        .kill_on_drop(true)
+        .spawn()
+        .map_err(|error| format!("{what} {role} cannot start: {error}"))?;
+    let pid = child.id().unwrap_or_default();
+    progress(&format!("[    0.0 s] {role}  {what} started, process {pid}"));
+    let file = std::fs::OpenOptions::new()
+        .append(true)
+        .create(true)
+        .open(log)
+        .map_err(|error| format!("{}: {error}", log.display()))?;
+    if let Some(stderr) = child.stderr.take() {
+        tokio::spawn(listen(role, stderr, file, said.clone()));
+    }
+    Ok(child)
 }
 
 /// What has been read of a companion.

@@ -84,25 +84,12 @@ impl Bench {
     /// What befalls the device or its line begins (`on`), or is over.
     pub fn befall(&self, fault: RadioFault, on: bool) {
         let now = self.now();
-        let mut state = self.state();
-        state.device.advance(now);
-        match fault {
-            RadioFault::DeviceKill if on => {
-                state.device.fail(true, now);
-                state.device.die(now);
-            }
-            RadioFault::DeviceStop => {
-                state.device.fail(on, now);
-                state.device.stop(on, now);
-            }
-            other => {
-                if let Some(bad) = Manners::of(other) {
-                    state.manners = if on { bad } else { Manners::Good };
-                    state.device.fail(on, now);
-                }
-            }
+        {
+            let mut state = self.state();
+            let State { device, manners, .. } = &mut *state;
+            device.advance(now);
+            manners.befall(device, fault, on, now);
         }
-        drop(state);
         self.changed.notify_waiters();
     }
 

@@ -11,7 +11,6 @@ mod server;
 
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
-use std::process::Stdio;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -27,7 +26,7 @@ use crate::link::Clock;
 use crate::radio_loop::STOP_WITHIN;
 use crate::role::{PerVehicle, Role};
 
-use super::process::{End, Said, listen};
+use super::process::{self, End, Said};
 use bench::Bench;
 use kind::Table;
 pub(in crate::cli) use kind::{Kind, Options};
@@ -290,26 +289,6 @@ fn spawn(
     if let Some(line) = beside.line {
         command.arg("--simulated-line").arg(line.to_string());
     }
-    let mut child = command
-        .arg(file)
-        .stdin(Stdio::piped())
-        .stdout(Stdio::null())
-        .stderr(Stdio::piped())
-        // Ctrl-C reaches this process alone, which then stops the hosts in order.
-        .process_group(0)
-        .kill_on_drop(true)
-        .spawn()
-        .map_err(|error| format!("radio host {role} cannot start: {error}"))?;
-    let pid = child.id().unwrap_or_default();
-    progress(&format!("[    0.0 s] {role}  radio host started, process {pid}"));
-    let path = directory.join(format!("radio-{}.log", role.key()));
-    let log = std::fs::OpenOptions::new()
-        .append(true)
-        .create(true)
-        .open(&path)
-        .map_err(|error| format!("{}: {error}", path.display()))?;
-    if let Some(stderr) = child.stderr.take() {
-        tokio::spawn(listen(role, stderr, log, said.clone()));
-    }
-    Ok(child)
+    let log = directory.join(format!("radio-{}.log", role.key()));
+    process::spawn(command.arg(file), "radio host", role, &log, said)
 }

@@ -88,8 +88,7 @@ pub const OTHER_DB: f64 = 3.0;
 
 impl Manners {
     /// What a fault makes of them; `None`: nothing.
-    #[must_use]
-    pub fn of(fault: RadioFault) -> Option<Self> {
+    fn of(fault: RadioFault) -> Option<Self> {
         match fault {
             RadioFault::DeviceLoss => Some(Self::Cut),
             RadioFault::DeviceMute => Some(Self::Mute),
@@ -101,6 +100,26 @@ impl Manners {
             | RadioFault::HostLoss
             | RadioFault::DeviceKill
             | RadioFault::DeviceStop => None,
+        }
+    }
+
+    /// What befalls a device, or its line to the host, begins (`on`), or is over. What befalls the host is not the device's.
+    pub fn befall(&mut self, device: &mut SimulatedDevice, fault: RadioFault, on: bool, now: Duration) {
+        match fault {
+            RadioFault::DeviceKill if on => {
+                device.fail(true, now);
+                device.die(now);
+            }
+            RadioFault::DeviceStop => {
+                device.fail(on, now);
+                device.stop(on, now);
+            }
+            other => {
+                if let Some(bad) = Self::of(other) {
+                    *self = if on { bad } else { Self::Good };
+                    device.fail(on, now);
+                }
+            }
         }
     }
 }
@@ -208,20 +227,7 @@ impl Hosted {
                     self.device.lose_host(on, now);
                 }
             }
-            RadioFault::DeviceKill if on => {
-                self.device.fail(true, now);
-                self.device.die(now);
-            }
-            RadioFault::DeviceStop => {
-                self.device.fail(on, now);
-                self.device.stop(on, now);
-            }
-            other => {
-                if let Some(bad) = Manners::of(other) {
-                    self.manners = if on { bad } else { Manners::Good };
-                    self.device.fail(on, now);
-                }
-            }
+            other => self.manners.befall(&mut self.device, other, on, now),
         }
     }
 
