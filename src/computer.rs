@@ -2,6 +2,7 @@
 //! files and one call; crates for them read a hundred times as much, and none is needed in the air for the rest.
 
 use std::fs;
+use std::io;
 use std::path::Path;
 
 /// Processor time since the computer started, in ticks.
@@ -60,7 +61,7 @@ impl Reading {
             processors,
             cores,
             memory: memory(&text("/proc/meminfo")),
-            disk: disk(directory),
+            disk: disk(directory).ok(),
             hottest_c: hottest_c(Path::new("/sys/class/thermal")),
             uptime_ms: uptime_ms(&text("/proc/uptime")),
         }
@@ -97,10 +98,14 @@ fn uptime_ms(uptime: &str) -> Option<u64> {
     (seconds.is_finite() && seconds >= 0.0).then_some((seconds * 1e3) as u64)
 }
 
-fn disk(directory: &Path) -> Option<Room> {
-    let disk = rustix::fs::statvfs(directory).ok()?;
+/// The disk of a directory: what is free on it is so for those who are not its owner.
+///
+/// # Errors
+/// The system's.
+pub fn disk(directory: &Path) -> io::Result<Room> {
+    let disk = rustix::fs::statvfs(directory)?;
     let bytes = |blocks: u64| blocks.saturating_mul(disk.f_frsize);
-    Some(Room { free: bytes(disk.f_bavail), total: bytes(disk.f_blocks) })
+    Ok(Room { free: bytes(disk.f_bavail), total: bytes(disk.f_blocks) })
 }
 
 /// The hottest of the kernel's thermal zones, which are in thousandths of a degree.

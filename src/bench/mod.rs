@@ -21,6 +21,7 @@ use crate::pair::clock::ClockFilter;
 use crate::pair::wire;
 use crate::preflight::{Check, Verdict};
 use crate::role::Role;
+use crate::service::silences_after;
 use crate::time::{Instant, Utc};
 use crate::transmitter::{self, Kind, Transmitter, wire as radio_wire};
 use figures::{Arrivals, Drift, RoundTrips, Samples};
@@ -298,11 +299,7 @@ impl Bench {
         let remedy =
             "check cable, baud rate and who else speaks on the link; see docs/on-a-vehicle.md, Links";
         let mut lines = line::round_trips("autopilot link", &self.trips, [50.0, 250.0], remedy);
-        // State that is overdue by so much silences.
-        let overdue_ms = match self.settings.role {
-            Role::I => 30.0,
-            Role::J => 70.0,
-        };
+        let overdue_ms = silences_after(self.settings.role).as_secs_f64() * 1e3;
         let never = Arrivals::default();
         for Wanted { id, name, rate_hz, essential } in self.autopilot.wanted() {
             let arrivals = self.arrivals.get(&id).unwrap_or(&never);

@@ -7,9 +7,10 @@ use std::time::Duration;
 use serde::Serialize;
 
 use super::{Exit, folded, print_json, print_text};
+use crate::computer;
 use crate::config::{LogLimits, file::unwritable};
 use crate::logbook::bundle::{Bundle, BundleError};
-use crate::logbook::{Entry, Limits, Logbook, Writer, free_bytes};
+use crate::logbook::{Entry, Limits, Logbook, Writer};
 
 /// Where flights are, unless it is said: beside whoever asks, or where the installed service keeps them.
 const PLACES: [&str; 2] = ["flight-logs", "/var/lib/veilwing/flights"];
@@ -170,7 +171,8 @@ fn list(args: &List) -> Result<Exit, String> {
         return Ok(print_text(&format!("no flights in {searched}: `veilwing fly` records into [log] dir\n")));
     }
     let mut text = table(&entries);
-    let free = free_bytes(&directories[0]).map(|free| format!("; {} free", mb(free))).unwrap_or_default();
+    let free =
+        computer::disk(&directories[0]).map(|disk| format!("; {} free", mb(disk.free))).unwrap_or_default();
     let _ = writeln!(text, "{} in {}{free}", plural(entries.len()), mb(bytes));
     Ok(print_text(&text))
 }

@@ -14,7 +14,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 pub use entry::{End, Ended, Entry, Record, Verdict};
-pub use quota::{Limits, Quota, free_bytes};
+pub use quota::{Limits, Quota};
 pub use running::{Running, Start};
 
 use crate::role::Role;

@@ -2,11 +2,11 @@
 
 use std::collections::BTreeMap;
 use std::io;
-use std::path::Path;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 
 use super::entry::Entry;
 use super::{Logbook, LogbookError, Writer};
+use crate::computer;
 use crate::durable::append::Room;
 
 /// The flight that is being recorded has grown by so much before room is looked for again.
@@ -104,7 +104,7 @@ impl Logbook {
     fn prune_some(&self, limits: Limits, dry: bool, most: Option<usize>) -> Result<Vec<Entry>, LogbookError> {
         let entries = self.entries()?;
         // Where that cannot be told, it does not count.
-        let free = free_bytes(&self.root).unwrap_or(u64::MAX);
+        let free = computer::disk(&self.root).map_or(u64::MAX, |disk| disk.free);
         let mut chosen = choose(&entries, free, limits);
         chosen.truncate(most.unwrap_or(usize::MAX));
         let chosen = chosen.into_iter().map(|index| entries[index].clone());
@@ -143,15 +143,6 @@ fn choose(entries: &[Entry], free: u64, limits: Limits) -> Vec<usize> {
         }
     }
     chosen
-}
-
-/// What is free on the disk of a directory, for those who are not its owner.
-///
-/// # Errors
-/// The system's.
-pub fn free_bytes(path: &Path) -> io::Result<u64> {
-    let disk = rustix::fs::statvfs(path)?;
-    Ok(disk.f_bavail.saturating_mul(disk.f_frsize))
 }
 
 #[cfg(test)]

@@ -21,5 +21,5 @@ pub use pose_monitor::{Off, PoseMonitor, Tolerance};
 pub use protection::Jamming;
 pub use slot::{Served, Slot};
 pub use slot_service::SlotService;
-pub use staleness::Freshness;
+pub use staleness::{Freshness, silences_after};
 pub use terms::{Event, GiveUp, Outgoing, Settings, Standing};

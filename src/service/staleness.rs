@@ -24,6 +24,15 @@ const LOST: Duration = Duration::from_millis(70);
 /// So much before the limit of age a sample counts as late.
 const AGEING: Duration = Duration::from_millis(40);
 
+/// State that is overdue for so long silences this vehicle, where nothing else holds it on the air.
+#[must_use]
+pub fn silences_after(role: Role) -> Duration {
+    match role {
+        Role::I => LATE,
+        Role::J => LOST,
+    }
+}
+
 /// How old a vehicle's state may become.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Freshness {
