@@ -44,7 +44,7 @@ mod step;
 
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand, ValueEnum};
+use clap::{ColorChoice, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 use tracing_subscriber::EnvFilter;
 use tracing_subscriber::layer::{Layer, SubscriberExt};
 use tracing_subscriber::util::SubscriberInitExt;
@@ -135,7 +135,10 @@ enum Command {
 /// Runs the command named on the command line.
 #[must_use]
 pub fn main() -> ExitCode {
-    let cli = Cli::parse();
+    // Its own rule for colours asks for them in continuous integration, whatever the terminal knows.
+    let color = if escapes_are_refused() { ColorChoice::Never } else { ColorChoice::Auto };
+    let matches = Cli::command().color(color).get_matches();
+    let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
     start_log(cli.log_format, matches!(cli.command, Command::Fly(_) | Command::Radio(_) | Command::Bench(_)));
     interrupt::watch();
     let exit = match &cli.command {
@@ -166,9 +169,14 @@ pub fn main() -> ExitCode {
 
 /// Whether escape sequences may go to stderr: to a terminal that knows them, unless NO_COLOR is in the environment.
 fn may_escape() -> bool {
+    !escapes_are_refused() && std::io::IsTerminal::is_terminal(&std::io::stderr())
+}
+
+/// By NO_COLOR, or by a terminal that knows none.
+fn escapes_are_refused() -> bool {
     let refused = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
     let is_dumb = std::env::var_os("TERM").is_none_or(|term| term == "dumb");
-    !refused && !is_dumb && std::io::IsTerminal::is_terminal(&std::io::stderr())
+    refused || is_dumb
 }
 
 /// The log on stderr is JSON.
