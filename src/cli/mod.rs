@@ -25,6 +25,8 @@ mod evaluate;
 mod figures;
 mod flight_log;
 mod fly;
+#[cfg(feature = "desk")]
+mod ground_station;
 mod interrupt;
 mod journal;
 mod logs;
@@ -132,6 +134,8 @@ enum Command {
     Calibrate(calibrate::Args),
     #[cfg(feature = "desk")]
     Watch(watch::Args),
+    #[cfg(feature = "desk")]
+    GroundStation(ground_station::Args),
     Schema(schema::Args),
     Manuals(manuals::Args),
 }
@@ -167,6 +171,8 @@ pub fn main() -> ExitCode {
         Command::Calibrate(args) => calibrate::run(args),
         #[cfg(feature = "desk")]
         Command::Watch(args) => watch::run(args),
+        #[cfg(feature = "desk")]
+        Command::GroundStation(args) => ground_station::run(args),
         Command::Schema(args) => schema::run(args),
         Command::Manuals(args) => manuals::run(args),
     };

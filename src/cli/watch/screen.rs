@@ -204,8 +204,10 @@ impl Screen {
                     if let Aboard::Common(message) = &message {
                         state.take(channel, header, message, clock.now());
                     }
-                    // Drawing waits for the next tick: a burst is one picture.
-                    continue;
+                    // A burst is one picture; a flood must not hold up what is due.
+                    if drawn_at.is_some_and(|at| at + TICK > clock.now()) {
+                        continue;
+                    }
                 }
                 _ = tick.tick() => {}
             }

@@ -359,7 +359,7 @@ fn spec_an_order_goes_to_one_for_both_is_said_again_and_a_refusal_is_in_words() 
     shown(&state, at(1200), SMALL).says(&["start: I REFUSES it; its message says why (1.05 s)"]);
     // I in another hand: J takes it for both; I alone is told where that is chosen.
     state.take(0, header(1, COMPANION), &figure(Figure::Phase, 10.0), at(1200));
-    let mut order = |state: &mut State, now: Instant| {
+    let order = |state: &mut State, now: Instant| {
         state.key(Key::Char('r'), now);
         state.key(Key::Enter, now);
         sent(state, now)

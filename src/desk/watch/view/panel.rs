@@ -21,7 +21,7 @@ const SURRENDERED: usize = 10;
 /// Where a slot is agreed on.
 const SLOT: usize = 6;
 /// A row's name takes so many columns.
-const NAME: usize = 8;
+const NAME: usize = 7;
 /// A state older than this silences.
 const OLD_S: f64 = 0.25;
 
@@ -124,7 +124,7 @@ impl Rows<'_> {
         let opens = self.vehicle.countdown(Figure::Opens, self.at);
         let closes = self.vehicle.countdown(Figure::Closes, self.at);
         match opens.zip(closes) {
-            Some((opens, _)) if opens > 0.0 => self.row("opens in", seconds(opens), Style::new()),
+            Some((opens, _)) if opens > 0.0 => self.row("opens", seconds(opens), Style::new()),
             Some((opens, closes)) if closes > 0.0 => {
                 let done = (-opens / (closes - opens)).clamp(0.0, 1.0);
                 let columns = self.width.saturating_sub(NAME + 12);
@@ -152,7 +152,7 @@ impl Rows<'_> {
                 let power = self.figure(Figure::Power).map_or(String::new(), |dbm| format!(" {dbm:.1} dBm"));
                 self.row("RADIO", format!("ON{power}{plan}"), self.theme.good())
             }
-            Some(_) => self.row("RADIO", format!("not known to be off{plan}"), self.theme.warn()),
+            Some(_) => self.row("RADIO", format!("not known off{plan}"), self.theme.warn()),
             None => self.row("RADIO", "-", Style::new()),
         }
     }
@@ -184,7 +184,7 @@ impl Rows<'_> {
 
     fn place(&self, name: &str, vector: Vector) -> Line<'static> {
         let text = match self.vehicle.vector(vector, self.at) {
-            Some([e, n, u]) => format!("{e:7.1} E {n:7.1} N {u:6.1} m up"),
+            Some([e, n, u]) => format!("{e:6.1} E {n:6.1} N {u:6.1} m"),
             None => "-".to_owned(),
         };
         self.row(name, text, Style::new())
@@ -201,8 +201,8 @@ impl Rows<'_> {
     fn off(&self) -> Line<'static> {
         let (metres, degrees) = (self.figure(Figure::PositionOff), self.figure(Figure::AttitudeOff));
         let text = match (metres, degrees) {
-            (Some(metres), Some(degrees)) => format!("{metres:.2} m, {degrees:.1} deg from the plan"),
-            (Some(metres), None) => format!("{metres:.2} m from the plan"),
+            (Some(metres), Some(degrees)) => format!("{metres:.2} m, {degrees:.1} deg from plan"),
+            (Some(metres), None) => format!("{metres:.2} m from plan"),
             _ => "-".to_owned(),
         };
         // The widest tolerance of position there is.
@@ -224,7 +224,7 @@ impl Rows<'_> {
             None => "",
         };
         let state_s = self.figure(Figure::State);
-        let state = state_s.map_or(String::new(), |state_s| format!(", state {} old", age(state_s)));
+        let state = state_s.map_or(String::new(), |state_s| format!(" {} old", age(state_s)));
         let style =
             if state_s.is_some_and(|state_s| state_s > OLD_S) { self.theme.warn() } else { Style::new() };
         self.row("pilot", format!("{} {armed}{state}", self.vehicle.mode.unwrap_or("-")), style)
@@ -255,8 +255,8 @@ impl Rows<'_> {
             silent_s.map_or(format!("{peer} not heard"), |silent_s| format!("{peer} {}", age(silent_s)));
         let clock = self
             .figure(Figure::Clock)
-            .map_or(String::new(), |ahead| format!(", clock {:+.0} ms", ahead * 1e3));
-        let radio = self.figure(Figure::RoundTrip).map_or(String::new(), |ms| format!(", rtt {ms:.0} ms"));
+            .map_or(String::new(), |ahead| format!(" clock {:+.0} ms", ahead * 1e3));
+        let radio = self.figure(Figure::RoundTrip).map_or(String::new(), |ms| format!(" rtt {ms:.0} ms"));
         let lost = silent_s.is_none_or(|silent_s| silent_s > 1.0);
         self.row(
             "links",
@@ -267,7 +267,7 @@ impl Rows<'_> {
 
     fn computer(&self) -> Line<'static> {
         let Some(computer) = self.vehicle.computer.map(|computer| computer.value) else {
-            return self.row("computer", "-", Style::new());
+            return self.row("cpu", "-", Style::new());
         };
         let share = |name: &str, percent: Option<u8>| percent.map(|percent| format!("{name} {percent}%"));
         let parts = [
@@ -277,7 +277,7 @@ impl Rows<'_> {
             computer.degrees.map(|degrees| format!("{degrees} C")),
         ];
         let text = parts.into_iter().flatten().collect::<Vec<_>>().join(", ");
-        self.row("computer", text, Style::new())
+        self.row("cpu", text, Style::new())
     }
 
     fn answers(&self) -> Line<'static> {
