@@ -160,16 +160,17 @@ fn spec_in_flight_both_sizes_show_phase_clock_pose_power_lease_rate_and_links() 
             "6.5 s  ####",
             "ON 26.9 dBm (plan 26.9)",
             "ON 12.3 dBm (plan 12.3)",
+            "silent no",
             "held, 310 ms left",
             "granted, 310 ms left",
-            "12.1 E    -3.0 N   40.2 m up",
-            "0.04 m, 0.6 deg from the plan",
-            "OFFBOARD armed, state 45 ms old",
-            "J 50 ms, clock +3 ms, rtt 12 ms",
+            "12.1 E   -3.0 N   40.2 m",
+            "0.04 m, 0.6 deg from plan",
+            "OFFBOARD armed 45 ms old",
+            "J 50 ms clock +3 ms rtt 12 ms",
             "1.234 Mbit/s  user 23.1 dB, strongest eavesdropper -3.2 dB",
-            "18:00:01.0 I    slot 1: on, 489.779 mW",
+            "18:00:01.0 I     slot 1: on, 489.779 mW",
             "2026-11-21 18:00:01Z",
-            " K  KILL ",
+            " K KILL  L lift  Tab both  ?  q quit",
         ]);
         assert!(shown.coloured && !shown.has("RADIO KILL"));
     }
@@ -215,12 +216,13 @@ fn spec_in_trouble_the_reason_and_the_loss_are_said_in_words() {
         shown.says(&[
             "RADIO KILL IN FORCE",
             "holding",
-            "RADIO   off (plan 26.9)",
-            "silent  no jam lease in force",
-            "lease   none",
+            "RADIO  off (plan 26.9)",
+            "silent no jam lease in force",
+            "lease  none",
             "NOT HEARD for 5.0 s",
-            "secrecy none: I: no jam lease in force; J: is not heard any more",
-            "18:00:02.0 I    silent: no jam lease in force",
+            "secrecy none  I: no jam lease in force",
+            "J: is not heard any more",
+            "18:00:02.0 I     silent: no jam lease in force",
         ]);
     }
     // Without colours nothing of it is lost, and no cell has one.
@@ -231,7 +233,7 @@ fn spec_in_trouble_the_reason_and_the_loss_are_said_in_words() {
 #[test]
 fn spec_nobody_heard_is_said_and_a_tiny_terminal_is_told_what_it_should_be() {
     let state = live();
-    shown(&state, at(0), SMALL).says(&["vehicle I", "not heard yet", "secrecy none: both: is not heard"]);
+    shown(&state, at(0), SMALL).says(&["vehicle I", "not heard yet", "secrecy none  both: is not heard"]);
     shown(&state, at(0), (50, 10)).says(&["50 by 10 is too small", "K then y kills"]);
 }
 
@@ -366,7 +368,7 @@ fn spec_an_order_goes_to_one_for_both_is_said_again_and_a_refusal_is_in_words() 
     };
     assert_eq!(order(&mut state, at(1300)), [(2, COMPANION, home, 0.0, 0)]);
     state.key(Key::Tab, at(1400));
-    shown(&state, at(1400), SMALL).says(&["to: I"]);
+    shown(&state, at(1400), SMALL).says(&["Tab I only"]);
     assert_eq!(order(&mut state, at(1400)), [(1, COMPANION, home, 0.0, 0)]);
     // Nobody answers: it is said so, and not for ever.
     let tries = (2..60).map(|s| sent(&mut state, at(1000 * s)).len()).sum::<usize>();

@@ -183,8 +183,13 @@ fn draw_secrecy(state: &State, at: Instant, theme: Theme, frame: &mut Frame<'_>,
             spans.push(Span::raw(format!("; eavesdroppers 1 to {}: {} dB", each.len(), each.join(", "))));
         }
     } else {
-        spans.push(Span::styled("none", theme.warn()));
-        spans.push(Span::raw(format!(": {}", why_silent(state, at))));
+        spans.push(Span::styled("none  ", theme.warn()));
+        let [(_, i), (_, j)] = why_silent(state, at);
+        let first = if i == j { format!("both: {i}") } else { format!("I: {i}") };
+        spans.push(Span::raw(first));
+        let second = if i == j { String::new() } else { format!("{:15}J: {j}", "") };
+        frame.render_widget(Paragraph::new(Line::from(spans)), words);
+        return frame.render_widget(Paragraph::new(second), history);
     }
     frame.render_widget(Paragraph::new(Line::from(spans)), words);
     let label = " 2 minutes ";
@@ -223,21 +228,21 @@ fn past(vehicle: &Vehicle, at: Instant, columns: usize) -> Vec<u64> {
     bars
 }
 
-fn why_silent(state: &State, at: Instant) -> String {
-    let words = Role::BOTH.map(|role| {
+fn why_silent(state: &State, at: Instant) -> [(Role, String); 2] {
+    Role::BOTH.map(|role| {
         let why = match state.vehicle(role) {
             None => "is not heard".to_owned(),
             Some(vehicle) if !vehicle.is_heard(at) => "is not heard any more".to_owned(),
             Some(vehicle) => match vehicle.figure(Figure::Silent, at) {
                 None => "says nothing of it".to_owned(),
                 Some(0.0) => "may be on the air".to_owned(),
-                Some(number) => silence_words(number as u8).unwrap_or_else(|| format!("reason {number}")),
+                Some(number) => {
+                    silence_words(number as u8).unwrap_or_else(|| format!("silent for reason {number}"))
+                }
             },
         };
         (role, why)
-    });
-    let [(_, i), (_, j)] = &words;
-    if i == j { format!("both: {i}") } else { words.map(|(role, why)| format!("{role}: {why}")).join("; ") }
+    })
 }
 
 /// What was said, the newest last; above it how orders stand.
@@ -271,7 +276,7 @@ fn draw_lines(state: &State, now: Instant, theme: Theme, frame: &mut Frame<'_>, 
     // From the newest up, each in as many rows as it takes.
     for line in state.lines.iter().rev().skip(state.scrolled) {
         let style = theme.of_severity(line.severity);
-        let stamp = format!(" {} {:<4} ", words::time_of(state.utc(line.at)), line.who);
+        let stamp = format!(" {} {:<5} ", words::time_of(state.utc(line.at)), line.who);
         let indent = stamp.chars().count();
         let parts = words::folded(&line.text, width.saturating_sub(indent).max(20));
         for (k, part) in parts.into_iter().enumerate().rev() {
@@ -313,8 +318,8 @@ fn draw_foot(state: &State, theme: Theme, frame: &mut Frame<'_>, area: Rect) {
         ),
         (None, None) => {
             let whom = match state.whom {
-                Whom::Pair => "to: pair".to_owned(),
-                Whom::One(role) => format!("to: {role}"),
+                Whom::Pair => "both".to_owned(),
+                Whom::One(role) => format!("{role} only"),
             };
             keys(
                 theme,
@@ -326,7 +331,7 @@ fn draw_foot(state: &State, theme: Theme, frame: &mut Frame<'_>, area: Rect) {
                     ("K", "KILL"),
                     ("L", "lift"),
                     ("Tab", &whom),
-                    ("?", "help"),
+                    ("?", ""),
                     ("q", "quit"),
                 ],
             )
@@ -339,21 +344,23 @@ fn keys(theme: Theme, keys: &[(&str, &str)]) -> Line<'static> {
     let mut spans = Vec::new();
     for (key, does) in keys {
         spans.push(Span::styled(format!(" {key} "), theme.band()));
-        spans.push(Span::raw(if does.is_empty() { " ".to_owned() } else { format!(" {does} ") }));
+        if !does.is_empty() {
+            spans.push(Span::raw(format!("{does} ")));
+        }
     }
     Line::from(spans)
 }
 
 fn draw_help(state: &State, theme: Theme, frame: &mut Frame<'_>, area: Rect) {
     let orders = [
-        "S  start the mission (on the ground)      every order is asked for once more: y or Enter",
-        "P  pause: silent, holding                 and said again until the companion answers;",
-        "C  continue after a pause                 a refusal is told in words, below",
+        "S  start (on the ground)      Every order is asked for once more: y or Enter.",
+        "P  pause: silent, holding     It is said again until the companion answers;",
+        "C  continue after a pause     a refusal is told in words, among the messages.",
         "R  return: silent, both home",
-        "K  KILL: both radios off, until lifted. K y, K Enter or K K; said to both, five times a second",
-        "L  lift the kill, at both (on the ground, disarmed)",
-        "Tab  whom orders go to: the pair (either takes them for both), vehicle I or vehicle J alone.",
-        "     A vehicle in another hand (surrendered) heeds what is for it alone: Tab, then R",
+        "K  KILL both radios, until lifted: K y, K Enter or K K. Said to both.",
+        "L  lift the kill at both (on the ground, disarmed)",
+        "Tab  whom orders go to: the pair (one takes them for both), I, or J alone.",
+        "     A vehicle in another hand heeds what is for it alone: Tab, then R.",
     ];
     let replay = [
         "Space  play, stand; at the end: from the beginning",
@@ -364,16 +371,17 @@ fn draw_help(state: &State, theme: Theme, frame: &mut Frame<'_>, area: Rect) {
     let own: &[&str] = if state.replay.is_some() { &replay } else { &orders };
     let figures = [
         "",
-        "RADIO   on: the radio has answered with this power. off: it is known to be off.",
-        "lease   what is left of I's leave to radiate, which J grants while it jams",
-        "off     from where the plan has the vehicle, and is turned, at this moment",
-        "state   age of the autopilot's position; J/I: since the other companion was heard, and",
-        "        by how much its autopilot's clock is ahead; rtt: the radio's answer",
-        "landing about when it begins, if all goes by the plan",
+        "RADIO    ON: its radio has answered with this power; off: known to be off",
+        "lease    what is left of I's leave to radiate, which J grants while it jams",
+        "off      from where the plan has it, and is turned, at this moment",
+        "pilot    mode, and how old the state is that the companion flies by",
+        "links    since the other companion was heard, by how much its autopilot's",
+        "         clock is ahead, and how long the radio takes to answer",
+        "landing  about when it begins, if all goes by the plan",
     ];
     let lines: Vec<Line<'_>> =
         own.iter().chain(&common).chain(&figures).map(|line| Line::raw(format!(" {line}"))).collect();
-    let width = area.width.min(98);
+    let width = area.width.min(80);
     let height = (lines.len() as u16 + 2).min(area.height);
     let middle =
         Rect { x: area.x + (area.width - width) / 2, y: area.y + (area.height - height) / 2, width, height };

@@ -159,7 +159,8 @@ impl Rows<'_> {
 
     fn why(&self) -> Line<'static> {
         let (text, style) = match self.figure(Figure::Silent).map(|number| number as u8) {
-            Some(0) => ("may be on the air".to_owned(), Style::new()),
+            Some(0) if self.figure(Figure::Radio) == Some(2.0) => ("no".to_owned(), Style::new()),
+            Some(0) => ("no: it may be on the air".to_owned(), Style::new()),
             // In a slot's time each of these has a cost.
             Some(number) => {
                 let words = silence_words(number).unwrap_or_else(|| format!("reason {number}"));
@@ -255,7 +256,7 @@ impl Rows<'_> {
             silent_s.map_or(format!("{peer} not heard"), |silent_s| format!("{peer} {}", age(silent_s)));
         let clock = self
             .figure(Figure::Clock)
-            .map_or(String::new(), |ahead| format!(" clock {:+.0} ms", ahead * 1e3));
+            .map_or(String::new(), |ahead| format!(" clock {:+} ms", (ahead * 1e3).round() as i64));
         let radio = self.figure(Figure::RoundTrip).map_or(String::new(), |ms| format!(" rtt {ms:.0} ms"));
         let lost = silent_s.is_none_or(|silent_s| silent_s > 1.0);
         self.row(
