@@ -201,7 +201,6 @@ fn spec_in_trouble_the_reason_and_the_loss_are_said_in_words() {
                 figure(Figure::Radio, 0.0),
                 figure(Figure::Lease, 0.0),
                 figure(Figure::Orders, 1.0),
-                named("SEC_RATE", 0.0),
                 text(MavSeverity::MAV_SEVERITY_WARNING, "silent: no jam lease in force"),
             ],
         ),
@@ -216,7 +215,7 @@ fn spec_in_trouble_the_reason_and_the_loss_are_said_in_words() {
         shown.says(&[
             "RADIO KILL IN FORCE",
             "holding",
-            "RADIO  off (plan 26.9)",
+            "RADIO  off",
             "silent no jam lease in force",
             "lease  none",
             "NOT HEARD for 5.0 s",

@@ -22,6 +22,11 @@ const FIGURES_LAST: Duration = Duration::from_secs(8);
 /// Rates of so long ago are forgotten.
 const HISTORY: Duration = Duration::from_secs(600);
 
+/// The phase in which a slot is agreed on, by its place in the phases' names.
+pub(super) const SLOT: usize = 6;
+/// What is said of a slot that is agreed on, and means nothing after it.
+const OF_A_SLOT: [Figure; 4] = [Figure::Opens, Figure::Closes, Figure::Lease, Figure::PlannedPower];
+
 /// On which of the addresses, and by which MAVLink system.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Id {
@@ -160,6 +165,9 @@ impl Vehicle {
         let said = At { value, at: now };
         if let Ok(figure) = Figure::from_str(name) {
             self.figures.insert(figure, said);
+            if figure == Figure::Phase && value as usize != SLOT {
+                OF_A_SLOT.iter().for_each(|figure| drop(self.figures.remove(figure)));
+            }
             if figure == Figure::Role {
                 self.role = Some(if value == 0.0 { Role::I } else { Role::J });
             }

@@ -167,9 +167,11 @@ fn draw_title(state: &State, now: Instant, theme: Theme, frame: &mut Frame<'_>, 
 fn draw_secrecy(state: &State, at: Instant, theme: Theme, frame: &mut Frame<'_>, area: Rect) {
     let [words, history] = Layout::vertical([Constraint::Length(1); 2]).areas(area);
     // Either's model knows both; I's own position and power are the more exact half.
-    let told = Role::BOTH.into_iter().filter_map(|role| state.vehicle(role));
-    let told = told.filter(|vehicle| vehicle.live("SEC_RATE", at).is_some()).next();
-    let now_bps = told.and_then(|vehicle| vehicle.live("SEC_RATE", at)).unwrap_or(0.0);
+    let mut told = Role::BOTH.into_iter().filter_map(|role| state.vehicle(role));
+    let told = told.find(|vehicle| vehicle.live("SEC_RATE", at).is_some());
+    // A figure of a second ago means nothing once I is off, which is said at once.
+    let i_off = state.vehicle(Role::I).is_some_and(|i| i.figure(Figure::Radio, at) == Some(0.0));
+    let now_bps = told.filter(|_| !i_off).and_then(|vehicle| vehicle.live("SEC_RATE", at)).unwrap_or(0.0);
     let mut spans = vec![Span::raw(" secrecy ")];
     if now_bps > 0.0 {
         spans.push(Span::styled(rate(now_bps), theme.good()));

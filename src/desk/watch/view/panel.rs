@@ -1,5 +1,7 @@
 //! One vehicle.
 
+use std::time::Duration;
+
 use mavlink::dialects::ardupilotmega::GpsFixType;
 use ratatui::Frame;
 use ratatui::layout::Rect;
@@ -10,7 +12,7 @@ use ratatui::widgets::{Block, Paragraph};
 use super::words::{age, cut, seconds, span_of};
 use super::{Theme, left};
 use crate::desk::watch::state::State;
-use crate::desk::watch::vehicle::Vehicle;
+use crate::desk::watch::vehicle::{self, Vehicle};
 use crate::mission::{Figure, PHASES, Vector, silence_words};
 use crate::role::Role;
 use crate::time::Instant;
@@ -19,9 +21,11 @@ use crate::time::Instant;
 const HOLDING: usize = 7;
 const SURRENDERED: usize = 10;
 /// Where a slot is agreed on.
-const SLOT: usize = 6;
+const SLOT: usize = vehicle::SLOT;
 /// A row's name takes so many columns.
 const NAME: usize = 7;
+/// A lease is said again within this.
+const LEASES_LAST: Duration = Duration::from_secs(2);
 /// A state older than this silences.
 const OLD_S: f64 = 0.25;
 
@@ -174,7 +178,9 @@ impl Rows<'_> {
 
     fn lease(&self) -> Line<'static> {
         let what = if self.role == Role::I { "held" } else { "granted" };
-        match self.figure(Figure::Lease) {
+        // It is renewed twenty times a second: one that was not told of for two seconds is nothing to show.
+        let told = self.vehicle.said(Figure::Lease, self.at).filter(|said| said.at + LEASES_LAST >= self.at);
+        match told.map(|said| said.value) {
             Some(left) if left > 0.0 => {
                 self.row("lease", format!("{what}, {} left", age(left)), self.theme.good())
             }
