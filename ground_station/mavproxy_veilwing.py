@@ -55,7 +55,9 @@ class Veilwing(mp_module.MPModule):
     """See the module."""
 
     def __init__(self, mpstate):
-        super(Veilwing, self).__init__(mpstate, "veilwing", "orders to veilwing's companions")
+        super(Veilwing, self).__init__(
+            mpstate, "veilwing", "orders to veilwing's companions", multi_vehicle=True
+        )
         self.heard, self.texts, self.asked = {}, {}, []
         self.add_command("veilwing", self.cmd_veilwing, "orders to both companions", [*ORDERS, "status"])
 
