@@ -142,14 +142,20 @@ fn spec_every_order_that_is_refused_is_refused_in_words() {
     let home = "refused: this vehicle is on its way home";
     refused(&mut flight, MavCmd::MAV_CMD_DO_PAUSE_CONTINUE, 0.0, &format!("pause {home}"));
     refused(&mut flight, MavCmd::MAV_CMD_DO_PAUSE_CONTINUE, 1.0, &format!("continue {home}"));
-    assert!(flight.until(|flight| flight.landed(Role::I)), "{}", flight.story());
-    flight.pass(Duration::from_secs(3));
-    refused(
-        &mut flight,
-        MavCmd::MAV_CMD_NAV_RETURN_TO_LAUNCH,
-        0.0,
-        "return refused: this vehicle's mission is over",
-    );
+    // In the pilot's hand.
+    let mut flight = Flight::new(Setup::default());
+    assert!(flight.until(|flight| flight.radiating() == [true, true]), "{}", flight.story());
+    let land = COMMAND_LONG_DATA {
+        command: MavCmd::MAV_CMD_NAV_LAND,
+        target_system: 1,
+        target_component: 1,
+        ..COMMAND_LONG_DATA::DEFAULT
+    };
+    flight.tell_autopilot(Role::I, &MavMessage::COMMAND_LONG(land));
+    flight.pass(Duration::from_secs(2));
+    let hand = "refused: this vehicle is in another hand";
+    refused(&mut flight, MavCmd::MAV_CMD_NAV_RETURN_TO_LAUNCH, 0.0, &format!("return {hand}"));
+    refused(&mut flight, MavCmd::MAV_CMD_DO_PAUSE_CONTINUE, 0.0, &format!("pause {hand}"));
 }
 
 #[test]
