@@ -58,8 +58,7 @@ fn spec_a_flown_fault_is_reported_from_the_record_and_from_telemetry() {
     .unwrap();
     let out = directory.join("out");
     let [mission, faults, out_text] = [&mission, &faults, &out].map(|path| path.to_str().unwrap());
-    let sitl =
-        ["sitl", mission, "--json", "--in-step", "--speed", "50", "--faults", faults, "--out", out_text];
+    let sitl = ["sitl", mission, "--json", "--speed", "50", "--faults", faults, "--out", out_text];
     let flown = veilwing(&sitl).output().unwrap();
     assert_eq!(flown.status.code(), Some(1), "{}", text(&flown.stderr));
     let page = std::fs::read_to_string(out.join("report.html")).unwrap();
