@@ -62,7 +62,7 @@ fn spec_each_limit_is_named_where_it_binds_and_gone_where_it_is_widened() {
         ),
         (
             Limit::Separation,
-            with(|p| p.airspace.min_separation_m = 350.0),
+            with(|p| p.airspace.min_separation_m = 500.0),
             with(|p| p.airspace.min_separation_m = 1.0),
         ),
     ];

@@ -314,12 +314,10 @@ fn radio(draft: &MissionDraft, file: &mut Document) {
              what no radio keeps",
             radio.reference_gain
         );
-        warn(
-            file,
-            "radio.reference_gain",
-            message,
-            "give [radio] carrier_hz instead, and the antennas' gains",
-        );
+        let path = if file.given("radio.reference_gain") { "radio.reference_gain" } else { "emission" };
+        if file.sound(&["emission"]) {
+            warn(file, path, message, "give [radio] carrier_hz instead, and the antennas' gains");
+        }
     }
     let antennas = [
         ("antenna", Some(&draft.antenna.both)),

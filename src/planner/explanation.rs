@@ -191,7 +191,7 @@ fn of_vehicle(setup: &Setup, plan: &VehiclePlan, slope: &Slope, role: Role, foun
     let problem = setup.problem;
     let at = plan.pose.position_enu_m;
     let by_position = slope.position(role).unwrap_or_else(Vector3::zeros);
-    let fenced = problem_edges(setup, at.xy())
+    let fenced = edges_at(setup, at.xy())
         .any(|outward| slope.pushes(outward.x * by_position.x + outward.y * by_position.y));
     let [low, high] = problem.airspace.altitude_m;
     let index = usize::from(role == Role::J);
@@ -218,7 +218,7 @@ fn of_vehicle(setup: &Setup, plan: &VehiclePlan, slope: &Slope, role: Role, foun
 }
 
 /// The outward normals of the area's edges at which a point stands.
-fn problem_edges<'a>(setup: &'a Setup, at: Vector2<f64>) -> impl Iterator<Item = Vector2<f64>> + 'a {
+fn edges_at(setup: &Setup, at: Vector2<f64>) -> impl Iterator<Item = Vector2<f64>> {
     // The corners go round counterclockwise, so that outward is to the right of an edge.
     setup.region.polygon().edges().filter_map(move |[from, to]| {
         let edge = to - from;
