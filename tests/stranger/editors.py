@@ -12,6 +12,7 @@ import argparse
 import json
 import os
 import pathlib
+import platform
 import re
 import shutil
 import subprocess
@@ -77,7 +78,12 @@ class Tombi:
 
 def program(arguments):
     root = pathlib.Path(arguments.root)
-    judges = [Taplo(pathlib.Path(arguments.bin)), Tombi(pathlib.Path(arguments.bin))]
+    tools = pathlib.Path(arguments.bin)
+    judges = [Tombi(tools)]
+    if platform.machine() == "x86_64":
+        judges.append(Taplo(tools))
+    else:
+        print(f"taplo has no wheel for {platform.machine()}: tombi judges alone", flush=True)
     shipped = sorted(root.glob("config/*.toml")) + sorted(root.glob("packaging/etc/*.toml"))
     check(len(shipped) >= 9, f"{len(shipped)} files are shipped")
     for judge in judges:
