@@ -256,6 +256,12 @@ impl Host<'_> {
         for (role, end) in self.radios.as_mut().map(Radios::ended).unwrap_or_default() {
             self.journal.radio_end(self.setup.world.now(), role, end);
             self.setup.world.inject(sim::Fault::RadioFails { vehicle: index(role) });
+            let grounded = self.setup.world.snapshot().vehicles.iter().all(|vehicle| !vehicle.armed);
+            if grounded && matches!(end, End::Code(_)) {
+                // The companions would wait for it for as long as anybody likes.
+                self.say(&format!("no flight without {role}'s radio host: see radio-{}.log", role.key()));
+                Role::BOTH.into_iter().for_each(|role| supervisor.ask_to_stop(role, self));
+            }
         }
         // The slot, and whose doing it is, may have changed; of what a device has done since, its change tells.
         for role in Role::BOTH {
