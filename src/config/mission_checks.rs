@@ -27,7 +27,10 @@ pub(super) fn check(draft: &MissionDraft, file: &mut Document) {
     link_checks::check(draft, file);
     tdma(draft, file);
     hints(draft, file);
-    mission_warnings::check(draft, file);
+    // Of a file that cannot be used, errors come first: half of what is odd about it follows from them.
+    if !file.has_errors() {
+        mission_warnings::check(draft, file);
+    }
 }
 
 fn origin(file: &mut Document) {
