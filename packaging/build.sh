@@ -120,7 +120,7 @@ fill_stage() {
     fi
     gzip --best --no-name "$stage"/man/*.1
     mv "$stage"/manuals/* "$stage/completions/"
-    cp docs/on-a-vehicle.md docs/calibration.md docs/pair-protocol.md docs/radio.md docs/radios.md README.md "$stage/doc/"
+    cp docs/on-a-vehicle.md docs/ground-station.md docs/calibration.md docs/pair-protocol.md docs/radio.md docs/radios.md README.md "$stage/doc/"
     cp CHANGELOG.md "$stage/doc/NEWS.md"
     local features=()
     [ "$variant" = desk ] || features=("${onboard[@]}")

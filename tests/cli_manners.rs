@@ -39,6 +39,8 @@ fn commands(kept: &str, radio: &str) -> Vec<Vec<String>> {
         "radio no-such-radio.toml".to_owned(),
         "calibrate pattern no-such-log.csv --receiver 0,0,0".to_owned(),
         "schema mission".to_owned(),
+        format!("ground-station install --dir {kept}/buttons"),
+        "watch no-such-flight".to_owned(),
         format!("manuals {kept}/manuals"),
     ];
     lines.iter().map(|line| line.split(' ').map(str::to_owned).collect()).collect()

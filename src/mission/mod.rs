@@ -26,6 +26,7 @@ mod words;
 
 pub use cause::Cause;
 pub use executive::{Executive, Outcome, Outgoing};
+pub use ground_station::{Figure, Vector, silence_words};
 pub use notice::Notice;
 pub use permission::Permission;
 pub use phase::NAMES as PHASES;

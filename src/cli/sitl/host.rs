@@ -66,7 +66,7 @@ pub(super) struct Setup<'a> {
     pub own_radio_links: bool,
     /// Radio hosts with such devices, and the powers in watts that they must give.
     pub radio_hosts: Option<(Options, PerVehicle<Vec<f64>>)>,
-    pub ground_station: Option<&'a HostPort>,
+    pub ground_stations: &'a [&'a HostPort],
     /// Begin without waiting for MISSION_START.
     pub start: bool,
 }
@@ -129,7 +129,7 @@ pub(super) async fn fly(mut setup: Setup<'_>) -> Result<Flight, String> {
         (None, true) => RadioEnd::OnItsOwn,
         (None, false) => RadioEnd::BehindAutopilot,
     };
-    let links = Links::open(setup.seed, radio_end, setup.ground_station, &mut setup.world).await?;
+    let links = Links::open(setup.seed, radio_end, setup.ground_stations, &mut setup.world).await?;
     let (said, mut log) = mpsc::unbounded_channel();
     let write = |role: Role| {
         write_vehicle(setup.directory, setup.settings, role, links.numbers(role)?, links.radio_number(role)?)

@@ -11,6 +11,7 @@ mod lockstep;
 mod port;
 mod process;
 pub(super) mod radios;
+mod view;
 
 use std::path::PathBuf;
 
@@ -78,11 +79,16 @@ pub(super) struct Args {
     #[arg(long, requires = "radio_hosts")]
     device_goes_dark: bool,
     /// A ground station (QGroundControl, MAVProxy) that listens there; both vehicles and both companions are on it.
-    #[arg(long, value_name = "udpout:HOST:PORT", value_parser = ground::parse_ground_station)]
+    #[arg(long, value_name = "udpout:HOST:PORT", value_parser = ground::parse_ground_station, group = "stations")]
     ground_station: Option<HostPort>,
-    /// Take off only when the ground station sends MISSION_START (command 300) to either companion (component 191).
-    #[arg(long, requires = "ground_station")]
+    /// Take off only when the ground station, or the key S of --watch, sends MISSION_START (command 300) to either companion
+    /// (component 191).
+    #[arg(long, requires = "stations")]
     wait_for_start: bool,
+    /// Show the flight on this terminal as `veilwing watch` does, with its keys, in place of the log. q leaves the view alone,
+    /// Ctrl-C ends the flight.
+    #[arg(long, group = "stations")]
+    watch: bool,
 }
 
 /// Of a fake device.
@@ -135,6 +141,12 @@ pub(super) fn run(args: &Args) -> Exit {
         eprintln!("error: {kind} befalls radio hosts, and there are none: give --radio-hosts KIND");
         return Exit::Unusable;
     }
+    if args.watch
+        && let Err(message) = view::is_possible()
+    {
+        eprintln!("error: --watch: {message}");
+        return Exit::Unusable;
+    }
     fly(args, &mission, &faults).unwrap_or_else(|message| {
         eprintln!("error: {message}");
         Exit::Unusable
@@ -177,6 +189,9 @@ fn fly(args: &Args, mission: &Mission, faults: &Faults) -> Result<Exit, String> 
         .enable_all()
         .build()
         .map_err(|error| format!("the event loop cannot start: {error}"))?;
+    let view = if args.watch { Some(view::View::open(&mission.name, args.speed)?) } else { None };
+    let stations: Vec<&HostPort> =
+        args.ground_station.iter().chain(view.as_ref().map(view::View::address)).collect();
     let flown = runtime.block_on(host::fly(host::Setup {
         mission: &args.mission,
         world,
@@ -194,9 +209,12 @@ fn fly(args: &Args, mission: &Mission, faults: &Faults) -> Result<Exit, String> 
             };
             (options, PerVehicle::from_fn(powers_w))
         }),
-        ground_station: args.ground_station.as_ref(),
+        ground_stations: &stations,
         start: !args.wait_for_start,
-    }))?;
+    }));
+    // The terminal first, whatever came of the flight.
+    drop(view);
+    let flown = flown?;
     let wall_s = wall.now().since_start().as_secs_f64();
     let document = FlightDocument::of_processes(&flown, plan.plan_digest.clone(), wall_s);
     // The result first: a disk that has filled up meanwhile must not cost it.
