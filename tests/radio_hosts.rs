@@ -146,9 +146,8 @@ fn spec_what_cannot_work_is_refused_with_a_reason() {
     let mission = mission(&directory);
     let hosts = ["sitl", &mission, "--radio-hosts", "at"];
     let faults = "config/faults-radio.toml";
-    let cases: [(&[&str], &str); 8] = [
+    let cases: [(&[&str], &str); 7] = [
         (&["--speed", "4"], "a radio host lives by this machine's clock"),
-        (&["--in-step"], "--in-step"),
         (&["--own-radio-links"], "--own-radio-links"),
         (&["--device-ms", "20"], "--device-ms"),
         (&["--device-dead-ms", "soon"], "give milliseconds"),

@@ -49,9 +49,10 @@ pub(super) struct Args {
     /// Simulated seconds per second of wall time, from 0.1 to 50.
     #[arg(long, value_name = "X", default_value_t = 1.0, value_parser = parse_speed)]
     speed: f64,
-    /// Let the world and the companions wait for each other: no faster than --speed, and never late on a busy machine.
+    /// Let the world and the companions live by this machine's clock, as onboard, instead of waiting for each other: on a busy
+    /// machine they are late, and a flight may fail by that.
     #[arg(long)]
-    in_step: bool,
+    wall_clock: bool,
     /// Keep plan, summary, logs and a .tlog of every link in this directory.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -65,8 +66,8 @@ pub(super) struct Args {
     #[arg(long)]
     own_radio_links: bool,
     /// A radio host (`veilwing radio`) for each vehicle, with a fake device of this kind: what the device does is what the
-    /// vehicle radiates.
-    #[arg(long, value_name = "KIND", conflicts_with_all = ["in_step", "own_radio_links"])]
+    /// vehicle radiates. They live by this machine's clock (--wall-clock).
+    #[arg(long, value_name = "KIND", conflicts_with = "own_radio_links")]
     radio_hosts: Option<radios::Kind>,
     /// How long the fake devices take: from an off to silence, and from an order to the power.
     #[arg(long, value_names = ["OFF", "CHANGE"], num_args = 2, requires = "radio_hosts", value_parser = parse_ms)]
@@ -165,9 +166,13 @@ fn fly(args: &Args, mission: &Mission, faults: &Faults) -> Result<Exit, String> 
     if args.own_radio_links || args.radio_hosts.is_some() {
         config.vehicles.iter_mut().for_each(|vehicle| vehicle.radio_place = RadioPlace::OnItsOwn);
     }
+    // Switched on a while before their companions.
+    config.vehicles.iter_mut().for_each(|vehicle| vehicle.ready_after_s = 0.5);
     let utc_start = Utc { unix_us: config.utc_start_us };
     let mut world = veilwing_sitl::World::new(config).map_err(|error| error.to_string())?;
-    let pace = if args.in_step { Pace::InStep { utc_start } } else { Pace::Wall };
+    // A radio host takes its time from nobody.
+    let by_the_wall = args.wall_clock || args.radio_hosts.is_some();
+    let pace = if by_the_wall { Pace::Wall } else { Pace::InStep { utc_start } };
     if pace == Pace::Wall {
         world.allow_for_scheduling(scheduling_allowance(args.speed));
     }
