@@ -91,7 +91,7 @@ impl Write for Aside {
 
 impl Drop for Aside {
     fn drop(&mut self) {
-        if !aside(without_escapes(&String::from_utf8_lossy(&self.0)).trim_end()) {
+        if !aside(without_stamp(without_escapes(&String::from_utf8_lossy(&self.0)).trim_end())) {
             let _ = io::stderr().lock().write_all(&self.0);
         }
     }
@@ -104,6 +104,14 @@ fn without_escapes(text: &str) -> String {
     parts.fold(first, |line, part| {
         line + part.trim_start_matches(|c: char| !c.is_ascii_alphabetic()).get(1..).unwrap_or_default()
     })
+}
+
+/// A line of the log without its time and level: the view has its own.
+fn without_stamp(line: &str) -> &str {
+    let mut words = line.splitn(3, |c: char| c.is_whitespace()).filter(|word| !word.is_empty());
+    let (_, rest) = (words.next(), words.last().unwrap_or_default().trim_start());
+    let level = ["ERROR ", "WARN ", "INFO "].into_iter().find_map(|level| rest.strip_prefix(level));
+    level.map_or(line, str::trim_start)
 }
 
 /// Gives the terminal back, once.
@@ -324,5 +332,12 @@ mod tests {
             "12:00  WARN link is down"
         );
         assert_eq!(without_escapes("plain"), "plain");
+        for level in [" WARN", "ERROR", " INFO"] {
+            assert_eq!(
+                without_stamp(&format!("2026-11-23T16:17:32.367358Z {level} link is down")),
+                "link is down"
+            );
+        }
+        assert_eq!(without_stamp("[  20.0 s] I  killed"), "[  20.0 s] I  killed");
     }
 }

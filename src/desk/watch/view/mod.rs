@@ -234,6 +234,7 @@ fn why_silent(state: &State, at: Instant) -> [(Role, String); 2] {
     Role::BOTH.map(|role| {
         let why = match state.vehicle(role) {
             None => "is not heard".to_owned(),
+            Some(vehicle) if vehicle.companion_at.is_none() => "its companion is not heard".to_owned(),
             Some(vehicle) if !vehicle.is_heard(at) => "is not heard any more".to_owned(),
             Some(vehicle) => match vehicle.figure(Figure::Silent, at) {
                 None => "says nothing of it".to_owned(),

@@ -94,7 +94,7 @@ impl Rows<'_> {
             Some(heard) => {
                 format!(" NOT HEARD for {}", seconds(self.at.saturating_since(heard).as_secs_f64()))
             }
-            None => " its companion is not heard; the autopilot is".to_owned(),
+            None => " COMPANION NOT HEARD, its autopilot is".to_owned(),
         };
         Line::styled(cut(&text, self.width), self.theme.bad())
     }
