@@ -108,8 +108,8 @@ fn without_escapes(text: &str) -> String {
 
 /// A line of the log without its time and level: the view has its own.
 fn without_stamp(line: &str) -> &str {
-    let mut words = line.splitn(3, |c: char| c.is_whitespace()).filter(|word| !word.is_empty());
-    let (_, rest) = (words.next(), words.last().unwrap_or_default().trim_start());
+    let Some((_, rest)) = line.split_once(char::is_whitespace) else { return line };
+    let rest = rest.trim_start();
     let level = ["ERROR ", "WARN ", "INFO "].into_iter().find_map(|level| rest.strip_prefix(level));
     level.map_or(line, str::trim_start)
 }
