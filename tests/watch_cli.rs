@@ -51,11 +51,16 @@ enum Does<'a> {
 
 /// How it ended, what it had drawn, and whether the terminal is as it was.
 fn at_a_terminal(flight: &Path, does: &Does<'_>) -> (ExitStatus, String, bool) {
-    let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).unwrap();
+    let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).unwrap();
     grantpt(&master).unwrap();
     unlockpt(&master).unwrap();
     let terminal = || -> OwnedFd {
-        open(ptsname(&master, Vec::new()).unwrap(), OFlags::RDWR | OFlags::NOCTTY, Mode::empty()).unwrap()
+        open(
+            ptsname(&master, Vec::new()).unwrap(),
+            OFlags::RDWR | OFlags::NOCTTY | OFlags::CLOEXEC,
+            Mode::empty(),
+        )
+        .unwrap()
     };
     let kept = terminal();
     tcsetwinsize(&kept, Winsize { ws_row: 24, ws_col: 80, ws_xpixel: 0, ws_ypixel: 0 }).unwrap();

@@ -67,7 +67,7 @@ async fn show(mut screen: Screen, socket: UdpSocket, mission: String, speed: f64
     let ports = vec![Port::on(socket, None, &clock)];
     let state = State::new(Source::Simulated(mission), COMPANION, utc_of_zero(&clock));
     let station = Station { own: OPERATOR, heartbeat: None };
-    let left = screen.run(state, ports, &clock, Some(station), false, over).await;
+    let left = screen.run(state, ports, &clock, Some(station), (false, speed), over).await;
     drop(screen);
     match left {
         // The flight goes on, with its log.

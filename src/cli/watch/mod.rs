@@ -131,7 +131,7 @@ async fn look(
     station: Option<Station>,
 ) -> Result<Exit, String> {
     let mut screen = Screen::open()?;
-    let ended = screen.run(state, ports, clock, station, true, &AtomicBool::new(false)).await;
+    let ended = screen.run(state, ports, clock, station, (true, 1.0), &AtomicBool::new(false)).await;
     drop(screen);
     match ended.map_err(|error| format!("the terminal takes nothing any more: {error}"))? {
         Some(After::Leave | After::Stay) => Ok(Exit::Done),

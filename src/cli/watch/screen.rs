@@ -171,7 +171,7 @@ impl Screen {
     }
 
     /// Shows the state until the operator leaves (`Some`), a signal comes (`None`), or `over` is set. `alone`: Ctrl-C and
-    /// SIGTERM are the view's to hear, and nobody else's in this process.
+    /// SIGTERM are the view's to hear, and nobody else's in this process. `rate`: the clock's seconds in one of the operator's.
     ///
     /// # Errors
     /// The terminal takes nothing any more.
@@ -181,7 +181,7 @@ impl Screen {
         mut ports: Vec<Port>,
         clock: &Clock,
         station: Option<Station>,
-        alone: bool,
+        (alone, rate): (bool, f64),
         over: &AtomicBool,
     ) -> io::Result<Option<After>> {
         let mut hangup = signal(SignalKind::hangup())?;
@@ -192,9 +192,9 @@ impl Screen {
                 false => std::future::pending().await,
             }
         });
-        let mut tick = tokio::time::interval(TICK);
-        tick.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Delay);
-        let (mut drawn_at, mut beat_at) = (None, clock.now());
+        // As often by the operator's own time, however fast the clock goes.
+        let [tick, every] = [TICK, EVERY].map(|time| time.mul_f64(rate.max(1.0)));
+        let (mut drawn_at, mut beat_at, mut tick_at) = (None, clock.now(), clock.now());
         loop {
             let mut urgent = false;
             tokio::select! {
@@ -218,16 +218,17 @@ impl Screen {
                         state.take(channel, header, message, clock.now());
                     }
                     // A burst is one picture; a flood must not hold up what is due.
-                    if drawn_at.is_some_and(|at| at + TICK > clock.now()) {
+                    if drawn_at.is_some_and(|at| at + tick > clock.now()) {
                         continue;
                     }
                 }
-                _ = tick.tick() => {}
+                () = clock.sleep_until(tick_at) => {}
             }
             if over.load(Ordering::SeqCst) {
                 return Ok(Some(After::Leave));
             }
             let now = clock.now();
+            tick_at = now + tick;
             let lines: Vec<String> = ASIDE.lock().unwrap_or_else(PoisonError::into_inner).drain(..).collect();
             lines.into_iter().for_each(|line| state.remark(line, now));
             state.advance(now);
@@ -243,7 +244,7 @@ impl Screen {
                     ports.iter_mut().for_each(|port| port.send(station.own, heartbeat));
                 }
             }
-            if urgent || drawn_at.is_none_or(|at| at + EVERY <= now) {
+            if urgent || drawn_at.is_none_or(|at| at + every <= now) {
                 drawn_at = Some(now);
                 let theme = self.theme;
                 self.terminal.draw(|frame| draw(&state, now, theme, frame))?;

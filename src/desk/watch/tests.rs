@@ -179,7 +179,7 @@ fn spec_in_flight_both_sizes_show_phase_clock_pose_power_lease_rate_and_links() 
         "from above",
         "eavesdroppers 1 to 2: -3.2, -8.8 dB",
         "roll   30.4 pitch  -10.4",
-        "in about 1:35",
+        "lands  in about 1:35",
     ]);
     let small = shown(&state, at(1500), SMALL);
     assert!(!small.has("from above") && small.rows.iter().all(|row| row.chars().count() == 80));
@@ -217,7 +217,9 @@ fn spec_in_trouble_the_reason_and_the_loss_are_said_in_words() {
             "holding",
             "RADIO  off",
             "silent no jam lease in force",
-            "lease  none",
+            "lease  -",
+            "RADIO  not known",
+            "lands  in about 1:30",
             "NOT HEARD for 5.0 s",
             "secrecy none  I: no jam lease in force",
             "J: is not heard any more",

@@ -379,7 +379,7 @@ fn draw_help(state: &State, theme: Theme, frame: &mut Frame<'_>, area: Rect) {
         "pilot    mode, and how old the state is that the companion flies by",
         "links    since the other companion was heard, by how much its autopilot's",
         "         clock is ahead, and how long the radio takes to answer",
-        "landing  about when it begins, if all goes by the plan",
+        "lands    when the landing begins, about, if all goes by the plan",
     ];
     let lines: Vec<Line<'_>> =
         own.iter().chain(&common).chain(&figures).map(|line| Line::raw(format!(" {line}"))).collect();

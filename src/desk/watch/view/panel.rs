@@ -145,11 +145,14 @@ impl Rows<'_> {
             Some(left) => format!("in about {}", span_of(left.max(0.0))),
             None => "-".to_owned(),
         };
-        self.row("landing", text, Style::new())
+        self.row("lands", text, Style::new())
     }
 
     fn radio(&self) -> Line<'static> {
         let plan = self.figure(Figure::PlannedPower).map_or(String::new(), |dbm| format!(" (plan {dbm:.1})"));
+        if !self.vehicle.is_heard(self.at) {
+            return self.row("RADIO", "not known", self.theme.warn());
+        }
         match self.figure(Figure::Radio).map(|state| state as u8) {
             Some(0) => self.row("RADIO", format!("off{plan}"), Style::new().add_modifier(Modifier::BOLD)),
             Some(2) => {
@@ -162,7 +165,8 @@ impl Rows<'_> {
     }
 
     fn why(&self) -> Line<'static> {
-        let (text, style) = match self.figure(Figure::Silent).map(|number| number as u8) {
+        let heard = self.vehicle.is_heard(self.at);
+        let (text, style) = match self.figure(Figure::Silent).filter(|_| heard).map(|number| number as u8) {
             Some(0) if self.figure(Figure::Radio) == Some(2.0) => ("no".to_owned(), Style::new()),
             Some(0) => ("no: it may be on the air".to_owned(), Style::new()),
             // In a slot's time each of these has a cost.
@@ -248,11 +252,7 @@ impl Rows<'_> {
             Some(_) => ", GPS 3D",
         };
         let poor = percent.is_some_and(|percent| percent < 30) || fix == ", NO GPS FIX";
-        self.row(
-            "battery",
-            format!("{charge}{volts}{fix}"),
-            if poor { self.theme.warn() } else { Style::new() },
-        )
+        self.row("batt", format!("{charge}{volts}{fix}"), if poor { self.theme.warn() } else { Style::new() })
     }
 
     fn links(&self) -> Line<'static> {
