@@ -33,6 +33,8 @@ pub(super) struct GroundStation {
     /// Which figure is next.
     live_next: usize,
     saying: Saying,
+    /// Which of the two goes first.
+    live_first: bool,
 }
 
 impl GroundStation {
@@ -45,6 +47,7 @@ impl GroundStation {
             live_at: now,
             live_next: 0,
             saying: Saying::new(now),
+            live_first: true,
         }
     }
 

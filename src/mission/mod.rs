@@ -1,5 +1,6 @@
 //! The executive of one vehicle: the mission's phases, the reactions to what goes wrong (F1 to F3), the operator. No I/O.
 
+mod arming;
 mod asked;
 pub mod cause;
 pub mod executive;

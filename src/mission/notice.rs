@@ -230,6 +230,9 @@ pub enum Notice {
     /// Another order that cannot be obeyed, and why.
     #[error("{0} refused: {1}")]
     OrderRefused(&'static str, &'static str),
+    /// The autopilot asks whether it may be armed, and it may not.
+    #[error("arming refused: {0}")]
+    ArmingRefused(String),
     /// An order is in force here, and the other vehicle has not shown in time that it has it.
     #[error("{order}: in force here; vehicle {peer} has not confirmed it in time")]
     OrderUnconfirmed {
@@ -322,6 +325,7 @@ impl Notice {
             | Self::ParameterRefused(_)
             | Self::StartRefused(_)
             | Self::OrderRefused(..)
+            | Self::ArmingRefused(_)
             | Self::OrderUnconfirmed { .. }
             | Self::StartExpired { .. }
             | Self::LosingLog => MavSeverity::MAV_SEVERITY_WARNING,

@@ -51,7 +51,7 @@ impl Wanted {
 impl Executive {
     /// Takes a command that is addressed to us.
     pub(super) fn handle_operator(&mut self, header: MavHeader, message: &MavMessage, now: Instant) {
-        if self.refuses_stranger(header, message) {
+        if self.handle_arming(header, message) || self.refuses_stranger(header, message) {
             return;
         }
         let (system, component, command, param1) = match message {

@@ -392,3 +392,60 @@ fn spec_the_heartbeat_tells_the_truth() {
         && matches!(m, MavMessage::HEARTBEAT(h) if h.system_status == MavState::MAV_STATE_POWEROFF
             || h.system_status == MavState::MAV_STATE_CRITICAL)));
 }
+
+#[test]
+fn spec_an_autopilot_that_asks_before_it_arms_is_answered_by_the_preflight() {
+    let mut watched = Watched::new(false);
+    let asks = |watched: &mut Watched, from: (u8, u8), (target_system, target_component): (u8, u8)| {
+        let message = MavMessage::COMMAND_LONG(COMMAND_LONG_DATA {
+            command: MavCmd::MAV_CMD_ARM_AUTHORIZATION_REQUEST,
+            target_system,
+            target_component,
+            ..COMMAND_LONG_DATA::DEFAULT
+        });
+        let frame = watched.station.encoder.encode(from, &message);
+        watched.flight.send_to_companion(Role::I, frame.raw_bytes());
+        let since = watched.station.heard.len();
+        watched.pass(Duration::from_millis(50));
+        let answers = watched.station.heard[since..].iter().filter_map(|(_, who, m)| match m {
+            MavMessage::COMMAND_ACK(ack) if *who == Role::I => {
+                assert_eq!((ack.target_system, ack.target_component), (1, 1));
+                Some((ack.result, ack.progress, ack.result_param2))
+            }
+            _ => None,
+        });
+        answers.collect::<Vec<_>>()
+    };
+    watched.pass(Duration::from_secs(1));
+    // The reason goes out in words, as the answer says: MAV_ARM_AUTH_DENIED_REASON_NONE.
+    let denied = (MavResult::MAV_RESULT_DENIED, 1, 0);
+    assert_eq!(asks(&mut watched, (1, 1), (1, 0)), [denied]);
+    watched.pass(Duration::from_secs(14));
+    // For five seconds, whichever way it is addressed.
+    let granted = (MavResult::MAV_RESULT_ACCEPTED, 0, 5);
+    for to in [(1, 191), (1, 0), (0, 0)] {
+        assert_eq!(asks(&mut watched, (1, 1), to), [granted]);
+    }
+    // Another vehicle's autopilot, and a component that is none, are not answered.
+    assert_eq!(asks(&mut watched, (2, 1), (1, 0)), []);
+    assert_eq!(asks(&mut watched, (1, 100), (1, 0)), []);
+    watched.until(|w| w.flight.now() > Duration::from_secs(16));
+    let said = |watched: &Watched, what: &str| {
+        watched.station.heard.iter().any(|(_, who, m)| match m {
+            MavMessage::STATUSTEXT(m) => {
+                *who == Role::I && m.text.to_str().is_ok_and(|text| text.contains(what))
+            }
+            _ => false,
+        })
+    };
+    assert!(said(&watched, "arming refused: "));
+    let kill = MavMessage::COMMAND_LONG(COMMAND_LONG_DATA {
+        command: MavCmd::MAV_CMD_USER_2,
+        target_system: 1,
+        target_component: 191,
+        ..COMMAND_LONG_DATA::DEFAULT
+    });
+    watched.ask(Role::I, &kill);
+    watched.pass(Duration::from_secs(2));
+    assert_eq!(asks(&mut watched, (1, 1), (1, 0)), [denied]);
+}

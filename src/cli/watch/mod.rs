@@ -14,7 +14,7 @@ use crate::link::signing::Key;
 use crate::link::{Clock, LinkAddress};
 
 use super::Exit;
-pub(super) use screen::{Screen, aside, is_possible, takes_over};
+pub(super) use screen::{Screen, aside, is_possible, is_shown, takes_over};
 pub(super) use station::{Port, Station};
 
 const EXAMPLES: &str = "Examples:

@@ -53,6 +53,11 @@ pub(in crate::cli) fn is_possible() -> Result<(), String> {
     }
 }
 
+/// Whether a view has the terminal.
+pub(in crate::cli) fn is_shown() -> bool {
+    TAKEN.load(Ordering::SeqCst)
+}
+
 /// A line that would go to stderr: taken by the view if there is one.
 pub(in crate::cli) fn aside(text: &str) -> bool {
     if !TAKEN.load(Ordering::SeqCst) {

@@ -207,3 +207,105 @@ fn state_file(address: &LinkAddress) -> Result<std::path::PathBuf, String> {
         address.to_string().chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '-' }).collect();
     Ok(directory.join(format!("watch-{name}.signing")))
 }
+
+#[cfg(test)]
+mod tests {
+    use mavlink::dialects::ardupilotmega::{COMMAND_LONG_DATA, HEARTBEAT_DATA, MavCmd};
+
+    use super::*;
+    use crate::link::RawFrame;
+
+    const OPERATOR: (u8, u8) = (255, 190);
+
+    fn signing(name: &str, key: u8) -> Signing {
+        let directory = std::env::temp_dir().join(format!("veilwing-station-{}", std::process::id()));
+        std::fs::create_dir_all(&directory).unwrap();
+        let config = SigningConfig {
+            key: Key::new([key; 32]),
+            link_id: 0,
+            state_file: directory.join(name),
+            unsigned_allowed: Vec::new(),
+        };
+        Signing::open(config, Clock::real().utc()).unwrap()
+    }
+
+    async fn port(signing: Option<Signing>) -> (Port, SocketAddr) {
+        let socket = UdpSocket::bind(("127.0.0.1", 0)).await.unwrap();
+        let at = socket.local_addr().unwrap();
+        (Port::on(socket, signing, &Clock::real()), at)
+    }
+
+    /// A vehicle of this system, which speaks to a port.
+    async fn vehicle(system: u8, to: SocketAddr, signing: Option<&mut Signing>) -> UdpSocket {
+        let socket = UdpSocket::bind(("127.0.0.1", 0)).await.unwrap();
+        socket.connect(to).await.unwrap();
+        say(&socket, system, signing).await;
+        socket
+    }
+
+    async fn say(socket: &UdpSocket, system: u8, signing: Option<&mut Signing>) {
+        let heartbeat = MavMessage::HEARTBEAT(HEARTBEAT_DATA::default());
+        let mut encoder = Encoder::default();
+        let raw = match signing {
+            None => encoder.encode((system, 191), &heartbeat),
+            Some(signing) => {
+                let mut raw = encoder.encode_for_signing((system, 191), &heartbeat);
+                signing.sign(&mut raw, Clock::real().utc()).unwrap();
+                raw
+            }
+        };
+        socket.send(raw.raw_bytes()).await.unwrap();
+    }
+
+    fn kill(target_system: u8) -> MavMessage {
+        MavMessage::COMMAND_LONG(COMMAND_LONG_DATA {
+            command: MavCmd::MAV_CMD_USER_2,
+            target_system,
+            target_component: 191,
+            ..COMMAND_LONG_DATA::default()
+        })
+    }
+
+    async fn received(socket: &UdpSocket) -> RawFrame {
+        let mut buffer = [0; 512];
+        let length = socket.recv(&mut buffer).await.unwrap();
+        RawFrame::from_bytes(&buffer[..length]).unwrap()
+    }
+
+    #[tokio::test]
+    async fn spec_two_vehicles_on_one_port_are_both_heard_and_each_is_told_what_is_for_it() {
+        let (mut port, at) = port(None).await;
+        let first = vehicle(1, at, None).await;
+        assert_eq!(port.recv().await.0.system_id, 1);
+        let second = vehicle(2, at, None).await;
+        assert_eq!(port.recv().await.0.system_id, 2);
+        port.send(OPERATOR, &kill(2));
+        port.send(OPERATOR, &kill(1));
+        // Nothing of the order to the second came to the first before its own.
+        for (socket, system) in [(&first, 1), (&second, 2)] {
+            let frame = received(socket).await.parse::<Aboard>().unwrap();
+            assert_eq!(frame.message.target_system_id(), Some(system));
+        }
+        port.send(OPERATOR, &kill(0));
+        received(&first).await;
+        received(&second).await;
+    }
+
+    #[tokio::test]
+    async fn spec_with_a_key_only_what_is_signed_by_it_is_heard_and_orders_are_signed() {
+        let (mut port, at) = port(Some(signing("own", 7))).await;
+        let (mut theirs, mut other) = (signing("theirs", 7), signing("other", 8));
+        let stranger = vehicle(3, at, None).await;
+        let forger = vehicle(4, at, Some(&mut other)).await;
+        let vehicle = vehicle(1, at, Some(&mut theirs)).await;
+        assert_eq!(port.recv().await.0.system_id, 1);
+        port.send(OPERATOR, &kill(0));
+        let order = received(&vehicle).await;
+        assert_eq!(theirs.verify(&order, Clock::real().utc()), Ok(true));
+        // Who is not heard is not spoken to either.
+        for socket in [&stranger, &forger] {
+            let mut buffer = [0; 512];
+            assert!(socket.try_recv(&mut buffer).is_err());
+        }
+    }
+}

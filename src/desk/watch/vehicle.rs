@@ -166,7 +166,7 @@ impl Vehicle {
         if let Ok(figure) = Figure::from_str(name) {
             self.figures.insert(figure, said);
             if figure == Figure::Phase && value as usize != SLOT {
-                OF_A_SLOT.iter().for_each(|figure| drop(self.figures.remove(figure)));
+                self.figures.retain(|figure, _| !OF_A_SLOT.contains(figure));
             }
             if figure == Figure::Role {
                 self.role = Some(if value == 0.0 { Role::I } else { Role::J });

@@ -15,10 +15,20 @@ impl Executive {
             self.outbox.extend(self.parameter_value(index));
             return;
         }
+        // By turns, so that neither takes every tick of a slow vehicle.
         let before = self.outbox.len();
-        self.show_live(now);
-        if self.outbox.len() == before {
+        let live_first = self.ground_station.live_first;
+        if live_first {
+            self.show_live(now);
+        } else {
             self.show_standing(now);
+        }
+        if self.outbox.len() != before {
+            self.ground_station.live_first = !live_first;
+        } else if live_first {
+            self.show_standing(now);
+        } else {
+            self.show_live(now);
         }
     }
 
