@@ -75,9 +75,10 @@ pub struct Superframe {
     pub slots_s: Vec<f64>,
 }
 
-/// Samples of the search, of its steps and of its last ones: with jitter alone, and where more is random.
-const RESOLUTIONS: [usize; 3] = [64, 128, 512];
-const RESOLUTIONS_OF_ERRORS: [usize; 3] = [128, 256, 1024];
+/// Samples of a first look at a place, of a second one, of the search's steps and of its last ones: with jitter alone, and where
+/// more is random.
+const RESOLUTIONS: [usize; 4] = [32, 64, 128, 512];
+const RESOLUTIONS_OF_ERRORS: [usize; 4] = [64, 128, 256, 1024];
 /// Candidates that are timed by the ways that will be flown.
 const TIMED: usize = 4;
 /// Slots of chosen lengths are whole multiples of so many seconds.
@@ -148,7 +149,7 @@ fn nats(slot: &SlotPlan, problem: &Problem) -> f64 {
 }
 
 /// The sample sets of a user, the coarsest first.
-fn samples(setup: &Setup, options: &Options) -> [Samples; 3] {
+fn samples(setup: &Setup, options: &Options) -> [Samples; 4] {
     let all = slot_search::samples(setup, options);
     let sizes = if setup.heeds_uncertainty() { RESOLUTIONS_OF_ERRORS } else { RESOLUTIONS };
     sizes.map(|count| all.first(count))

@@ -15,7 +15,7 @@ pub struct Case<'a, W> {
     /// Each user's problem.
     pub setups: &'a [Setup<'a>],
     /// Each user's samples, the coarsest first; none of a resolution where nothing is random.
-    pub samples: Vec<[Samples; 3]>,
+    pub samples: Vec<[Samples; 4]>,
     /// Lengths and limits of slots.
     pub service: &'a Service,
     /// How long transits take.
@@ -35,12 +35,14 @@ pub struct View {
     pub power: f64,
 }
 
+/// To tell hopeless places from others.
+pub const ROUGH: View = View { resolution: 0, sharpness: 200.0, power: 12.0 };
 /// Coarse enough to find one's way.
-pub const COARSE: View = View { resolution: 0, sharpness: 200.0, power: 12.0 };
+pub const COARSE: View = View { resolution: 1, sharpness: 200.0, power: 12.0 };
 /// For the search.
-pub const MEDIUM: View = View { resolution: 1, sharpness: 2e3, power: 12.0 };
+pub const MEDIUM: View = View { resolution: 2, sharpness: 2e3, power: 12.0 };
 /// For the last steps.
-pub const FINE: View = View { resolution: 2, sharpness: 2e5, power: 48.0 };
+pub const FINE: View = View { resolution: 3, sharpness: 2e5, power: 48.0 };
 
 /// A superframe's configurations and what they are worth.
 #[derive(Debug, Clone)]

@@ -13,14 +13,15 @@ use super::super::solver::limited::{self, Settings};
 use super::super::{powers, starts};
 use super::super::variables::PowerChart;
 use super::layout::Layout;
-use super::objective::{COARSE, Case};
+use super::objective::{COARSE, Case, ROUGH};
 use super::ways::Ways;
 use crate::radio::pattern;
 
 /// Of its part along the user a null along an eavesdropper loses so much.
 const TURNED_AWAY: f64 = 0.9;
-/// Axes that are followed, and ends that are kept.
-const FOLLOWED: usize = 5;
+/// Most axes of a first look.
+const ROUGH_AXES: usize = 30;
+/// Ends that are kept.
 const KEPT: usize = 3;
 /// Steps of an axis that is followed.
 const STEPS: Settings = Settings { iterations: 25, tolerance: 1e-4, first_step: 1.0 };
@@ -35,12 +36,13 @@ pub struct Placed {
 }
 
 /// The best configurations of a user with the vehicles at given positions, best first; none of J's axis but its null.
-/// `known` are configurations whose axes are tried as well.
+/// `known` are configurations whose axes are tried as well, and `followed` the axes that are followed to their ends.
 pub fn at<W: Ways>(
     case: &Case<'_, W>,
     user: usize,
     positions: [Vector3<f64>; 2],
     known: &[Raw],
+    followed: usize,
     memory: &mut Memory,
 ) -> Vec<Placed> {
     let setup = &case.setups[user];
@@ -50,13 +52,13 @@ pub fn at<W: Ways>(
         .chain(known.iter().map(|raw| pattern::antenna_axis(raw[ANGLES], raw[ANGLES + 1], raw[ANGLES + 2])))
         .map(|axis| {
             let raw = held(setup, &configuration(setup, &positions, &axis));
-            let rate = memory.value(setup, coarse(case, user), &raw, &mut unused);
+            let rate = memory.value_alone(setup, coarse(case, user), &raw);
             Placed { raw, rate }
         })
         .collect();
     tried.sort_by(|a, b| b.rate.total_cmp(&a.rate));
     let mut ends: Vec<Placed> = Vec::new();
-    for start in tried.into_iter().filter(|start| start.rate.is_finite()).take(FOLLOWED) {
+    for start in tried.into_iter().filter(|start| start.rate.is_finite()).take(followed) {
         let end = follow(case, user, &start.raw, memory);
         if !ends.iter().any(|known| is_same(known, &end)) {
             ends.push(end);
@@ -68,6 +70,28 @@ pub fn at<W: Ways>(
         end.rate = case.rate(user, COARSE, &end.raw, memory, &mut unused);
     }
     ends
+}
+
+/// A first look at what a user makes of each of J's positions with I at one: the signed rate of the best axis, none followed.
+pub fn rough<W: Ways>(
+    case: &Case<'_, W>,
+    user: usize,
+    i: Vector3<f64>,
+    js: &[Vector3<f64>],
+    memory: &mut Memory,
+) -> Vec<f64> {
+    let setup = &case.setups[user];
+    let axes = axes(setup, &i);
+    let axes: Vec<_> = axes.iter().step_by(axes.len().div_ceil(ROUGH_AXES).max(1)).collect();
+    js.iter()
+        .map(|j| {
+            let rate = |axis: &&Vector3<f64>| {
+                let raw = held(setup, &configuration(setup, &[i, *j], axis));
+                memory.value_alone(setup, case.target(user, ROUGH, false), &raw)
+            };
+            axes.iter().map(rate).fold(f64::NEG_INFINITY, f64::max)
+        })
+        .collect()
 }
 
 fn coarse<'a, W: Ways>(case: &'a Case<'_, W>, user: usize) -> Target<'a> {
@@ -137,6 +161,9 @@ fn configuration(setup: &Setup, positions: &[Vector3<f64>; 2], axis: &Vector3<f6
 
 /// A configuration within the limits of tilt.
 fn held(setup: &Setup, raw: &Raw) -> Raw {
+    if setup.tilt_rad.iter().all(|tilt| *tilt >= std::f64::consts::FRAC_PI_2) {
+        return *raw;
+    }
     let layout = Layout::in_place(setup, raw);
     layout.raws(&layout.encode(std::slice::from_ref(raw)))[0]
 }

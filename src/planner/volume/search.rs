@@ -26,15 +26,26 @@ use super::ways::{Ways, largest_s};
 
 /// Positions of a vehicle closer than this, in metres, are one place.
 const APART_M: f64 = 2.0;
-/// Most positions of a vehicle that make places.
-const MOST_POSITIONS: usize = 10;
-/// Places that all users share, places of I and places of J that are climbed from.
-const SHARED: usize = 5;
-const ONE_SHARED: usize = 2;
-/// Random places beside the plans' own.
-const RANDOM: usize = 4;
+/// Most positions of a vehicle that make places; of these at most so many of the users' plans and over eavesdroppers.
+const MOST_POSITIONS: usize = 24;
+const MOST_OWN: usize = 9;
+const MOST_OVER: usize = 5;
+/// Random positions among them.
+const RANDOM: usize = 12;
+/// Pairs of positions that are looked at more closely for all users, and positions of I and of J with the best of the other's.
+const PLACES: usize = 40;
+const SIDES: usize = 3;
+/// Places that all users share, places of I and places of J that are climbed from; the first so far apart, in metres.
+const SHARED: [usize; 2] = [32, 4];
+const ONE_SHARED: usize = 1;
+const SCATTERED_M: f64 = 25.0;
+/// Axes that are followed at each place, and at those that have been climbed to.
+const FOLLOWED: [usize; 2] = [4, 12];
+/// Candidates that are climbed from to the end, after a few coarse steps of all.
+const CLIMBED: usize = 8;
 /// Candidates that are polished.
 const POLISHED: usize = 3;
+const BEGIN: Settings = Settings { iterations: 20, tolerance: 1e-3, first_step: 0.5 };
 const CLIMB: Settings = Settings { iterations: 60, tolerance: 1e-4, first_step: 0.5 };
 const POLISH: Settings = Settings { iterations: 120, tolerance: 1e-6, first_step: 0.2 };
 
@@ -57,8 +68,14 @@ pub fn candidates<W: Ways>(case: &Case<'_, W>, plans: &[Vec<Raw>], seed: u64, th
         let best = found.iter().chain(&climbed).max_by(|a, b| a.value.total_cmp(&b.value)).cloned();
         let Some(best) = best else { break };
         let starts = pool.starts(case, &best, round);
-        let ends = parallel::map(threads, starts.len(), |memory: &mut Memory, index| {
-            climb(case, &starts[index], (MEDIUM, Axes::Nulled), &CLIMB, memory)
+        let begun = parallel::map(threads, starts.len(), |memory: &mut Memory, index| {
+            climb(case, &starts[index], (COARSE, Axes::Nulled), &BEGIN, memory)
+        });
+        let mut begun: Vec<Candidate> = begun.into_iter().flatten().collect();
+        begun.sort_by(|a, b| b.value.total_cmp(&a.value));
+        let begun = scattered(begun, CLIMBED, APART_M);
+        let ends = parallel::map(threads, begun.len(), |memory: &mut Memory, index| {
+            climb(case, &begun[index], (MEDIUM, Axes::Nulled), &CLIMB, memory)
         });
         climbed.extend(ends.into_iter().flatten());
         climbed.sort_by(|a, b| b.value.total_cmp(&a.value));
@@ -171,29 +188,35 @@ fn different(sorted: Vec<Candidate>, most: usize) -> Vec<Candidate> {
     kept
 }
 
-/// Positions of both vehicles and what each user makes of every two of them.
+/// Positions of both vehicles and what each user makes of two of them.
 struct Pool {
     positions: [Vec<Vector3<f64>>; 2],
     states: Vec<Vec<State>>,
-    /// Pairs whose states are known.
-    known: Vec<[usize; 2]>,
+    /// Users and pairs whose states are known.
+    known: Vec<(usize, [usize; 2])>,
 }
 
 impl Pool {
-    /// The positions of the users' own plans, the means of these, and a few at random.
+    /// The mean of the positions of the users' own plans, these themselves, those over users (of I) and over eavesdroppers (of
+    /// J), a few at random, and of other plans.
     fn new<W: Ways>(case: &Case<'_, W>, plans: &[Vec<Raw>], seed: u64) -> Self {
         let setup = &case.setups[0];
+        let [low, high] = setup.problem.airspace.altitude_m;
         let positions = [0, 1].map(|v: usize| {
-            let own: Vec<Vector3<f64>> = plans.iter().map(|plans| position(&plans[0], v)).collect();
+            let own: Vec<Vector3<f64>> =
+                plans.iter().take(MOST_OWN).map(|plans| position(&plans[0], v)).collect();
             let centre = own.iter().sum::<Vector3<f64>>() / own.len() as f64;
             let mut rng = ChaCha8Rng::seed_from_u64(sobol::mix(seed, 0x7001 + v as u64));
-            let [low, high] = setup.problem.airspace.altitude_m;
-            let random = (0..RANDOM).map(|_| {
-                let (x, y) = setup.uniform(&mut rng);
-                Vector3::new(x, y, if v == 0 { low } else { rng.random_range(low..=high) })
-            });
+            let over = setup.problem.eavesdroppers.iter().take(if v == 0 { 0 } else { MOST_OVER });
+            let over: Vec<_> = over.map(|e| setup.allowed(Vector3::new(e.position_enu_m.x, e.position_enu_m.y, low))).collect();
+            let random: Vec<_> = (0..RANDOM)
+                .map(|k| {
+                    let (x, y) = setup.uniform(&mut rng);
+                    Vector3::new(x, y, if (v + k) % 2 == 0 { low } else { rng.random_range(low..=high) })
+                })
+                .collect();
             let others = plans.iter().flat_map(|plans| plans.iter().skip(1).map(|raw| position(raw, v)));
-            let all = std::iter::once(setup.allowed(centre)).chain(own).chain(random.collect::<Vec<_>>()).chain(others);
+            let all = std::iter::once(setup.allowed(centre)).chain(own).chain(over).chain(random).chain(others);
             let mut all = distinct(all, APART_M);
             all.truncate(MOST_POSITIONS);
             all
@@ -201,34 +224,96 @@ impl Pool {
         Self { positions, states: vec![Vec::new(); case.setups.len()], known: Vec::new() }
     }
 
-    /// What each user makes of every two positions that are not too close to each other.
-    fn fill<W: Ways>(&mut self, case: &Case<'_, W>, plans: &[Vec<Raw>], threads: usize) {
-        let separation_m = case.setups[0].problem.airspace.min_separation_m;
-        let pairs = (0..self.positions[0].len()).flat_map(|i| (0..self.positions[1].len()).map(move |j| [i, j]));
-        let new: Vec<[usize; 2]> = pairs
-            .filter(|[i, j]| (self.positions[0][*i] - self.positions[1][*j]).norm() >= separation_m)
-            .filter(|pair| !self.known.contains(pair))
-            .collect();
-        self.add(case, &new, plans, threads);
+    /// Whether both vehicles may be there at once.
+    fn is_possible<W: Ways>(&self, case: &Case<'_, W>, [i, j]: [usize; 2]) -> bool {
+        let apart_m = (self.positions[0][i] - self.positions[1][j]).norm();
+        apart_m >= case.setups[0].problem.airspace.min_separation_m
     }
 
-    fn add<W: Ways>(&mut self, case: &Case<'_, W>, new: &[[usize; 2]], plans: &[Vec<Raw>], threads: usize) {
+    /// What the users make of those pairs of positions that look best: for all of them, with one position of I or of J, and for
+    /// each by itself.
+    fn fill<W: Ways>(&mut self, case: &Case<'_, W>, plans: &[Vec<Raw>], threads: usize) {
         let users = case.setups.len();
-        let placed = parallel::map(threads, users * new.len(), |memory: &mut Memory, index| {
-            let (user, [i, j]) = (index % users, new[index / users]);
-            let positions = [self.positions[0][i], self.positions[1][j]];
-            place::at(case, user, positions, &plans[user][..1], memory)
+        let [ni, nj] = [self.positions[0].len(), self.positions[1].len()];
+        let looks = parallel::map(threads, users * ni, |memory: &mut Memory, index| {
+            place::rough(case, index % users, self.positions[0][index / users], &self.positions[1], memory)
         });
-        for (index, placed) in placed.into_iter().enumerate() {
-            let at = new[index / users];
-            self.states[index % users].extend(placed.into_iter().map(|placed| State { at, placed }));
+        let rough = |user: usize, [i, j]: [usize; 2]| looks[i * users + user][j];
+        let pairs: Vec<[usize; 2]> = (0..ni)
+            .flat_map(|i| (0..nj).map(move |j| [i, j]))
+            .filter(|pair| self.is_possible(case, *pair))
+            .collect();
+        let mut wanted: Vec<(usize, [usize; 2])> = Vec::new();
+        let value = |rates: &[f64]| case.worth_of(rates, 0.0);
+        let mut shared: Vec<(f64, [usize; 2])> = pairs
+            .iter()
+            .map(|pair| (value(&(0..users).map(|user| rough(user, *pair)).collect::<Vec<_>>()), *pair))
+            .collect();
+        shared.sort_by(|a, b| b.0.total_cmp(&a.0));
+        for (_, pair) in shared.iter().take(PLACES) {
+            wanted.extend((0..users).map(|user| (user, *pair)));
+        }
+        let best_of = |user: usize, holds: &dyn Fn([usize; 2]) -> bool| {
+            let own = pairs.iter().filter(|pair| holds(**pair));
+            own.copied().max_by(|a, b| rough(user, *a).total_cmp(&rough(user, *b)))
+        };
+        for (v, n) in [ni, nj].into_iter().enumerate() {
+            let mut sides: Vec<(f64, Vec<[usize; 2]>)> = (0..n)
+                .filter_map(|at| {
+                    let own: Option<Vec<[usize; 2]>> =
+                        (0..users).map(|user| best_of(user, &|pair| pair[v] == at)).collect();
+                    let own = own?;
+                    let rates: Vec<f64> = own.iter().enumerate().map(|(user, pair)| rough(user, *pair)).collect();
+                    Some((value(&rates), own))
+                })
+                .collect();
+            sides.sort_by(|a, b| b.0.total_cmp(&a.0));
+            for (_, own) in sides.into_iter().take(SIDES) {
+                wanted.extend(own.into_iter().enumerate());
+            }
+        }
+        wanted.extend((0..users).filter_map(|user| Some((user, best_of(user, &|_| true)?))));
+        self.add(case, wanted, plans, FOLLOWED[0], threads);
+    }
+
+    fn add<W: Ways>(
+        &mut self,
+        case: &Case<'_, W>,
+        wanted: Vec<(usize, [usize; 2])>,
+        plans: &[Vec<Raw>],
+        followed: usize,
+        threads: usize,
+    ) {
+        let mut new: Vec<(usize, [usize; 2])> = Vec::new();
+        for entry in wanted {
+            if !self.known.contains(&entry) && !new.contains(&entry) {
+                new.push(entry);
+            }
+        }
+        let placed = parallel::map(threads, new.len(), |memory: &mut Memory, index| {
+            let (user, [i, j]) = new[index];
+            let positions = [self.positions[0][i], self.positions[1][j]];
+            place::at(case, user, positions, &plans[user][..1], followed, memory)
+        });
+        for (&(user, at), placed) in new.iter().zip(placed) {
+            self.states[user].extend(placed.into_iter().map(|placed| State { at, placed }));
         }
         self.known.extend(new);
     }
 
     /// The positions that were found join the places: with each other, and one of them with what the users have.
     fn widen<W: Ways>(&mut self, case: &Case<'_, W>, found: &[Candidate], plans: &[Vec<Raw>], threads: usize) {
-        let Some(best) = found.first() else { return };
+        let mut wanted: Vec<(usize, [usize; 2])> = Vec::new();
+        for candidate in found {
+            self.join(candidate, plans, &mut wanted);
+        }
+        wanted.retain(|(_, pair)| self.is_possible(case, *pair));
+        self.add(case, wanted, plans, FOLLOWED[1], threads);
+    }
+
+    /// Adds the positions of a candidate, and what is to be looked at there.
+    fn join(&mut self, best: &Candidate, plans: &[Vec<Raw>], wanted: &mut Vec<(usize, [usize; 2])>) {
+        let users = plans.len();
         let mut ours = [Vec::new(), Vec::new()];
         for (v, ours) in ours.iter_mut().enumerate() {
             for at in distinct(best.raws.iter().map(|raw| position(raw, v)), APART_M) {
@@ -236,45 +321,48 @@ impl Pool {
                 self.positions[v].push(at);
             }
         }
-        let own = 1 + plans.len().min(MOST_POSITIONS);
-        let separation_m = case.setups[0].problem.airspace.min_separation_m;
-        let mut new: Vec<[usize; 2]> = Vec::new();
-        for &i in &ours[0] {
-            new.extend(ours[1].iter().copied().chain(0..own.min(self.positions[1].len())).map(|j| [i, j]));
+        let own = |v: usize, user: usize| {
+            let at = position(&plans[user][0], v);
+            (0..self.positions[v].len()).find(|k| (self.positions[v][*k] - at).norm() < APART_M)
+        };
+        for user in 0..users {
+            for &i in &ours[0] {
+                wanted.extend(ours[1].iter().copied().chain(own(1, user)).map(|j| (user, [i, j])));
+            }
+            for &j in &ours[1] {
+                wanted.extend(own(0, user).map(|i| (user, [i, j])));
+            }
         }
-        for &j in &ours[1] {
-            new.extend((0..own.min(self.positions[0].len())).map(|i| [i, j]));
-        }
-        new.retain(|[i, j]| (self.positions[0][*i] - self.positions[1][*j]).norm() >= separation_m);
-        new.dedup();
-        self.add(case, &new, plans, threads);
     }
 
     /// The best choices of each kind, to climb from.
     fn starts<W: Ways>(&self, case: &Case<'_, W>, best: &Candidate, round: usize) -> Vec<Candidate> {
-        let mut rates = vec![0.0; case.setups.len()];
         let mut memory = Memory::default();
-        for (user, (rate, raw)) in rates.iter_mut().zip(&best.raws).enumerate() {
-            *rate = case.rate(user, COARSE, raw, &mut memory, &mut [0.0; 14]);
-        }
+        let rates: Vec<f64> = best
+            .raws
+            .iter()
+            .enumerate()
+            .map(|(user, raw)| case.rate(user, COARSE, raw, &mut memory, &mut [0.0; 14]))
+            .collect();
         let about = About::new(case, best.value, &rates);
         let order = &best.order;
-        let take = |among: Vec<Among>, most: usize| {
+        let take = |among: Vec<Among>, most: usize, apart_m: f64| {
             let mut all: Vec<Candidate> = among
                 .into_iter()
                 .filter_map(|among| choose(case, &self.states, among, order, &about))
                 .collect();
             all.sort_by(|a, b| b.value.total_cmp(&a.value));
-            different(all, most)
+            scattered(all, most, apart_m)
         };
         let numbers = |v: usize| 0..self.positions[v].len();
         let mut out = Vec::new();
-        if round == 0 {
-            out.extend(take(self.known.iter().map(|at| Among::Both(*at)).collect(), SHARED));
-        }
-        out.extend(take(numbers(0).map(Among::I).collect(), ONE_SHARED));
-        out.extend(take(numbers(1).map(Among::J).collect(), ONE_SHARED));
-        out.extend(take(vec![Among::Any], 1));
+        let mut pairs: Vec<[usize; 2]> = self.known.iter().map(|(_, pair)| *pair).collect();
+        pairs.sort_unstable();
+        pairs.dedup();
+        out.extend(take(pairs.into_iter().map(Among::Both).collect(), SHARED[round], SCATTERED_M));
+        out.extend(take(numbers(0).map(Among::I).collect(), ONE_SHARED, APART_M));
+        out.extend(take(numbers(1).map(Among::J).collect(), ONE_SHARED, APART_M));
+        out.extend(take(vec![Among::Any], 1, APART_M));
         // What all share is found under more than one name.
         let mut distinct: Vec<Candidate> = Vec::new();
         for candidate in out {
@@ -284,4 +372,19 @@ impl Pool {
         }
         distinct
     }
+}
+
+/// The best candidates of which no two have all their positions within a distance of each other.
+fn scattered(sorted: Vec<Candidate>, most: usize, apart_m: f64) -> Vec<Candidate> {
+    let mut kept: Vec<Candidate> = Vec::new();
+    for candidate in sorted {
+        let near = |known: &Candidate| {
+            let mut pairs = known.raws.iter().zip(&candidate.raws);
+            pairs.all(|(a, b)| (0..2).all(|v| (position(a, v) - position(b, v)).norm() < apart_m))
+        };
+        if kept.len() < most && !kept.iter().any(near) {
+            kept.push(candidate);
+        }
+    }
+    kept
 }
