@@ -106,7 +106,10 @@ fn val_what_a_plan_delivers_is_what_its_poses_and_the_slot_table_give() {
         let stated = planning::delivered(&mission, &plan);
         let (volumes, superframe_s) = again(&mission, &plan);
         let close = |a: f64, b: f64| (a / b - 1.0).abs() < 5e-3;
-        assert!((stated.superframe_s.unwrap() - superframe_s).abs() < 0.11, "{change}: {stated:?} {superframe_s}");
+        assert!(
+            (stated.superframe_s.unwrap() - superframe_s).abs() < 0.11,
+            "{change}: {stated:?} {superframe_s}"
+        );
         assert!(close(stated.volume_bits, volumes.iter().sum()), "{change}: {stated:?} {volumes:?}");
         let least = volumes.iter().copied().fold(f64::INFINITY, f64::min);
         assert!(close(stated.least_user_volume_bits, least), "{change}: {stated:?} {volumes:?}");
@@ -124,14 +127,18 @@ fn spec_a_plan_for_volume_is_the_same_on_every_road_and_any_threads() {
     let directory = command::directory("volume-plan");
     let file = directory.join("mission.toml");
     for fairness in ["slots", "max-min"] {
-        let text = format!("{}[planner]\noptimise = \"volume\"\nfairness = \"{fairness}\"\n", mission("listed"));
+        let text =
+            format!("{}[planner]\noptimise = \"volume\"\nfairness = \"{fairness}\"\n", mission("listed"));
         let read = Mission::parse("m.toml", &text).unwrap();
         assert_eq!(read.planner.optimise, Optimise::Volume);
         let digest = hex(&planning::plan(&read).unwrap().digest);
         std::fs::write(&file, &text).unwrap();
         let file = file.to_str().unwrap();
         for threads in ["1", "3"] {
-            assert_eq!(document(&["plan", file, "--json", "--threads", threads])["plan_digest"], digest.as_str());
+            assert_eq!(
+                document(&["plan", file, "--json", "--threads", threads])["plan_digest"],
+                digest.as_str()
+            );
         }
         // Its document can be scored again, its slots as long as it says.
         let out = directory.join(fairness);
@@ -146,7 +153,11 @@ fn spec_a_plan_for_volume_is_the_same_on_every_road_and_any_threads() {
         // Flown: slots are served as long as they are, and the world measures what it delivers.
         let flown = document(&["campaign", file, "--runs", "1", "--json"]);
         let flight = &flown["flights"][0];
-        assert_eq!((&flown["plan_digest"], &flight["result"]), (&digest.as_str().into(), &"completed".into()), "{flown}");
+        assert_eq!(
+            (&flown["plan_digest"], &flight["result"]),
+            (&digest.as_str().into(), &"completed".into()),
+            "{flown}"
+        );
         let delivered = volume(flight) / volume(&planned);
         assert!((0.9..1.1).contains(&delivered), "{fairness}: {delivered}");
         let on_air = flight["on_air_s"].as_f64().unwrap() / planned["on_air_s"].as_f64().unwrap();

@@ -116,7 +116,9 @@ fn main() {
         if arguments.iter().any(|a| a == "--max-min") { Fairness::MaxMin } else { Fairness::Slots };
     let (seed, starts, draws) =
         (number("--seed", 1) as u64, number("--starts", 60), number("--draws", 20_000).max(100));
-    println!("mission  users  N  slot_s  by rate  by volume  gain  places I J   judge   plan/judge  rate ms  volume ms");
+    println!(
+        "mission  users  N  slot_s  by rate  by volume  gain  places I J   judge   plan/judge  rate ms  volume ms"
+    );
     let (mut worst, mut gains) = (f64::INFINITY, Vec::new());
     let first = number("--first", 0);
     for index in first..first + number("--missions", mission::COUNT) {
@@ -141,15 +143,8 @@ fn main() {
             let judge = Judge::new(&mission, &router);
             let ours: Vec<Configuration> = volume.vehicles.iter().map(Configuration::of).collect();
             let best = judge.best(&ours, starts, seed ^ (index as u64) << 20);
-            let at = |xs: &[Configuration]| {
-                xs.iter().map(|x| (x.position_m.map(|p| p.map(f64::round)), x.power_w[1])).collect::<Vec<_>>()
-            };
-            let [ours_at, best_at] = [at(&ours), at(&best)];
             let [ours, best] = [&ours, &best].map(|xs| judge.score(xs, draws, 0xfeed ^ index as u64));
             worst = worst.min(ours / best);
-            if ours / best < 0.995 {
-                println!("ours {:?}\njudge {:?}", ours_at, best_at);
-            }
             line += &format!(" {best:6.3}  {:11.4}", ours / best);
             // The plan's own figure by another road: fresh draws and times stated again.
             line += &format!(" [{ours:.3}]");

@@ -56,7 +56,8 @@ fn ride_s(distance: f64, speed: f64) -> f64 {
 
 /// The angle between two attitudes, by the trace of the rotation between them.
 fn turn_rad(a: &[f64; 3], b: &[f64; 3]) -> f64 {
-    let matrix = |[roll, pitch, yaw]: &[f64; 3]| *nalgebra::Rotation3::from_euler_angles(*roll, *pitch, *yaw).matrix();
+    let matrix =
+        |[roll, pitch, yaw]: &[f64; 3]| *nalgebra::Rotation3::from_euler_angles(*roll, *pitch, *yaw).matrix();
     let trace = (matrix(a).transpose() * matrix(b)).trace();
     (0.5 * (trace - 1.0)).clamp(-1.0, 1.0).acos()
 }
@@ -94,7 +95,11 @@ impl<'a> Judge<'a> {
     pub fn new(mission: &'a Superframe, router: &'a Router) -> Self {
         let worlds: Vec<World> = mission.problems.iter().map(World::new).collect();
         let look = |noises: usize, stage: u64| {
-            worlds.iter().enumerate().map(|(k, world)| world.look([noises, 1], 0.0, f64::INFINITY, 77 * stage + k as u64)).collect()
+            worlds
+                .iter()
+                .enumerate()
+                .map(|(k, world)| world.look([noises, 1], 0.0, f64::INFINITY, 77 * stage + k as u64))
+                .collect()
         };
         let looks = [look(96, 1), look(1024, 2)];
         Self { mission, looks, worlds, router }
@@ -117,13 +122,16 @@ impl<'a> Judge<'a> {
         let fixed = n as f64 * service.settle_s + transits;
         match service.fairness {
             Fairness::Slots => {
-                (service.slot_s - service.guard_s) * rates.iter().sum::<f64>() / (n as f64 * service.slot_s + fixed)
+                (service.slot_s - service.guard_s) * rates.iter().sum::<f64>()
+                    / (n as f64 * service.slot_s + fixed)
             }
             Fairness::MaxMin => {
                 // The largest least volume, by bisection over it.
                 let [shortest, longest] = service.slot_limits_s;
                 let least = rates.iter().copied().fold(f64::INFINITY, f64::min).max(1e-9);
-                let sum = |m: f64| -> f64 { rates.iter().map(|r| (service.guard_s + m / r.max(1e-9)).max(shortest)).sum() };
+                let sum = |m: f64| -> f64 {
+                    rates.iter().map(|r| (service.guard_s + m / r.max(1e-9)).max(shortest)).sum()
+                };
                 let (mut low, mut high) = (0.0, (longest - service.guard_s) * least);
                 if sum(high) <= n as f64 * service.slot_s {
                     return high / (sum(high) + fixed);
@@ -139,14 +147,17 @@ impl<'a> Judge<'a> {
 
     /// By fresh draws.
     pub fn score(&self, xs: &[Configuration], draws: usize, seed: u64) -> f64 {
-        let rates: Vec<f64> = xs.iter().zip(&self.worlds).map(|(x, world)| world.score(x, draws, seed)).collect();
+        let rates: Vec<f64> =
+            xs.iter().zip(&self.worlds).map(|(x, world)| world.score(x, draws, seed)).collect();
         self.worth(&rates, xs, &self.order(xs))
     }
 
     fn positions(&self, t: &[f64]) -> [[f64; 3]; 2] {
         let world = &self.worlds[0];
         let area = [-world.half_m, world.half_m];
-        [0, 3].map(|at: usize| [squeeze(t[at], area), squeeze(t[at + 1], area), squeeze(t[at + 2], world.altitude_m)])
+        [0, 3].map(|at: usize| {
+            [squeeze(t[at], area), squeeze(t[at + 1], area), squeeze(t[at + 2], world.altitude_m)]
+        })
     }
 
     fn configuration(&self, user: usize, places: &[f64], own: &[f64]) -> Configuration {
@@ -212,7 +223,8 @@ impl<'a> Judge<'a> {
                 let xs = self.configurations(&at);
                 at[k] = t[k];
                 let mut rates = rates.clone();
-                for (user, x) in xs.iter().enumerate().filter(|(user, _)| touched.is_none_or(|t| t == *user)) {
+                for (user, x) in xs.iter().enumerate().filter(|(user, _)| touched.is_none_or(|t| t == *user))
+                {
                     rates[user] = self.rate(user, x, stage);
                 }
                 self.worth(&rates, &xs, order)

@@ -151,7 +151,8 @@ fn write_superframe(text: &mut String, mission: &Mission, document: &PlanDocumen
         )?,
         None => write!(text, ", but no way from slot to slot\n  on the air {on_air_s:.1} s")?,
     }
-    let least = |a: &&SlotDocument, b: &&SlotDocument| slot_volume(mission, a).total_cmp(&slot_volume(mission, b));
+    let least =
+        |a: &&SlotDocument, b: &&SlotDocument| slot_volume(mission, a).total_cmp(&slot_volume(mission, b));
     let user = document.slots.iter().min_by(least).map_or("", |slot| slot.user.as_str());
     writeln!(text, "; least served {user}: {:.2} bit/Hz", per_hz(*least_user_volume_bits))
 }

@@ -83,11 +83,11 @@ pub(crate) fn document(mission: &Mission, options: &Options, timed: &TimedPlan) 
     let slots = timed.plan.slots.iter().zip(times);
     let slots = slots.zip(&timed.assessments);
     let slots = slots
-            .map(|((slot, (planning, bound)), assessment)| {
-                let times_s = [planning, bound].map(Duration::as_secs_f64);
-                slot_document(mission, slot, assessment, times_s)
-            })
-            .collect();
+        .map(|((slot, (planning, bound)), assessment)| {
+            let times_s = [planning, bound].map(Duration::as_secs_f64);
+            slot_document(mission, slot, assessment, times_s)
+        })
+        .collect();
     plan_document(mission, options.seed, method_name(options.method), &timed.plan, slots)
 }
 

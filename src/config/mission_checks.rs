@@ -268,7 +268,9 @@ fn volume(draft: &MissionDraft, file: &mut Document) {
     const LIMITS: [&str; 2] = ["tdma.slot_min_s", "tdma.slot_max_s"];
     let PlannerSettings { method, objective, optimise, fairness, .. } = draft.planner;
     if optimise == Optimise::Rate && fairness == Fairness::MaxMin {
-        let message = "`fairness` is about volumes, and `optimise` is \"rate\": every slot is planned by itself".to_owned();
+        let message =
+            "`fairness` is about volumes, and `optimise` is \"rate\": every slot is planned by itself"
+                .to_owned();
         refuse(file, "planner.fairness", message, "set optimise = \"volume\", or leave fairness out");
     }
     if optimise == Optimise::Volume {
@@ -280,7 +282,12 @@ fn volume(draft: &MissionDraft, file: &mut Document) {
             let message = "`objective` is about what goes wrong in one slot; a volume is the sum over many slots, and is \
                            planned for its mean"
                 .to_owned();
-            refuse(file, "planner.objective", message, "use \"mean\" or \"nominal\", or set optimise = \"rate\"");
+            refuse(
+                file,
+                "planner.objective",
+                message,
+                "use \"mean\" or \"nominal\", or set optimise = \"rate\"",
+            );
         }
     }
     if fairness != Fairness::MaxMin {
@@ -298,16 +305,25 @@ fn volume(draft: &MissionDraft, file: &mut Document) {
         return;
     }
     if shortest_s > tdma.slot_s {
-        let message = format!("`slot_min_s` of {shortest_s} s is more than slot_s, {} s, which is the mean", tdma.slot_s);
+        let message = format!(
+            "`slot_min_s` of {shortest_s} s is more than slot_s, {} s, which is the mean",
+            tdma.slot_s
+        );
         refuse(file, LIMITS[0], message, "lower it, or raise slot_s");
     }
     if longest_s < tdma.slot_s {
-        let message = format!("`slot_max_s` of {longest_s} s is less than slot_s, {} s, which is the mean", tdma.slot_s);
+        let message = format!(
+            "`slot_max_s` of {longest_s} s is less than slot_s, {} s, which is the mean",
+            tdma.slot_s
+        );
         refuse(file, LIMITS[1], message, "raise it, or lower slot_s");
     }
     if tdma.guard_s >= shortest_s {
         let path = if file.given(LIMITS[0]) { LIMITS[0] } else { "tdma.guard_s" };
-        let message = format!("the guard time of {} s leaves nothing of the shortest slot, {shortest_s} s", tdma.guard_s);
+        let message = format!(
+            "the guard time of {} s leaves nothing of the shortest slot, {shortest_s} s",
+            tdma.guard_s
+        );
         refuse(file, path, message, "make guard_s shorter than slot_min_s");
     }
 }

@@ -3,7 +3,8 @@
 use nalgebra::Vector2;
 
 use super::draft::{
-    Emission, JitterDraft, MissionDraft, NodeDraft, Optimise, PlannedVehicleDraft, PlannerSettings, RadioDraft, Tdma,
+    Emission, JitterDraft, MissionDraft, NodeDraft, Optimise, PlannedVehicleDraft, PlannerSettings,
+    RadioDraft, Tdma,
 };
 use super::kind::{Choice, Each, Flag, Integer, List, Moment, Number, Numbers, Period, Text};
 use super::link_file;

@@ -136,12 +136,7 @@ impl Table {
 }
 
 /// Strings the tour's transits and slots together.
-fn entries(
-    legs: &mut Legs,
-    tour: &Tour,
-    lengths: &[Duration],
-    timing: &Timing,
-) -> Result<Table, TableError> {
+fn entries(legs: &mut Legs, tour: &Tour, lengths: &[Duration], timing: &Timing) -> Result<Table, TableError> {
     let mut entries = Vec::new();
     let mut transit_starts = Duration::ZERO;
     let mut before = None;

@@ -75,7 +75,8 @@ impl Limits {
         let Some(direction) = by_m.try_normalize(0.0) else { return (0.0, Vector3::zeros()) };
         let speed = self.speed_along(&direction);
         let profile = Profile::new(distance, speed, self.acceleration_m_s2, self.jerk_m_s3);
-        let [by_distance, by_speed] = profile::slopes(distance, speed, self.acceleration_m_s2, self.jerk_m_s3);
+        let [by_distance, by_speed] =
+            profile::slopes(distance, speed, self.acceleration_m_s2, self.jerk_m_s3);
         // The speed is the lesser of v d / h and c d / |z|.
         let level = direction.xy().norm();
         let across = Vector3::new(direction.x, direction.y, 0.0) / level;
@@ -312,7 +313,9 @@ mod tests {
     fn val_slopes_of_straight_legs_are_those_of_differences() {
         for jerk_m_s3 in [None, Some(4.0)] {
             let limits = Limits { jerk_m_s3, ..LIMITS };
-            for by in [[100.0, -30.0, 4.0], [3.0, 2.0, 1.0], [0.2, 0.1, -0.3], [1.0, 2.0, 60.0], [0.0, 50.0, 0.0]] {
+            for by in
+                [[100.0, -30.0, 4.0], [3.0, 2.0, 1.0], [0.2, 0.1, -0.3], [1.0, 2.0, 60.0], [0.0, 50.0, 0.0]]
+            {
                 let by = Vector3::from(by);
                 let (time_s, slope) = limits.straight_s(&by);
                 assert!((time_s - limits.path_s(&[Enu::zeros(), by])).abs() < 1e-12);
@@ -323,7 +326,11 @@ mod tests {
                         limits.straight_s(&moved).0
                     };
                     let numeric = (at(1e-6) - at(-1e-6)) / 2e-6;
-                    assert!((numeric - slope[k]).abs() < 1e-6, "{by:?} {jerk_m_s3:?} {k}: {numeric} {}", slope[k]);
+                    assert!(
+                        (numeric - slope[k]).abs() < 1e-6,
+                        "{by:?} {jerk_m_s3:?} {k}: {numeric} {}",
+                        slope[k]
+                    );
                 }
             }
             assert_eq!(limits.straight_s(&Vector3::zeros()), (0.0, Vector3::zeros()));

@@ -42,12 +42,16 @@ impl Ways for Router {
         let places = Places {
             of_user: (0..users).map(|user| vec![user]).collect(),
             // A cycle may as well begin with the first.
-            from_start: (0..users).map(|user| if user == 0 { Duration::ZERO } else { Duration::MAX }).collect(),
+            from_start: (0..users)
+                .map(|user| if user == 0 { Duration::ZERO } else { Duration::MAX })
+                .collect(),
             between: between_s.iter().map(time).collect(),
             superframes: MANY,
         };
         let listed = || (0..users).collect();
-        places.tour(Order::Shortest).map_or_else(listed, |tour| tour.visits.into_iter().map(|(user, _)| user).collect())
+        places
+            .tour(Order::Shortest)
+            .map_or_else(listed, |tour| tour.visits.into_iter().map(|(user, _)| user).collect())
     }
 }
 
@@ -71,12 +75,14 @@ pub fn superframe(
         Order::Shortest => {
             let time = |from, to| router.transit_s(&users[from], &users[to]).unwrap_or(f64::INFINITY);
             let n = users.len();
-            let between_s: Vec<f64> = (0..n * n).map(|k| if k / n == k % n { 0.0 } else { time(k / n, k % n) }).collect();
+            let between_s: Vec<f64> =
+                (0..n * n).map(|k| if k / n == k % n { 0.0 } else { time(k / n, k % n) }).collect();
             router.shortest(n, &between_s)
         }
     };
     let candidates: Vec<_> = order.iter().map(|user| vec![users[*user]]).collect();
-    let lengths: Vec<_> = order.iter().map(|user| lengths.get(*user).copied().unwrap_or(timing.slot)).collect();
+    let lengths: Vec<_> =
+        order.iter().map(|user| lengths.get(*user).copied().unwrap_or(timing.slot)).collect();
     let timing = Timing { superframes: 2, ..*timing };
     let table = Table::with_lengths(router, &start, &candidates, &lengths, &timing, Order::Listed)?;
     let opens = |slot: usize| table.entries.get(slot).map_or(Duration::ZERO, |entry| entry.opens);

@@ -45,8 +45,17 @@ fn spec_the_digest_changes_with_every_single_value() {
     let mut paths = Vec::new();
     leaves(&document, &mut Vec::new(), &mut paths);
     assert!(paths.len() > 50, "{} values", paths.len());
-    let words =
-        ["other", "conventional", "body", "roll-pitch-yaw", "shortest", "paper", "nominal", "rate", "max-min"];
+    let words = [
+        "other",
+        "conventional",
+        "body",
+        "roll-pitch-yaw",
+        "shortest",
+        "paper",
+        "nominal",
+        "rate",
+        "max-min",
+    ];
     // The paper's methods plan for rates alone.
     let rates = DEMO.replace("optimise = \"volume\"", "optimise = \"rate\"");
     assert_ne!(rates, DEMO);

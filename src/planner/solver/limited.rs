@@ -233,8 +233,7 @@ pub fn minimise(
     let n = start.len();
     let mut gradient = vec![0.0; n];
     let value = objective(start, &mut gradient);
-    let mut state =
-        State { x: start.to_vec(), value, gradient, pairs: VecDeque::new(), active: Vec::new() };
+    let mut state = State { x: start.to_vec(), value, gradient, pairs: VecDeque::new(), active: Vec::new() };
     if !value.is_finite() {
         return End { x: state.x, value: f64::INFINITY, converged: false };
     }
@@ -431,10 +430,13 @@ mod tests {
     fn val_separations_hold_three_points_apart() {
         // One point is held 1 from each of two others; all want the origin.
         let mut pull = |x: &[f64], g: &mut [f64]| {
-            x.iter().zip(g).map(|(x, g)| {
-                *g = 2.0 * x;
-                x * x
-            }).sum::<f64>()
+            x.iter()
+                .zip(g)
+                .map(|(x, g)| {
+                    *g = 2.0 * x;
+                    x * x
+                })
+                .sum::<f64>()
         };
         let apart = [3, 6].map(|other| Apart { at: [0, other], distance: 1.0 });
         let mut rows = Rows::new(vec![], apart.to_vec());

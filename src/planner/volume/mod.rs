@@ -99,23 +99,31 @@ pub fn plan(
     if setups.is_empty() {
         return Ok(Superframe { slots: Vec::new(), slots_s: Vec::new() });
     }
-    let plans: Vec<Vec<slot_search::Rough>> = setups.iter().map(|setup| slot_search::rough(setup, options)).collect();
+    let plans: Vec<Vec<slot_search::Rough>> =
+        setups.iter().map(|setup| slot_search::rough(setup, options)).collect();
     let case = Case {
         setups: &setups,
-        samples: parallel::map(options.threads, setups.len(), |(): &mut (), user| samples(&setups[user], options)),
+        samples: parallel::map(options.threads, setups.len(), |(): &mut (), user| {
+            samples(&setups[user], options)
+        }),
         service,
         ways,
-        counts: plans.iter().map(|plans| plans.iter().any(|plan| plan.value > super::LEAST_BIT_S_HZ)).collect(),
+        counts: plans
+            .iter()
+            .map(|plans| plans.iter().any(|plan| plan.value > super::LEAST_BIT_S_HZ))
+            .collect(),
     };
-    let own: Vec<Vec<Raw>> =
-        plans.iter().map(|plans| plans.iter().map(|plan| plan.raw).collect()).collect();
+    let own: Vec<Vec<Raw>> = plans.iter().map(|plans| plans.iter().map(|plan| plan.raw).collect()).collect();
     let mut candidates = search::candidates(&case, &own, options.seed, options.threads);
     candidates.truncate(TIMED);
     let mut best: Option<(f64, Vec<SlotPlan>)> = None;
     for candidate in candidates {
         let found = |raw: &Raw| Found { raw: *raw, converged: candidate.converged };
-        let slots: Vec<SlotPlan> =
-            setups.iter().zip(&candidate.raws).map(|(setup, raw)| finish(setup, options, found(raw))).collect();
+        let slots: Vec<SlotPlan> = setups
+            .iter()
+            .zip(&candidate.raws)
+            .map(|(setup, raw)| finish(setup, options, found(raw)))
+            .collect();
         let rates: Vec<f64> = slots.iter().zip(problems).map(|(slot, problem)| nats(slot, problem)).collect();
         let poses = |user: usize| slots[user].vehicles.map(|vehicle| vehicle.pose);
         let transits_s: Option<f64> =

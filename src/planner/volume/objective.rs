@@ -4,10 +4,10 @@ use super::super::expectation::kernel::Raw;
 use super::super::expectation::samples::Samples;
 use super::super::model::{Memory, Target};
 use super::super::setup::Setup;
+use super::Service;
 use super::layout::{Axes, Layout, Pattern};
 use super::shares::{Shares, shares};
 use super::ways::{Ways, largest_s, smoothed};
-use super::Service;
 use crate::planner::solver::limited::{self, Settings};
 
 /// A superframe to be planned: its users, and what is known of them.

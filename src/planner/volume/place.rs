@@ -10,8 +10,8 @@ use super::super::expectation::kernel::{ANGLES, POWER, Raw, VEHICLE};
 use super::super::model::{Memory, Target};
 use super::super::setup::Setup;
 use super::super::solver::limited::{self, Settings};
-use super::super::{powers, starts};
 use super::super::variables::PowerChart;
+use super::super::{powers, starts};
 use super::layout::Layout;
 use super::objective::{COARSE, Case, ROUGH};
 use super::ways::Ways;
@@ -20,7 +20,7 @@ use crate::radio::pattern;
 /// Of its part along the user a null along an eavesdropper loses so much.
 const TURNED_AWAY: f64 = 0.9;
 /// Most axes of a first look.
-const ROUGH_AXES: usize = 30;
+const ROUGH_AXES: usize = 13;
 /// Ends that are kept.
 const KEPT: usize = 3;
 /// Steps of an axis that is followed.
@@ -170,6 +170,8 @@ fn held(setup: &Setup, raw: &Raw) -> Raw {
 
 /// Whether two ends are one maximum.
 fn is_same(a: &Placed, b: &Placed) -> bool {
-    let axis = |placed: &Placed| pattern::antenna_axis(placed.raw[ANGLES], placed.raw[ANGLES + 1], placed.raw[ANGLES + 2]);
+    let axis = |placed: &Placed| {
+        pattern::antenna_axis(placed.raw[ANGLES], placed.raw[ANGLES + 1], placed.raw[ANGLES + 2])
+    };
     (a.rate - b.rate).abs() < 0.02 && axis(a).cross(&axis(b)).norm() < 0.1
 }

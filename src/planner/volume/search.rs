@@ -15,9 +15,9 @@ use rand_chacha::ChaCha8Rng;
 use super::super::expectation::kernel::{POWER, Raw, VEHICLE};
 use super::super::expectation::sobol;
 use super::super::model::Memory;
+use super::super::parallel;
 use super::super::problem::PowerSteps;
 use super::super::solver::limited::Settings;
-use super::super::parallel;
 use super::layout::{Axes, Pattern};
 use super::objective::{COARSE, Candidate, Case, FINE, MEDIUM, View, legs};
 use super::place;
@@ -26,32 +26,40 @@ use super::ways::{Ways, largest_s};
 
 /// Positions of a vehicle closer than this, in metres, are one place.
 const APART_M: f64 = 2.0;
-/// Most positions of a vehicle that make places; of these at most so many of the users' plans and over eavesdroppers.
-const MOST_POSITIONS: usize = 24;
+/// Most positions of a vehicle that make places; of these at most so many of the users' plans, of so many others of each, and
+/// over eavesdroppers.
+const MOST_POSITIONS: usize = 28;
 const MOST_OWN: usize = 9;
+const OTHERS: usize = 2;
+const MOST_OTHERS: usize = 9;
 const MOST_OVER: usize = 5;
 /// Random positions among them.
-const RANDOM: usize = 12;
+const RANDOM: usize = 9;
 /// Pairs of positions that are looked at more closely for all users, and positions of I and of J with the best of the other's.
-const PLACES: usize = 40;
+const PLACES: usize = 32;
 const SIDES: usize = 3;
 /// Places that all users share, places of I and places of J that are climbed from; the first so far apart, in metres.
-const SHARED: [usize; 2] = [32, 4];
+const SHARED: [usize; 2] = [64, 4];
 const ONE_SHARED: usize = 1;
-const SCATTERED_M: f64 = 25.0;
+const SCATTERED_M: f64 = 30.0;
 /// Axes that are followed at each place, and at those that have been climbed to.
 const FOLLOWED: [usize; 2] = [4, 12];
 /// Candidates that are climbed from to the end, after a few coarse steps of all.
-const CLIMBED: usize = 8;
+const CLIMBED: usize = 18;
 /// Candidates that are polished.
 const POLISHED: usize = 3;
 const BEGIN: Settings = Settings { iterations: 20, tolerance: 1e-3, first_step: 0.5 };
 const CLIMB: Settings = Settings { iterations: 60, tolerance: 1e-4, first_step: 0.5 };
-const POLISH: Settings = Settings { iterations: 120, tolerance: 1e-6, first_step: 0.2 };
+const POLISH: Settings = Settings { iterations: 150, tolerance: 2e-5, first_step: 0.2 };
 
 /// The best candidates for a superframe, best first by the largest of all times. `plans` are each user's own plans, the best
 /// first.
-pub fn candidates<W: Ways>(case: &Case<'_, W>, plans: &[Vec<Raw>], seed: u64, threads: usize) -> Vec<Candidate> {
+pub fn candidates<W: Ways>(
+    case: &Case<'_, W>,
+    plans: &[Vec<Raw>],
+    seed: u64,
+    threads: usize,
+) -> Vec<Candidate> {
     let users = case.setups.len();
     let mut found = Vec::new();
     let own: Vec<Raw> = plans.iter().map(|plans| plans[0]).collect();
@@ -163,10 +171,8 @@ fn possible<W: Ways>(case: &Case<'_, W>, user: usize, raw: &Raw, memory: &mut Me
             choice.remove(0);
         }
     }
-    let mut rated: Vec<(f64, Raw)> = choice
-        .into_iter()
-        .map(|raw| (case.rate(user, MEDIUM, &raw, memory, &mut [0.0; 14]), raw))
-        .collect();
+    let mut rated: Vec<(f64, Raw)> =
+        choice.into_iter().map(|raw| (case.rate(user, MEDIUM, &raw, memory, &mut [0.0; 14]), raw)).collect();
     rated.sort_by(|a, b| b.0.total_cmp(&a.0));
     rated.first().map_or(*raw, |(_, raw)| *raw)
 }
@@ -177,9 +183,11 @@ fn different(sorted: Vec<Candidate>, most: usize) -> Vec<Candidate> {
     for candidate in sorted {
         let same = |known: &Candidate| {
             (known.value - candidate.value).abs() < 1e-4 * known.value.abs()
-                && known.raws.iter().zip(&candidate.raws).all(|(a, b)| {
-                    (0..2).all(|v| (position(a, v) - position(b, v)).norm() < APART_M)
-                })
+                && known
+                    .raws
+                    .iter()
+                    .zip(&candidate.raws)
+                    .all(|(a, b)| (0..2).all(|v| (position(a, v) - position(b, v)).norm() < APART_M))
         };
         if kept.len() < most && !kept.iter().any(same) {
             kept.push(candidate);
@@ -197,8 +205,8 @@ struct Pool {
 }
 
 impl Pool {
-    /// The mean of the positions of the users' own plans, these themselves, those over users (of I) and over eavesdroppers (of
-    /// J), a few at random, and of other plans.
+    /// The mean of the positions of the users' own plans, these themselves, those of each user's next best plans, over
+    /// eavesdroppers (of J), and a few at random.
     fn new<W: Ways>(case: &Case<'_, W>, plans: &[Vec<Raw>], seed: u64) -> Self {
         let setup = &case.setups[0];
         let [low, high] = setup.problem.airspace.altitude_m;
@@ -208,15 +216,19 @@ impl Pool {
             let centre = own.iter().sum::<Vector3<f64>>() / own.len() as f64;
             let mut rng = ChaCha8Rng::seed_from_u64(sobol::mix(seed, 0x7001 + v as u64));
             let over = setup.problem.eavesdroppers.iter().take(if v == 0 { 0 } else { MOST_OVER });
-            let over: Vec<_> = over.map(|e| setup.allowed(Vector3::new(e.position_enu_m.x, e.position_enu_m.y, low))).collect();
+            let over: Vec<_> = over
+                .map(|e| setup.allowed(Vector3::new(e.position_enu_m.x, e.position_enu_m.y, low)))
+                .collect();
             let random: Vec<_> = (0..RANDOM)
                 .map(|k| {
                     let (x, y) = setup.uniform(&mut rng);
                     Vector3::new(x, y, if (v + k) % 2 == 0 { low } else { rng.random_range(low..=high) })
                 })
                 .collect();
-            let others = plans.iter().flat_map(|plans| plans.iter().skip(1).map(|raw| position(raw, v)));
-            let all = std::iter::once(setup.allowed(centre)).chain(own).chain(over).chain(random).chain(others);
+            let others = (1..=OTHERS).flat_map(|k| plans.iter().filter_map(move |plans| plans.get(k)));
+            let others = others.take(MOST_OTHERS).map(|raw| position(raw, v));
+            let all =
+                std::iter::once(setup.allowed(centre)).chain(own).chain(others).chain(over).chain(random);
             let mut all = distinct(all, APART_M);
             all.truncate(MOST_POSITIONS);
             all
@@ -250,8 +262,14 @@ impl Pool {
             .map(|pair| (value(&(0..users).map(|user| rough(user, *pair)).collect::<Vec<_>>()), *pair))
             .collect();
         shared.sort_by(|a, b| b.0.total_cmp(&a.0));
-        for (_, pair) in shared.iter().take(PLACES) {
-            wanted.extend((0..users).map(|user| (user, *pair)));
+        // The best of all, and of every position with any: what looks best at first often is one basin.
+        let mut seen = [vec![false; ni], vec![false; nj]];
+        for (rank, (_, pair)) in shared.iter().enumerate() {
+            let is_new = !seen[0][pair[0]] || !seen[1][pair[1]];
+            if rank < PLACES || is_new {
+                (seen[0][pair[0]], seen[1][pair[1]]) = (true, true);
+                wanted.extend((0..users).map(|user| (user, *pair)));
+            }
         }
         let best_of = |user: usize, holds: &dyn Fn([usize; 2]) -> bool| {
             let own = pairs.iter().filter(|pair| holds(**pair));
@@ -263,7 +281,8 @@ impl Pool {
                     let own: Option<Vec<[usize; 2]>> =
                         (0..users).map(|user| best_of(user, &|pair| pair[v] == at)).collect();
                     let own = own?;
-                    let rates: Vec<f64> = own.iter().enumerate().map(|(user, pair)| rough(user, *pair)).collect();
+                    let rates: Vec<f64> =
+                        own.iter().enumerate().map(|(user, pair)| rough(user, *pair)).collect();
                     Some((value(&rates), own))
                 })
                 .collect();
@@ -302,7 +321,13 @@ impl Pool {
     }
 
     /// The positions that were found join the places: with each other, and one of them with what the users have.
-    fn widen<W: Ways>(&mut self, case: &Case<'_, W>, found: &[Candidate], plans: &[Vec<Raw>], threads: usize) {
+    fn widen<W: Ways>(
+        &mut self,
+        case: &Case<'_, W>,
+        found: &[Candidate],
+        plans: &[Vec<Raw>],
+        threads: usize,
+    ) {
         let mut wanted: Vec<(usize, [usize; 2])> = Vec::new();
         for candidate in found {
             self.join(candidate, plans, &mut wanted);

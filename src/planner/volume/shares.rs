@@ -97,7 +97,14 @@ mod tests {
     use proptest::prelude::*;
 
     fn service(fairness: Fairness) -> Service {
-        Service { slot_s: 10.0, guard_s: 1.0, settle_s: 2.0, slot_limits_s: [5.0, 20.0], fairness, may_reorder: true }
+        Service {
+            slot_s: 10.0,
+            guard_s: 1.0,
+            settle_s: 2.0,
+            slot_limits_s: [5.0, 20.0],
+            fairness,
+            may_reorder: true,
+        }
     }
 
     #[test]

@@ -55,10 +55,8 @@ pub fn choose<W: Ways>(
     order: &[usize],
     about: &About,
 ) -> Option<Candidate> {
-    let mut allowed: Vec<Vec<&State>> = states
-        .iter()
-        .map(|own| own.iter().filter(|state| among.holds(state.at)).collect())
-        .collect();
+    let mut allowed: Vec<Vec<&State>> =
+        states.iter().map(|own| own.iter().filter(|state| among.holds(state.at)).collect()).collect();
     for own in &mut allowed {
         own.sort_by(|a, b| b.placed.rate.total_cmp(&a.placed.rate));
         own.truncate(MOST_STATES);
@@ -143,8 +141,12 @@ impl About {
     pub fn new<W: Ways>(case: &Case<'_, W>, value: f64, rates: &[f64]) -> Self {
         let service = case.service;
         let n = rates.len() as f64;
-        let inverse: f64 =
-            rates.iter().zip(&case.counts).filter(|(_, counts)| **counts).map(|(r, _)| 1.0 / r.max(1e-3)).sum();
+        let inverse: f64 = rates
+            .iter()
+            .zip(&case.counts)
+            .filter(|(_, counts)| **counts)
+            .map(|(r, _)| 1.0 / r.max(1e-3))
+            .sum();
         let (price, scale) = match service.fairness {
             Fairness::Slots => (value, 0.0),
             // ln(volume) falls with the sum of the inverse rates, ln(length) rises with the transits.
@@ -169,7 +171,10 @@ impl About {
 }
 
 /// Positions that are all different by at least so much, in metres.
-pub fn distinct(positions: impl IntoIterator<Item = nalgebra::Vector3<f64>>, apart_m: f64) -> Vec<nalgebra::Vector3<f64>> {
+pub fn distinct(
+    positions: impl IntoIterator<Item = nalgebra::Vector3<f64>>,
+    apart_m: f64,
+) -> Vec<nalgebra::Vector3<f64>> {
     let mut kept: Vec<nalgebra::Vector3<f64>> = Vec::new();
     for position in positions {
         if kept.iter().all(|known| (known - position).norm() >= apart_m) {

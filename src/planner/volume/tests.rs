@@ -11,7 +11,8 @@ use nalgebra::{Vector2, Vector3};
 
 /// Three users some hundred metres apart among three eavesdroppers.
 fn problems(jitter_deg: f64) -> Vec<Problem> {
-    let mut problem = Problem::paper([[200.0, 80.0], [-150.0, 210.0], [40.0, -300.0]], 0.5, f64::to_radians(jitter_deg));
+    let mut problem =
+        Problem::paper([[200.0, 80.0], [-150.0, 210.0], [40.0, -300.0]], 0.5, f64::to_radians(jitter_deg));
     problem.airspace.min_separation_m = 5.0;
     [[0.0, 0.0], [90.0, 40.0], [-60.0, 110.0]]
         .map(|[east, north]| Problem { user_enu_m: Vector3::new(east, north, 0.0), ..problem.clone() })
@@ -88,7 +89,8 @@ fn val_the_gradient_is_that_of_central_differences() {
 fn val_the_gradient_with_errors_and_limited_tilt() {
     let mut problems = problems(2.0);
     for problem in &mut problems {
-        problem.pointing = Pointing { heading_std_rad: 0.03, mounting_std_rad: 0.01, position_std_m: [0.5, 0.8] };
+        problem.pointing =
+            Pointing { heading_std_rad: 0.03, mounting_std_rad: 0.01, position_std_m: [0.5, 0.8] };
         problem.vehicles.i.max_tilt_rad = 0.9;
     }
     check(&problems, &SERVICE);
@@ -101,9 +103,8 @@ fn val_a_value_is_volume_over_length() {
     let ways = Plain::default();
     let case = case(&setups, &SERVICE, &ways);
     let mut memory = Memory::default();
-    let rates: Vec<f64> = (0..3)
-        .map(|user| case.rate(user, MEDIUM, &RAWS[user], &mut memory, &mut [0.0; 14]))
-        .collect();
+    let rates: Vec<f64> =
+        (0..3).map(|user| case.rate(user, MEDIUM, &RAWS[user], &mut memory, &mut [0.0; 14])).collect();
     // The longest leg of J's decides each transit here.
     let legs_m = [(0, 2), (2, 1), (1, 0)].map(|(a, b): (usize, usize)| {
         let at = |user: usize| Vector3::from_fn(|k, _| RAWS[user][VEHICLE + k]);

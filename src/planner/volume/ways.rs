@@ -35,7 +35,8 @@ pub fn turn_rad(from: &[f64], to: &[f64]) -> (f64, [[f64; 3]; 2]) {
     let angle = 2.0 * libm::atan2(sine, cosine.abs());
     // A turn of nothing has no direction.
     let slope = if sine > 1e-12 { -2.0 * cosine.signum() / sine } else { 0.0 };
-    let by = |own: [Quaternion<f64>; 3], other: Quaternion<f64>| own.map(|q| slope * q.coords.dot(&other.coords));
+    let by =
+        |own: [Quaternion<f64>; 3], other: Quaternion<f64>| own.map(|q| slope * q.coords.dot(&other.coords));
     (angle, [by(by_a, b), by(by_b, a)])
 }
 
@@ -143,7 +144,11 @@ mod tests {
                         smoothed(&ways, &ends[0], &ends[1], power).time_s
                     };
                     let numeric = (at(1e-5) - at(-1e-5)) / 2e-5;
-                    assert!((numeric - found.by[end][k]).abs() < 1e-7, "{end} {k}: {numeric} {}", found.by[end][k]);
+                    assert!(
+                        (numeric - found.by[end][k]).abs() < 1e-7,
+                        "{end} {k}: {numeric} {}",
+                        found.by[end][k]
+                    );
                 }
             }
         }
@@ -156,7 +161,11 @@ mod tests {
         let mut before = f64::INFINITY;
         for power in [2.0, 12.0, 100.0, 1000.0] {
             let time_s = smoothed(&ways, &A, &B, power).time_s;
-            assert!(time_s >= largest && time_s <= before && time_s <= largest * 4f64.powf(1.0 / power) * (1.0 + 1e-12));
+            assert!(
+                time_s >= largest
+                    && time_s <= before
+                    && time_s <= largest * 4f64.powf(1.0 / power) * (1.0 + 1e-12)
+            );
             before = time_s;
         }
         assert!(smoothed(&ways, &A, &A, 12.0).time_s < 1e-15);
