@@ -1,6 +1,7 @@
 //! Sweeps the pair protocol over loss, delay, duplication and faults in virtual time, and prints one line a cell.
 //!
-//! `cargo run --release --example pair_sweep` runs the whole grid, 500 slots a cell. With `--loss 0.3 --delay-ms 100
+//! `cargo run --release --example pair_sweep` runs the whole grid, 500 slots a cell; with `--fault RadioHop` that
+//! fault's 40 cells. With `--loss 0.3 --delay-ms 100
 //! --duplication 0.2 --fault Restart --slots 500 --seed 1042` it runs one cell: what a failing line prints.
 
 #[path = "../tests/pair/clocks.rs"]

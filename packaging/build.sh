@@ -25,6 +25,8 @@ stage=target/packaging/stage
 out=${OUT:-target/packaging/out}
 cargo=${CARGO:-cargo}
 mission=config/mission.toml
+# Where the installed files find the schemas that editors check them by.
+schemas="#:schema file:///usr/share/veilwing/schema/"
 onboard=(--no-default-features --features companion,serial)
 # The newest C library that the packages ask for: Debian 12, Ubuntu 22.04 and all since.
 glibc=2.35
@@ -118,7 +120,7 @@ fill_stage() {
     fi
     gzip --best --no-name "$stage"/man/*.1
     mv "$stage"/manuals/* "$stage/completions/"
-    cp docs/on-a-vehicle.md docs/calibration.md docs/pair-protocol.md docs/radio.md docs/radios.md README.md "$stage/doc/"
+    cp docs/on-a-vehicle.md docs/ground-station.md docs/calibration.md docs/pair-protocol.md docs/radio.md docs/radios.md README.md "$stage/doc/"
     cp CHANGELOG.md "$stage/doc/NEWS.md"
     local features=()
     [ "$variant" = desk ] || features=("${onboard[@]}")
@@ -129,12 +131,12 @@ fill_stage() {
     conffile mission.toml
     conffile vehicle-i.toml 's|^dir = "flight-logs"|dir = "/var/lib/veilwing/flights"|'
     conffile vehicle-j.toml 's|^dir = "flight-logs"|dir = "/var/lib/veilwing/flights"|'
-    cp packaging/etc/radio.toml "$stage/etc/"
+    sed -e "s|^#:schema ../../config/schema/|$schemas|" packaging/etc/radio.toml >"$stage/etc/radio.toml"
 }
 
 # conffile NAME [CHANGE]: an example of the tree, as a package has it.
 conffile() {
-    sed -e 's|config/|/etc/veilwing/|g' ${2:+-e "$2"} "config/$1" >"$stage/etc/$1"
+    sed -e "s|^#:schema schema/|$schemas|" -e 's|config/|/etc/veilwing/|g' ${2:+-e "$2"} "config/$1" >"$stage/etc/$1"
     if [ $# -gt 1 ] && ! grep -q '^dir = "/var/lib/veilwing/flights"' "$stage/etc/$1"; then
         fail "config/$1 has no [log] dir to change"
     fi

@@ -2,6 +2,8 @@
 //! the plan for themselves and compare digests, so whoever took another road would make another plan.
 
 pub mod lean;
+pub mod maps;
+pub mod timetable;
 
 use std::time::Duration;
 

@@ -111,7 +111,7 @@ impl<D: Device + 'static> RadioProcess<D> {
     /// Runs until `stop`, and then until the device is off.
     ///
     /// # Errors
-    /// The link cannot be opened, or a kill not be kept. The device was told nothing then.
+    /// The link cannot be opened, or a kill not be kept. The device was told nothing then: say off to it.
     pub async fn run(self, clock: Clock, stop: impl Future<Output = ()>) -> Result<Stopped, RadioLoopError> {
         let own = self.settings.own;
         let lost = "the radio kill cannot be recorded: after a restart it holds no more";

@@ -118,6 +118,15 @@ fn spec_shipped_files_pass_with_a_summary() {
         "antenna of I   dipole, its null 25 dB below the largest gain",
         "fading         none: nothing is scattered",
         "pointing       heading 2.00, mounting 0.50 deg; position 0.5 m, vertically 0.8 m",
+        "origin         50.075500, 14.437800 deg, 200 m above mean sea level",
+        "airspace       20 to 80 m above it, 200 m east by 200 m north, 4 corners,",
+        "homes          I [-15, -10, 0], J [-10, -60, 0], 50 m apart",
+        "               alpha [-15, 0, 0], within 1 m, 65 m from van",
+        "               gate [-50, 60, 0], exact, 69 m from alpha",
+        "power of I     up to 500.000 mW (27.0 dBm), by radio.max_power_w",
+        "radio          1000 kHz, noise 1e-12 W (-90.0 dBm), path gain at 1 m 0.0 dB",
+        "start          when the operator says so",
+        "9 s each on the air, 18 s in all",
     ] {
         assert!(stdout.contains(part), "{part} is not in {stdout}");
     }
@@ -186,9 +195,10 @@ rician_k_db = { user = 15.0, eavesdropper = 12.0 }
         "antenna of J   measured in 3 points, the least gain -20 dB at 0 deg",
         "fading         Rician, K 15.0 dB at users, 12.0 dB at eavesdroppers",
         "pointing       heading 2.00, mounting 0.50 deg; position 0.5 m, vertically 0.8 m",
-        "power of I     up to 500.000 mW, by radio.max_power_w, at least 10.000 mW",
-        "power of J     up to 500.000 mW, by radio.max_power_w, in levels of 10.000 mW, 25.000 mW, 100.000 mW, 500.000 mW",
-        "emission       2400 to 2410 MHz, at most 500.000 mW, authorised by a regulator",
+        "power of I     up to 500.000 mW (27.0 dBm), by radio.max_power_w, at least",
+        "power of J     up to 500.000 mW (27.0 dBm), by radio.max_power_w, in levels of",
+        "               10.000 mW, 25.000 mW, 100.000 mW, 500.000 mW",
+        "emission       2400 to 2410 MHz, at most 500.000 mW (27.0 dBm), authorised by a",
         "licensee       the testers",
         "licence        T-1",
         "site           a yard",
@@ -235,9 +245,9 @@ fn spec_the_schema_is_one_json_document_with_all_files_or_that_of_one() {
     assert_eq!(output.status.code(), Some(0));
     let schema: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     for file in ["mission", "vehicle", "radio"] {
-        assert!(schema["$defs"][file]["properties"].is_object(), "{file}");
+        assert!(schema["definitions"][file]["properties"].is_object(), "{file}");
         let one = veilwing(&["schema", file]).output().unwrap();
         let one: serde_json::Value = serde_json::from_slice(&one.stdout).unwrap();
-        assert_eq!(one["properties"], schema["$defs"][file]["properties"]);
+        assert_eq!(one["properties"], schema["definitions"][file]["properties"]);
     }
 }

@@ -31,7 +31,7 @@ fn commands(kept: &str, radio: &str) -> Vec<Vec<String>> {
         format!("evaluate config/paper.toml {kept}/plan.json"),
         "evaluate config/paper.toml no-such-plan.json".to_owned(),
         format!("figures --scenarios 2 --out {kept}/figures"),
-        format!("sitl tests/flight/yard.toml --in-step --speed 50 --out {flight}"),
+        format!("sitl tests/flight/yard.toml --speed 50 --out {flight}"),
         format!("campaign tests/flight/yard.toml --runs 1 --coverage --out {kept}/campaign"),
         format!("report {kept}/campaign"),
         "fly config/mission.toml --vehicle no-such-vehicle.toml".to_owned(),
@@ -39,6 +39,8 @@ fn commands(kept: &str, radio: &str) -> Vec<Vec<String>> {
         "radio no-such-radio.toml".to_owned(),
         "calibrate pattern no-such-log.csv --receiver 0,0,0".to_owned(),
         "schema mission".to_owned(),
+        format!("ground-station install --dir {kept}/buttons"),
+        "watch no-such-flight".to_owned(),
         format!("manuals {kept}/manuals"),
     ];
     lines.iter().map(|line| line.split(' ').map(str::to_owned).collect()).collect()
@@ -139,7 +141,7 @@ fn spec_tables_fit_80_columns() {
             "--vehicle",
             "config/vehicle-j.toml",
         ],
-        &["sitl", "tests/flight/yard.toml", "--in-step", "--speed", "50"],
+        &["sitl", "tests/flight/yard.toml", "--speed", "50"],
         &["campaign", "tests/flight/yard.toml", "--runs", "1", "--coverage"],
     ] {
         let output = veilwing(arguments).output().unwrap();

@@ -1,4 +1,4 @@
-//! Flights whose world gives out the time (`veilwing sitl --in-step`): real processes and sockets, and nothing that depends
+//! Flights whose world gives out the time (`veilwing sitl`): real processes and sockets, and nothing that depends
 //! on who is run when.
 
 #![cfg(feature = "desk")]
@@ -41,8 +41,7 @@ fn spec_a_flight_in_step_is_the_same_to_the_last_message_each_time() {
     let faults = write(&directory, "faults.toml", FAULTS);
     let flights = ["first", "second"].map(|name| {
         let out = directory.join(name);
-        let arguments =
-            ["sitl", &mission, "--json", "--in-step", "--speed", "50", "--faults", &faults, "--out"];
+        let arguments = ["sitl", &mission, "--json", "--speed", "50", "--faults", &faults, "--out"];
         let output = veilwing(&arguments).arg(&out).output().unwrap();
         assert_eq!(output.status.code(), Some(1), "{}", said(&output));
         let events = std::fs::read_to_string(out.join("events.jsonl")).unwrap();
@@ -63,7 +62,7 @@ fn signal(process: u32, signal: Signal) {
 
 /// A flight under way, its processes (the world and the companions), and what it says.
 fn started(mission: &str) -> (Child, [u32; 3], impl Iterator<Item = String>) {
-    let arguments = ["sitl", mission, "--json", "--in-step", "--speed", "10"];
+    let arguments = ["sitl", mission, "--json", "--speed", "10"];
     let mut sitl = veilwing(&arguments).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
     let mut lines = BufReader::new(sitl.stderr.take().unwrap()).lines().map(Result::unwrap);
     let companions = [(); 2].map(|()| {
@@ -78,7 +77,7 @@ fn started(mission: &str) -> (Child, [u32; 3], impl Iterator<Item = String>) {
 fn spec_a_process_that_is_not_run_for_a_while_is_not_late() {
     let directory = directory("in-step-held-up");
     let mission = write(&directory, "mission.toml", MISSION);
-    let undisturbed = veilwing(&["sitl", &mission, "--json", "--in-step", "--speed", "50"]).output().unwrap();
+    let undisturbed = veilwing(&["sitl", &mission, "--json", "--speed", "50"]).output().unwrap();
     assert_eq!(undisturbed.status.code(), Some(0), "{}", said(&undisturbed));
     let (mut sitl, processes, mut lines) = started(&mission);
     assert!(lines.any(|line| line.contains("I  ") && line.contains("slot 0: on")));
@@ -175,7 +174,7 @@ fn spec_radios_with_links_of_their_own_are_flown_in_step_and_logged_by_themselve
     let directory = directory("in-step-radios");
     let mission = write(&directory, "mission.toml", MISSION);
     let out = directory.join("flight");
-    let arguments = ["sitl", &mission, "--json", "--in-step", "--speed", "50", "--own-radio-links", "--out"];
+    let arguments = ["sitl", &mission, "--json", "--speed", "50", "--own-radio-links", "--out"];
     let output = veilwing(&arguments).arg(&out).output().unwrap();
     assert_eq!(output.status.code(), Some(0), "{}", said(&output));
     let document = document(&output.stdout);

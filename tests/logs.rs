@@ -81,7 +81,7 @@ fn flown(name: &str) -> PathBuf {
     let mission = directory.join("mission.toml");
     std::fs::write(&mission, MISSION).unwrap();
     let out = directory.join("out");
-    let arguments = ["sitl", mission.to_str().unwrap(), "--json", "--in-step", "--speed", "50", "--out"];
+    let arguments = ["sitl", mission.to_str().unwrap(), "--json", "--speed", "50", "--out"];
     let output = veilwing(&arguments).arg(&out).output().unwrap();
     assert_eq!(output.status.code(), Some(0), "{}", said(&output));
     out
@@ -370,7 +370,7 @@ fn spec_sitl_does_not_fly_over_a_flight_unless_told() {
     let out = flown("logs-overwrite");
     let before = contents(&out);
     let mission = out.parent().unwrap().join("mission.toml");
-    let arguments = ["sitl", mission.to_str().unwrap(), "--json", "--in-step", "--speed", "50", "--out"];
+    let arguments = ["sitl", mission.to_str().unwrap(), "--json", "--speed", "50", "--out"];
     let refused = veilwing(&arguments).arg(&out).output().unwrap();
     assert_eq!(refused.status.code(), Some(2));
     assert!(

@@ -108,14 +108,46 @@ fn spec_hosts_of_devices_on_serial_lines_serve_and_end_with_the_flight() {
 }
 
 #[test]
+fn spec_a_host_that_ends_by_itself_on_the_ground_ends_the_flight() {
+    let directory = directory("radio-hosts-ends");
+    let (mission, out) = (mission(&directory), directory.join("out"));
+    let mut sitl = veilwing(&["sitl", &mission, "--json", "--radio-hosts", "at", "--out"])
+        .arg(&out)
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut lines = BufReader::new(sitl.stderr.take().unwrap()).lines().map(Result::unwrap);
+    let mut heard = Vec::new();
+    let mut host = None;
+    for line in lines.by_ref() {
+        if let Some((_, process)) = line.split_once("J  radio host started, process ") {
+            host = process.trim().parse().ok();
+        }
+        // It stops in order from here on.
+        let ready = line.contains("] J  ") && line.contains("radio: off");
+        heard.push(line);
+        if ready {
+            break;
+        }
+    }
+    kill_process(host.and_then(Pid::from_raw).unwrap(), Signal::TERM).unwrap();
+    heard.extend(lines);
+    assert!(heard.iter().any(|line| line.contains("no flight without J's radio host")), "{heard:#?}");
+    let mut document = String::new();
+    sitl.stdout.take().unwrap().read_to_string(&mut document).unwrap();
+    assert_eq!(sitl.wait().unwrap().code(), Some(1), "{heard:#?}");
+    assert!(document.contains("\"result\": \"aborted\""), "{document}");
+}
+
+#[test]
 fn spec_what_cannot_work_is_refused_with_a_reason() {
     let directory = directory("radio-hosts-refused");
     let mission = mission(&directory);
     let hosts = ["sitl", &mission, "--radio-hosts", "at"];
     let faults = "config/faults-radio.toml";
-    let cases: [(&[&str], &str); 8] = [
+    let cases: [(&[&str], &str); 7] = [
         (&["--speed", "4"], "a radio host lives by this machine's clock"),
-        (&["--in-step"], "--in-step"),
         (&["--own-radio-links"], "--own-radio-links"),
         (&["--device-ms", "20"], "--device-ms"),
         (&["--device-dead-ms", "soon"], "give milliseconds"),

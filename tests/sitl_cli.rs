@@ -51,7 +51,7 @@ fn fly(name: &str, faults: Option<&str>) -> (Option<i32>, Value, String, PathBuf
     let directory = directory(name);
     let mission = write(&directory, "mission.toml", MISSION);
     let out = directory.join("out");
-    let mut arguments = vec!["sitl", &mission, "--json", "--in-step", "--speed", "50"];
+    let mut arguments = vec!["sitl", &mission, "--json", "--speed", "50"];
     arguments.extend(["--out", out.to_str().unwrap()]);
     let faults = faults.map(|faults| write(&directory, "faults.toml", faults));
     if let Some(faults) = &faults {
@@ -189,7 +189,7 @@ fn spec_a_world_that_is_held_up_owns_what_comes_of_it() {
     let _alone = alone();
     let directory = directory("sitl-late");
     let mission = write(&directory, "mission.toml", MISSION);
-    let (mut sitl, mut lines) = started(&mission, &[]);
+    let (mut sitl, mut lines) = started(&mission, &["--wall-clock"]);
     let on_air = lines.by_ref().find(|line| line.contains("I  ") && line.contains("slot 0: on"));
     assert!(on_air.is_some(), "the flight ended before its slot");
     // The world stands still for 0.15 s, which is 0.6 s of flight; the companions do not.
@@ -218,7 +218,7 @@ fn spec_an_interrupt_in_mid_slot_ends_everything_cleanly() {
     let _alone = alone();
     let directory = directory("sitl-interrupt");
     let mission = write(&directory, "mission.toml", MISSION);
-    let (mut sitl, mut lines) = started(&mission, &["--in-step"]);
+    let (mut sitl, mut lines) = started(&mission, &[]);
     let mut children = Vec::new();
     for line in lines.by_ref() {
         if let Some((_, pid)) = line.split_once("companion started, process ") {

@@ -9,11 +9,16 @@ use crate::config::{Diagnostics, Mission, Vehicle};
 use crate::link::{Clock, Key};
 use crate::transmitter::Kind;
 
-use super::{Exit, print_text};
+use super::{Exit, folded, print_text};
+
+/// Columns of a narrow window, and of the titles in it.
+const COLUMNS: usize = 80;
+const TITLE: usize = 14;
 
 /// Validate a mission file, and vehicle files for it.
 ///
-/// Every error is printed as `file:line:column: message` with the offending line and a remedy.
+/// Every error is printed as `file:line:column: message` with the offending line and a remedy, and so is every warning: what
+/// is legal, and dangerous or hardly meant. A usable mission is summed up as it was understood.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example: veilwing check config/mission.toml --vehicle config/vehicle-i.toml")]
 pub struct Args {
@@ -36,6 +41,7 @@ pub fn run(args: &Args) -> Exit {
     let mission = Mission::load(&args.mission).map_err(&mut tell).ok();
     if let Some(mission) = &mission {
         tell(mission.warnings.clone());
+        tell(mission.warnings_at(Clock::real().utc()));
     }
     let mut vehicles: Vec<(&Path, Vehicle)> = Vec::new();
     for path in &args.vehicles {
@@ -70,28 +76,24 @@ pub fn run(args: &Args) -> Exit {
     }
 }
 
-/// What an operator checks at a glance.
+/// What was understood, for an operator to read before it is flown.
 fn summary(mission: &Mission, vehicles: &[(&Path, Vehicle)]) -> String {
     let mut out = String::new();
-    let names = |names: Vec<&str>| format!("{} ({})", names.len(), names.join(", "));
     let mut line = |title: &str, text: String| {
-        let _ = writeln!(out, "{title:<14} {text}");
+        let mut title = title;
+        for part in folded(&text, COLUMNS - TITLE - 1) {
+            let _ = writeln!(out, "{title:<TITLE$} {part}");
+            title = "";
+        }
     };
     line("mission", format!("{}, seed {}", mission.name, mission.seed));
     line("digest", mission.digest_hex());
-    line("users", names(mission.users.iter().map(|user| user.name.as_str()).collect()));
-    line("eavesdroppers", names(mission.eavesdroppers.iter().map(|node| node.name.as_str()).collect()));
-    let [low_m, high_m] = mission.airspace.altitude_m;
-    let corners = mission.airspace.area_enu_m.len();
-    line(
-        "airspace",
-        format!(
-            "{low_m} to {high_m} m, {corners} corners, separation {} m",
-            mission.airspace.min_separation_m
-        ),
-    );
-    let slots = mission.users.len() * usize::from(mission.tdma.superframes);
-    line("slots", format!("{slots} of {} s, guard {} s", mission.tdma.slot_s, mission.tdma.guard_s));
+    for (title, text) in figures::of_the_site(mission) {
+        line(&title, text);
+    }
+    for (title, text) in figures::of_the_slots(mission) {
+        line(title, text);
+    }
     line("jitter", format!("{:.3} deg", mission.jitter.std_rad.to_degrees()));
     for (title, text) in figures::of_the_link(mission) {
         line(&title, text);

@@ -9,6 +9,7 @@ use crate::config::file::{read_text, text_of};
 use crate::config::{Diagnostics, Mission, plan_of_text};
 use crate::planner::assessment::assess;
 use crate::planner::document::{EditedPlan, EditedSlot, PlanDocument};
+use crate::planner::explanation::explain;
 use crate::planner::plan::{BoundKind, SlotPlan, Status, VehiclePlan};
 use crate::planner::slots::{Plan, PlannedSlot};
 use crate::planner::volume::Fairness;
@@ -80,7 +81,7 @@ fn read(path: &Path, name: &str) -> Result<EditedPlan, Diagnostics> {
 fn score(mission: &Mission, edited: &EditedPlan, samples: usize) -> Result<PlanDocument, String> {
     let options = EvaluateOptions { samples, seed: mission.seed, ..EvaluateOptions::default() };
     let mut planned = Vec::new();
-    let mut assessments = Vec::new();
+    let mut reasons = Vec::new();
     for (index, slot) in edited.slots.iter().enumerate() {
         let user = mission.users.iter().position(|user| user.name == slot.user).ok_or_else(|| {
             let names: Vec<_> = mission.users.iter().map(|user| user.name.as_str()).collect();
@@ -96,7 +97,9 @@ fn score(mission: &Mission, edited: &EditedPlan, samples: usize) -> Result<PlanD
             .map_err(|error| format!("user {:?}: {error}", slot.user))?;
         let assessment = assess(&problem, &vehicles, mission.planner.target_rate_bps, &options)
             .map_err(|error| format!("user {:?}: {error}", slot.user))?;
-        assessments.push(assessment);
+        let explanation = explain(&problem, &vehicles, &options)
+            .map_err(|error| format!("user {:?}: {error}", slot.user))?;
+        reasons.push((assessment, explanation));
         let plan = SlotPlan {
             status: Status::Evaluated,
             vehicles,
@@ -114,8 +117,12 @@ fn score(mission: &Mission, edited: &EditedPlan, samples: usize) -> Result<PlanD
         planned.push(PlannedSlot { user: slot.user.clone(), plan, lean_rad, length });
     }
     let plan = Plan::new(planned);
-    let slots = plan.slots.iter().zip(&assessments);
-    let slots = slots.map(|(slot, assessment)| slot_document(mission, slot, assessment, [0.0; 2])).collect();
+    let slots = plan.slots.iter().zip(&reasons);
+    let slots = slots
+        .map(|(slot, (assessment, explanation))| {
+            slot_document(mission, slot, (assessment, explanation), [0.0; 2])
+        })
+        .collect();
     Ok(plan_document(mission, mission.seed, "evaluate", &plan, slots))
 }
 

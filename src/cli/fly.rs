@@ -54,7 +54,7 @@ pub(super) struct Args {
     #[cfg(feature = "desk")]
     #[arg(long, hide = true)]
     log_dir_is_the_flight_s: bool,
-    /// Take the time from stdin instead of this machine's clock: `veilwing sitl --in-step` gives it.
+    /// Take the time from stdin instead of this machine's clock: `veilwing sitl` gives it.
     #[cfg(feature = "desk")]
     #[arg(long, hide = true, conflicts_with_all = ["clock_rate", "until_stdin_ends"])]
     clock_from_stdin: bool,

@@ -25,6 +25,8 @@ mod evaluate;
 mod figures;
 mod flight_log;
 mod fly;
+#[cfg(feature = "desk")]
+mod ground_station;
 mod interrupt;
 mod journal;
 mod logs;
@@ -41,6 +43,8 @@ mod schema;
 mod sitl;
 #[cfg(feature = "desk")]
 mod step;
+#[cfg(feature = "desk")]
+mod watch;
 
 use std::process::ExitCode;
 
@@ -128,6 +132,10 @@ enum Command {
     Report(report::Args),
     #[cfg(feature = "desk")]
     Calibrate(calibrate::Args),
+    #[cfg(feature = "desk")]
+    Watch(watch::Args),
+    #[cfg(feature = "desk")]
+    GroundStation(ground_station::Args),
     Schema(schema::Args),
     Manuals(manuals::Args),
 }
@@ -161,6 +169,10 @@ pub fn main() -> ExitCode {
         Command::Report(args) => report::run(args),
         #[cfg(feature = "desk")]
         Command::Calibrate(args) => calibrate::run(args),
+        #[cfg(feature = "desk")]
+        Command::Watch(args) => watch::run(args),
+        #[cfg(feature = "desk")]
+        Command::GroundStation(args) => ground_station::run(args),
         Command::Schema(args) => schema::run(args),
         Command::Manuals(args) => manuals::run(args),
     };
@@ -186,7 +198,7 @@ fn start_log(format: LogFormat, recorded: bool) {
     JSON_LOG.store(matches!(format, LogFormat::Json), std::sync::atomic::Ordering::Relaxed);
     let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("info"));
     let lines = tracing_subscriber::fmt::layer()
-        .with_writer(std::io::stderr)
+        .with_writer(log_writer())
         .with_target(false)
         // It would panic when stderr takes nothing: in flight, when the terminal or the pipe behind it is gone.
         .log_internal_errors(false);
@@ -201,12 +213,23 @@ fn start_log(format: LogFormat, recorded: bool) {
     tracing_subscriber::registry().with(shown.with_filter(filter)).with(kept).init();
 }
 
+/// Where the log goes: to stderr, or, while a view has the terminal, to that.
+#[cfg(feature = "desk")]
+fn log_writer() -> impl for<'a> tracing_subscriber::fmt::MakeWriter<'a> + Send + Sync + 'static {
+    watch::takes_over()
+}
+
+#[cfg(not(feature = "desk"))]
+fn log_writer() -> impl for<'a> tracing_subscriber::fmt::MakeWriter<'a> + Send + Sync + 'static {
+    std::io::stderr
+}
+
 /// A line of progress on stderr: a record of the log where that is JSON.
 #[cfg(feature = "desk")]
 fn progress(text: &str) {
     if JSON_LOG.load(std::sync::atomic::Ordering::Relaxed) {
         tracing::info!("{text}");
-    } else {
+    } else if !watch::aside(text) {
         eprintln!("{text}");
     }
 }

@@ -2,22 +2,31 @@
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 
 use crate::config::file::{unwritable, usable_directory, write_whole};
 use crate::config::{METHODS, Mission, Optimise};
 use crate::planner::document::{PlanDocument, SlotDocument};
-use crate::planner::problem::Method;
+use crate::planner::plan::BoundKind;
+use crate::planner::problem::{Airframe, Method, PowerSteps};
+use crate::planner::slots::Plan;
 use crate::planning;
+use crate::planning::maps::Map;
+use crate::planning::timetable::timetable;
 use crate::role::Role;
 use crate::units::Watts;
 
-use super::planning::{certify_plan, document, plan_mission};
-use super::{Exit, load_mission, print_json, print_text};
+use super::planning::{add_unprotected, certify_plan, document, plan_mission};
+use super::{Exit, folded, load_mission, print_json, print_text};
 
 const AFTER_HELP: &str = "\
 Example: veilwing plan config/paper.toml --bound certify --json
+
+Of each user: the rate with J off, at these poses and with I where it is best alone; the eavesdropper without which the rate
+would rise the most; the limits at which a pose or power stands (within 5 cm, 0.05 deg or 0.1%) while the rate would rise
+beyond them. `off_deg` is how far an attitude may be off its pose while the slot is served.
 
 What upper_bound_kind says of upper_bound_bps:
   cap               user at the least distance in the plane of maximum gain, eavesdroppers deaf: proven, for every mission
@@ -47,10 +56,14 @@ pub(super) struct Args {
     /// Upper bound on the rate beside the plan's own.
     #[arg(long, value_enum, default_value_t = BoundSearch::Cap)]
     bound: BoundSearch,
-    /// Write plan.json into this directory as well; made if it is not there.
+    /// Write plan.json into this directory as well, and maps to look at (GeoJSON, KML, a QGroundControl plan for each
+    /// vehicle); made if it is not there.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
 }
+
+/// Columns of a narrow window.
+const COLUMNS: usize = 80;
 
 /// How hard to look for an upper bound.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -83,6 +96,7 @@ pub(super) fn run(args: &Args) -> Exit {
     options.seed = args.seed.unwrap_or(options.seed);
     options.threads = args.threads.into();
     let planned = plan_mission(&mission, &options).and_then(|mut timed| {
+        add_unprotected(&mission, &options, &mut timed)?;
         if args.bound == BoundSearch::Certify {
             certify_plan(&mission, &mut timed)?;
         }
@@ -96,8 +110,11 @@ pub(super) fn run(args: &Args) -> Exit {
         }
     };
     let document = document(&mission, &options, &timed);
-    let kept = args.out.as_deref().map_or(Ok(()), |out| write_plan(out, &document));
-    let shown = if args.json { print_json(&document) } else { print_text(&table(&mission, &document)) };
+    let kept = args.out.as_deref().map_or(Ok(()), |out| {
+        write_plan(out, &document).and_then(|()| write_maps(out, &mission, &timed.plan))
+    });
+    let shown =
+        if args.json { print_json(&document) } else { print_text(&table(&mission, &timed.plan, &document)) };
     kept.err().unwrap_or(shown)
 }
 
@@ -115,8 +132,32 @@ pub(super) fn write_plan(out: &Path, document: &PlanDocument) -> Result<(), Exit
     })
 }
 
+/// Writes the plan's maps beside it.
+fn write_maps(out: &Path, mission: &Mission, plan: &Plan) -> Result<(), Exit> {
+    let Some(map) = Map::of_plan(mission, plan) else {
+        eprintln!(
+            "no maps: the mission has no origin; give [mission] origin for GeoJSON, KML and .plan files"
+        );
+        return Ok(());
+    };
+    keep_maps(out, &map, "plan").map(|_| ()).map_err(|error| {
+        eprintln!("error: {error}");
+        Exit::Unusable
+    })
+}
+
+/// Writes a map's files, whose names begin with `stem`, and tells them.
+pub(super) fn keep_maps(directory: &Path, map: &Map, stem: &str) -> Result<Vec<String>, String> {
+    let mut names = Vec::new();
+    for (name, text) in map.files(stem) {
+        write_whole(&directory.join(&name), &text)?;
+        names.push(name);
+    }
+    Ok(names)
+}
+
 /// The plan for a reader.
-fn table(mission: &Mission, document: &PlanDocument) -> String {
+fn table(mission: &Mission, plan: &Plan, document: &PlanDocument) -> String {
     let mut text = format!(
         "mission {} ({}), plan {}, method {}, seed {}\n",
         mission.name,
@@ -130,6 +171,7 @@ fn table(mission: &Mission, document: &PlanDocument) -> String {
     for slot in &document.slots {
         let _ = write_slot(&mut text, mission, slot);
     }
+    let _ = write_times(&mut text, mission, plan);
     text
 }
 
@@ -162,25 +204,17 @@ fn slot_volume(mission: &Mission, slot: &SlotDocument) -> f64 {
     (slot.slot_s - mission.tdma.guard_s) * slot.secrecy_rate_bps
 }
 
-/// What of the bound the plan leaves, at most, as a share of the bound.
-fn gap(slot: &SlotDocument) -> f64 {
-    // A bound of zero (no power) leaves nothing.
-    if slot.upper_bound_bps > 0.0 { 1.0 - slot.secrecy_rate_bps / slot.upper_bound_bps } else { 0.0 }
-}
-
 fn write_slot(text: &mut String, mission: &Mission, slot: &SlotDocument) -> std::fmt::Result {
     let per_hz = |bps: f64| bps / mission.radio.bandwidth_hz;
     writeln!(
         text,
-        "\nuser {}: secrecy rate {:.3} +- {:.3} bit/s/Hz ({:.4} Mbit/s)\n  {:.2} bit/Hz in a slot of {} s; {}, planned in {:.1} ms",
+        "\nuser {}: secrecy rate {:.3} +- {:.3} bit/s/Hz ({:.4} Mbit/s)\n  {:.2} bit/Hz in a slot of {} s",
         slot.user,
         per_hz(slot.secrecy_rate_bps),
         per_hz(slot.standard_error_bps),
         slot.secrecy_rate_bps / 1e6,
         per_hz(slot_volume(mission, slot)),
         slot.slot_s,
-        slot.status,
-        slot.planning_time_s * 1e3,
     )?;
     if slot.objective_bps != slot.secrecy_rate_bps {
         writeln!(
@@ -189,24 +223,12 @@ fn write_slot(text: &mut String, mission: &Mission, slot: &SlotDocument) -> std:
             per_hz(slot.objective_bps)
         )?;
     }
-    write!(
-        text,
-        "  upper bound {:.3} bit/s/Hz ({}), gap {:.2}%",
-        per_hz(slot.upper_bound_bps),
-        slot.upper_bound_kind,
-        gap(slot) * 100.0,
-    )?;
-    if slot.bound_time_s > 0.0 {
-        write!(text, ", found in {:.2} s", slot.bound_time_s)?;
-    }
-    writeln!(text)?;
+    write_reasons(text, mission, slot, per_hz)?;
     write_assessment(text, slot, per_hz)?;
-    let db = |sinr: f64| 10.0 * sinr.log10();
-    write!(text, "  SINR: user {:.1} dB", db(slot.sinr.user))?;
-    for eavesdropper in &slot.sinr.eavesdroppers {
-        write!(text, ", {} {:.1} dB", eavesdropper.name, db(eavesdropper.sinr))?;
-    }
-    writeln!(text, "\n     east_m  north_m   up_m  roll_deg  pitch_deg  yaw_deg  off_deg  power")?;
+    write_bound(text, slot, per_hz)?;
+    write_folded(text, &format!("{}; planned in {:.1} ms", ended(slot.status), slot.planning_time_s * 1e3))?;
+    write_folded(text, &heard(slot))?;
+    writeln!(text, "     east_m  north_m   up_m  roll_deg  pitch_deg  yaw_deg  off_deg  power")?;
     for role in Role::BOTH {
         let v = &slot.vehicles[role];
         let [e, n, u] = v.position_enu_m;
@@ -221,6 +243,177 @@ fn write_slot(text: &mut String, mission: &Mission, slot: &SlotDocument) -> std:
         )?;
     }
     Ok(())
+}
+
+/// What is received of I, over J and the noise, at the desired attitudes.
+fn heard(slot: &SlotDocument) -> String {
+    if slot.vehicles.i.tx_power_w <= 0.0 {
+        return "SINR: none, nothing is radiated".to_owned();
+    }
+    let db = |sinr: f64| 10.0 * sinr.log10();
+    let mut text = format!("SINR: user {:.1} dB", db(slot.sinr.user));
+    for eavesdropper in &slot.sinr.eavesdroppers {
+        // Writing to a String cannot fail.
+        let _ = write!(text, ", {} {:.1} dB", eavesdropper.name, db(eavesdropper.sinr));
+    }
+    text
+}
+
+/// A line, indented, broken where it would be longer than a narrow window.
+fn write_folded(text: &mut String, line: &str) -> std::fmt::Result {
+    for (number, line) in folded(line, COLUMNS - 4).into_iter().enumerate() {
+        writeln!(text, "{}{line}", if number == 0 { "  " } else { "    " })?;
+    }
+    Ok(())
+}
+
+/// What jamming is worth, who sets the rate, and what holds it down.
+fn write_reasons(
+    text: &mut String,
+    mission: &Mission,
+    slot: &SlotDocument,
+    per_hz: impl Fn(f64) -> f64,
+) -> std::fmt::Result {
+    let best = slot
+        .best_unprotected_rate_bps
+        .map_or(String::new(), |best_bps| format!("; {:.3} at the best poses for I alone", per_hz(best_bps)));
+    write_folded(text, &format!("with J off {:.3} at these poses{best}", per_hz(slot.unprotected_rate_bps)))?;
+    if let Some(name) = &slot.decisive_eavesdropper {
+        let without = slot
+            .without_decisive_bps
+            .map_or(String::new(), |bps| format!(": without it {:.3} at these poses", per_hz(bps)));
+        write_folded(text, &format!("set by eavesdropper {name}{without}"))?;
+    }
+    writeln!(text, "  limits that bind:{}", if slot.limits.is_empty() { " none" } else { "" })?;
+    slot.limits.iter().try_for_each(|name| writeln!(text, "    {}", limit_in_words(mission, name)))
+}
+
+/// A limit of the document, with its value and the setting that it comes from.
+fn limit_in_words(mission: &Mission, name: &str) -> String {
+    let Some((role, what)) = Role::BOTH.into_iter().find_map(|role| {
+        let rest = name.strip_prefix(role.key())?.strip_prefix('.')?;
+        Some((role, rest))
+    }) else {
+        let least_m = mission.airspace.min_separation_m;
+        return format!("the vehicles {least_m} m apart (airspace.min_separation_m)");
+    };
+    let [low_m, high_m] = mission.airspace.altitude_m;
+    let (power_w, ceiling) = mission.power_ceiling(role);
+    let steps = format!("vehicles.{}", role.key());
+    match what {
+        "fence" => format!("{role} at the area's edge (airspace.area_enu_m)"),
+        "floor" => format!("{role} at its lowest, {low_m} m (airspace.altitude_m)"),
+        "ceiling" => format!("{role} at its highest, {high_m} m (airspace.altitude_m)"),
+        "tilt" => match mission.vehicles[role].airframe {
+            Airframe::Conventional => format!("{role} level ({steps}.airframe)"),
+            Airframe::Omnidirectional => {
+                let own_rad = mission.vehicles[role].max_tilt_rad;
+                let air_rad = mission.airspace_max_tilt_rad;
+                let key = if own_rad <= air_rad { steps } else { "airspace".to_owned() };
+                let most_deg = own_rad.min(air_rad).to_degrees();
+                format!("{role} tilted by {most_deg:.1} deg ({key}.max_tilt_deg)")
+            }
+        },
+        "least-power" => match &mission.power_steps[role] {
+            PowerSteps::Levels(_) => format!("{role} at its least power ({steps}.power_levels_w)"),
+            PowerSteps::Any | PowerSteps::AtLeast(_) => {
+                format!("{role} at its least power ({steps}.min_power_w)")
+            }
+        },
+        _ => match &mission.power_steps[role] {
+            PowerSteps::Levels(_) => format!("{role} at its largest power ({steps}.power_levels_w)"),
+            PowerSteps::Any | PowerSteps::AtLeast(_) => {
+                format!("{role} at its largest power, {} ({})", Watts(power_w), ceiling.key())
+            }
+        },
+    }
+}
+
+/// How the search ended, in words.
+fn ended(status: &str) -> &'static str {
+    match status {
+        "converged" => "the search has converged",
+        "iteration-limit" => {
+            "the search ran out of iterations: the best it met, and perhaps not the best there is nearby"
+        }
+        "no-positive-rate" => "no poses and powers have a positive rate: both transmitters stay off",
+        _ => "not searched: given poses and powers",
+    }
+}
+
+/// The bound, and what of it the plan leaves. The cap bounds any plan of any mission alike: no distance to it says anything
+/// about this one.
+fn write_bound(text: &mut String, slot: &SlotDocument, per_hz: impl Fn(f64) -> f64) -> std::fmt::Result {
+    let bound = per_hz(slot.upper_bound_bps);
+    if slot.upper_bound_kind == BoundKind::Cap.name() {
+        let words = "no plan can exceed";
+        return write_folded(
+            text,
+            &format!(
+                "{words} {bound:.3} bit/s/Hz, were the eavesdroppers deaf (cap); --bound certify looks closer"
+            ),
+        );
+    }
+    // A bound of zero (no power) leaves nothing.
+    let gap = if bound > 0.0 { 1.0 - slot.secrecy_rate_bps / slot.upper_bound_bps } else { 0.0 };
+    write_folded(
+        text,
+        &format!(
+            "upper bound {bound:.3} bit/s/Hz ({}), gap {:.2}%, found in {:.2} s",
+            slot.upper_bound_kind,
+            gap * 100.0,
+            slot.bound_time_s
+        ),
+    )
+}
+
+/// Slots that are listed; a mission may have tens of thousands.
+const LISTED: usize = 20;
+
+/// When each slot is flown, and how long all of them take.
+fn write_times(text: &mut String, mission: &Mission, plan: &Plan) -> std::fmt::Result {
+    let table = match timetable(mission, plan) {
+        Ok(Some(table)) => table,
+        Ok(None) => {
+            let slots = plan.slots.len() * usize::from(mission.tdma.superframes);
+            writeln!(text)?;
+            let said = format!(
+                "slots: {slots} of {} s, each after a transit; [vehicles.i] and [vehicles.j] home_enu_m would tell when",
+                mission.tdma.slot_s
+            );
+            return folded(&said, COLUMNS).iter().try_for_each(|line| writeln!(text, "{line}"));
+        }
+        Err(error) => {
+            writeln!(text)?;
+            let said = format!("slots: they cannot be flown one after the other: {error}");
+            return folded(&said, COLUMNS).iter().try_for_each(|line| writeln!(text, "{line}"));
+        }
+    };
+    writeln!(text, "\nslot  user                 transit_s  opens_s  on_air_s  closes_s")?;
+    let seconds = |from: Duration, until: Duration| until.saturating_sub(from).as_secs_f64();
+    for entry in table.entries.iter().take(LISTED) {
+        let user = plan.slots.get(entry.user_index).map_or("", |slot| slot.user.as_str());
+        let user: String = user.chars().take(20).collect();
+        writeln!(
+            text,
+            "{:>4}  {user:<20} {:>9.1} {:>8.1} {:>9.1} {:>9.1}",
+            entry.slot,
+            seconds(entry.transit_starts, entry.opens),
+            entry.opens.as_secs_f64(),
+            seconds(entry.radiate_from, entry.radiate_until),
+            entry.closes.as_secs_f64(),
+        )?;
+    }
+    if table.entries.len() > LISTED {
+        writeln!(text, "      and {} more", table.entries.len() - LISTED)?;
+    }
+    let whole_s = table.ends.as_secs_f64();
+    let length = if whole_s < 120.0 {
+        format!("{whole_s:.1} s")
+    } else {
+        format!("{:.0} min {:.0} s", (whole_s / 60.0).floor(), (whole_s % 60.0).floor())
+    };
+    writeln!(text, "from above the homes to the end of the last slot {length}; then the way home")
 }
 
 /// What most slots exceed, how likely one misses the target, and what each imperfection costs: where the mission states more

@@ -7,6 +7,7 @@ use crate::link::clock::Clock;
 use crate::planner::assessment::{Assessment, assess};
 use crate::planner::bound::{Budget, best_bound};
 use crate::planner::document::{FORMAT, PlanDocument, SlotDocument};
+use crate::planner::explanation::{Explanation, explain, unprotected};
 use crate::planner::problem::{Method, Problem};
 use crate::planner::slots::{Plan, PlannedSlot, hex};
 use crate::planner::{EvaluateOptions, Options};
@@ -27,6 +28,10 @@ pub(crate) struct TimedPlan {
     pub bound_time: Vec<Duration>,
     /// What each slot's rate leaves out.
     pub assessments: Vec<Assessment>,
+    /// Why each slot's rate is what it is.
+    pub explanations: Vec<Explanation>,
+    /// Of each slot, the rate of the best plan in which J is silent, bit/s: none until [`add_unprotected`] has run.
+    pub best_unprotected_bps: Vec<Option<f64>>,
 }
 
 /// Plans every slot of the mission.
@@ -45,13 +50,32 @@ pub(crate) fn assessed(
     let bound_time = vec![Duration::ZERO; planning_time.len()];
     let score =
         EvaluateOptions { samples: ASSESSED_SAMPLES, seed: options.seed, ..EvaluateOptions::default() };
-    let mut assessments = Vec::new();
+    let (mut assessments, mut explanations) = (Vec::new(), Vec::new());
     for slot in &plan.slots {
         let Some(problem) = problem_of(mission, &slot.user) else { continue };
-        let assessment = assess(&problem, &slot.plan.vehicles, mission.planner.target_rate_bps, &score);
-        assessments.push(assessment.map_err(|error| PlanningError { user: slot.user.clone(), error })?);
+        let failed = |error| PlanningError { user: slot.user.clone(), error };
+        let vehicles = &slot.plan.vehicles;
+        let target_bps = mission.planner.target_rate_bps;
+        assessments.push(assess(&problem, vehicles, target_bps, &score).map_err(failed)?);
+        explanations.push(explain(&problem, vehicles, &score).map_err(failed)?);
     }
-    Ok(TimedPlan { plan, planning_time, bound_time, assessments })
+    let best_unprotected_bps = vec![None; explanations.len()];
+    Ok(TimedPlan { plan, planning_time, bound_time, assessments, explanations, best_unprotected_bps })
+}
+
+/// Plans every slot once more with J silent, and keeps the rates: what jamming is to be compared with.
+pub(crate) fn add_unprotected(
+    mission: &Mission,
+    options: &Options,
+    timed: &mut TimedPlan,
+) -> Result<(), PlanningError> {
+    for (slot, best_bps) in timed.plan.slots.iter().zip(&mut timed.best_unprotected_bps) {
+        let Some(problem) = problem_of(mission, &slot.user) else { continue };
+        let plan = unprotected(&problem, options)
+            .map_err(|error| PlanningError { user: slot.user.clone(), error })?;
+        *best_bps = Some(plan.secrecy_rate_bps);
+    }
+    Ok(())
 }
 
 /// What the planner is asked for a user, by name.
@@ -81,11 +105,12 @@ pub(crate) fn certify_plan(mission: &Mission, timed: &mut TimedPlan) -> Result<(
 pub(crate) fn document(mission: &Mission, options: &Options, timed: &TimedPlan) -> PlanDocument {
     let times = timed.planning_time.iter().zip(&timed.bound_time);
     let slots = timed.plan.slots.iter().zip(times);
-    let slots = slots.zip(&timed.assessments);
+    let slots = slots.zip(timed.assessments.iter().zip(&timed.explanations)).zip(&timed.best_unprotected_bps);
     let slots = slots
-        .map(|((slot, (planning, bound)), assessment)| {
+        .map(|(((slot, (planning, bound)), why), best_unprotected_rate_bps)| {
             let times_s = [planning, bound].map(Duration::as_secs_f64);
-            slot_document(mission, slot, assessment, times_s)
+            let best_unprotected_rate_bps = *best_unprotected_rate_bps;
+            SlotDocument { best_unprotected_rate_bps, ..slot_document(mission, slot, why, times_s) }
         })
         .collect();
     plan_document(mission, options.seed, method_name(options.method), &timed.plan, slots)
@@ -122,7 +147,7 @@ fn method_name(method: Method) -> &'static str {
 pub(crate) fn slot_document(
     mission: &Mission,
     slot: &PlannedSlot,
-    assessment: &Assessment,
+    why: (&Assessment, &Explanation),
     times_s: [f64; 2],
 ) -> SlotDocument {
     let names: Vec<String> = mission.eavesdroppers.iter().map(|e| e.name.clone()).collect();
@@ -130,5 +155,5 @@ pub(crate) fn slot_document(
     let tolerance_deg =
         slot.lean_rad.map(|lean_rad| held.leaning(lean_rad.unwrap_or_default()).attitude_rad.to_degrees());
     let slot_s = slot.length.map_or(mission.tdma.slot_s, |length| length.as_secs_f64());
-    SlotDocument::new(&slot.user, &names, &slot.plan, assessment, tolerance_deg, slot_s, times_s)
+    SlotDocument::new(&slot.user, &names, &slot.plan, why, tolerance_deg, slot_s, times_s)
 }

@@ -69,18 +69,28 @@ fn host(args: &Args, file: &Path) -> Exit {
         Ok(runtime) => (runtime, Clock::real()),
         Err(error) => return unusable(&error),
     };
+    // The host before this one may have died on the air: one that cannot start has said off all the same.
+    let refuse = |error: &str| {
+        let exit = unusable(error);
+        let Some(mut device) = radio.device(&clock) else { return exit };
+        match runtime.block_on(bench::off(&mut device, &clock)) {
+            Ok(()) => eprintln!("the device was turned off"),
+            Err(error) => eprintln!("error: {error}: {MAY_RADIATE}"),
+        }
+        exit
+    };
     // Off before anything else can fail.
     let line = match line(args, file, &radio) {
         Ok(line) => line,
-        Err(error) => return unusable(&error),
+        Err(error) => return refuse(&error),
     };
     let recording = match Recording::begin_radio(&radio, &clock) {
         Ok(recording) => recording,
-        Err(error) => return unusable(&format!("[log] dir: {error}")),
+        Err(error) => return refuse(&format!("[log] dir: {error}")),
     };
     let process = match process(&radio, line, &clock, &recording) {
         Ok(process) => process,
-        Err(error) => return unusable(&recording.failed(error, &clock)),
+        Err(error) => return refuse(&recording.failed(error, &clock)),
     };
     let stopped = runtime.block_on(process.run(clock.clone(), interrupt::requested()));
     recording.end_radio(&clock, &stopped);
@@ -94,15 +104,17 @@ fn host(args: &Args, file: &Path) -> Exit {
             Exit::Bad
         }
         Ok(Stopped::MayRadiate) => {
-            eprintln!("error: the device was not read back off: it may radiate; cut its supply");
+            eprintln!("error: the device was not read back off: {MAY_RADIATE}");
             Exit::Bad
         }
-        Err(error) => unusable(&error.to_string()),
+        Err(error) => refuse(&error.to_string()),
     }
 }
 
 /// What is said where somebody may be about to radiate unawares.
 const RADIATES: &str = "this radiates: with a dummy load or a power meter on, say --radiate";
+
+const MAY_RADIATE: &str = "the device may radiate; cut its supply";
 
 fn unusable(error: &str) -> Exit {
     eprintln!("error: {error}");

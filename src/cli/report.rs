@@ -6,12 +6,15 @@ use crate::config::Mission;
 use crate::config::file::write_whole;
 use crate::desk::report::{self, Timeline, telemetry};
 
+use super::plan::keep_maps;
 use super::{Exit, load_mission};
 
 /// The report's name in a flight's directory.
 pub(super) const REPORT: &str = "report.html";
 
 /// Report a recorded flight as one HTML file: what happened, maps, timelines, tables.
+///
+/// Beside it, by its name, the flight on maps: GeoJSON, KML, and a QGroundControl plan for each vehicle, to look at.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Example: veilwing sitl config/mission.toml --out flight-1; veilwing report flight-1\nA real flight: put the .tlog files of both companions into one directory, beside the mission file as mission.toml and `plan --out`'s plan.json; true eavesdropper positions and true rates are then not known, and the report says so."
@@ -40,6 +43,24 @@ pub(super) fn run(args: &Args) -> Exit {
     match write(&out, &timeline) {
         Ok(()) => {
             eprintln!("report: {}", out.display());
+            write_maps(&out, &timeline)
+        }
+        Err(message) => unusable(&message),
+    }
+}
+
+/// Writes the flight's maps beside its report, by the report's name.
+fn write_maps(report: &Path, timeline: &Timeline) -> Exit {
+    let Some(map) = report::maps::map(timeline) else {
+        eprintln!(
+            "no maps: the record does not say where on earth the flight was; give the mission an origin"
+        );
+        return Exit::Done;
+    };
+    let stem = report.file_stem().map_or_else(|| "report".into(), |stem| stem.to_string_lossy());
+    match keep_maps(report.parent().unwrap_or(Path::new("")), &map, &stem) {
+        Ok(names) => {
+            eprintln!("maps: {}", names.join(", "));
             Exit::Done
         }
         Err(message) => unusable(&message),

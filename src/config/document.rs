@@ -132,6 +132,11 @@ impl Document {
         self.findings.push(Finding { severity: Severity::Error, span, message, help, absence: false });
     }
 
+    /// Whether an error was found so far; what the text's syntax is wrong about comes later.
+    pub(crate) fn has_errors(&self) -> bool {
+        self.findings.iter().any(|finding| finding.severity == Severity::Error)
+    }
+
     pub(crate) fn warning(&mut self, span: Span, message: String, help: String) {
         self.findings.push(Finding { severity: Severity::Warning, span, message, help, absence: false });
     }

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 
 use nalgebra::Vector2;
 
+use super::mission_file::NOWHERE;
 use crate::autopilot::{Actuation, FenceDuty, FirmwareChoice};
 use crate::geo::{Enu, Geodetic};
 use crate::link::{HostPort, LinkAddress};
@@ -31,8 +32,10 @@ pub struct MissionDraft {
     pub emission: Option<Emission>,
     /// Link budget.
     pub radio: RadioDraft,
-    /// Where vehicles may be.
+    /// Where vehicles may be. Its area counts where there is none by latitude and longitude.
     pub airspace: Airspace,
+    /// Corners of the area by latitude and longitude, in degrees.
+    pub area_lat_lon: Option<Vec<[f64; 2]>>,
     /// Largest tilt the airspace's rules allow, in degrees.
     pub airspace_max_tilt_deg: f64,
     /// What must be known of each vehicle.
@@ -69,6 +72,7 @@ impl Default for MissionDraft {
                 area_enu_m: square.map(Vector2::from).to_vec(),
                 min_separation_m: 5.0,
             },
+            area_lat_lon: None,
             airspace_max_tilt_deg: 90.0,
             vehicles: PerVehicle::default(),
             jitter: JitterDraft { std_deg: 2.0, model: JitterModel::Euler, axes: JitterAxes::RollPitch },
@@ -179,6 +183,10 @@ pub struct PlannedVehicleDraft {
     pub tilt_rate_deg_s: f64,
     /// Where the simulated vehicle starts.
     pub home_enu_m: Option<Enu>,
+    /// The same by latitude and longitude, in degrees. Not with a position in the mission frame.
+    pub home_lat_lon: Option<[f64; 2]>,
+    /// With latitude and longitude: altitude above the origin in metres; `None`: 0.
+    pub home_alt_m: Option<f64>,
     /// The least power above off that its transmitter can give, in W.
     pub min_power_w: Option<f64>,
     /// The only powers above off that its transmitter can give, in W, rising. Not with a least power.
@@ -197,6 +205,8 @@ impl Default for PlannedVehicleDraft {
             jerk_m_s3: 4.0,
             tilt_rate_deg_s: 45.0,
             home_enu_m: None,
+            home_lat_lon: None,
+            home_alt_m: None,
             min_power_w: None,
             power_levels_w: None,
         }
@@ -204,6 +214,32 @@ impl Default for PlannedVehicleDraft {
 }
 
 impl MissionDraft {
+    /// Corners of the area in the mission frame, east and north.
+    #[must_use]
+    pub fn area_m(&self) -> Vec<Vector2<f64>> {
+        let origin = self.origin.unwrap_or(NOWHERE);
+        let in_frame = |[lat_deg, lon_deg]: &[f64; 2]| {
+            let corner = Geodetic { lat_deg: *lat_deg, lon_deg: *lon_deg, alt_m: origin.alt_m };
+            corner.to_enu(origin).xy()
+        };
+        self.area_lat_lon.as_ref().map_or_else(
+            || self.airspace.area_enu_m.clone(),
+            |corners| corners.iter().map(in_frame).collect(),
+        )
+    }
+
+    /// Where a simulated vehicle starts, in the mission frame.
+    #[must_use]
+    pub fn home_m(&self, role: Role) -> Option<Enu> {
+        let origin = self.origin.unwrap_or(NOWHERE);
+        let vehicle = &self.vehicles[role];
+        vehicle.home_enu_m.or_else(|| {
+            let [lat_deg, lon_deg] = vehicle.home_lat_lon?;
+            let alt_m = origin.alt_m + vehicle.home_alt_m.unwrap_or(0.0);
+            Some(Geodetic { lat_deg, lon_deg, alt_m }.to_enu(origin))
+        })
+    }
+
     /// The largest power in W a vehicle may be planned with, and the limit that binds.
     #[must_use]
     pub fn power_ceiling(&self, role: Role) -> (f64, PowerLimit) {

@@ -18,7 +18,7 @@ use super::draft::{
 use super::file::{MAX_BYTES, read_text};
 use super::mission_file::NOWHERE;
 use super::reader::Section;
-use super::{mission_checks, mission_file, reading};
+use super::{mission_checks, mission_file, mission_warnings, reading};
 use crate::geo::{Enu, Geodetic};
 use crate::planner::problem::{
     Airframe, Airspace, Eavesdropper, Fading, Jitter, Pattern, Pointing, PowerSteps, Problem, Radio, Rician,
@@ -31,6 +31,7 @@ use crate::role::{PerVehicle, Role};
 use crate::schedule::order::Order;
 use crate::schedule::table::Timing;
 use crate::schedule::trajectory::Limits;
+use crate::time::Utc;
 
 /// Speed of light in m/s.
 const C_M_S: f64 = 299_792_458.0;
@@ -202,6 +203,21 @@ impl Mission {
         Ok(mission)
     }
 
+    /// What the operator should know when the mission is to be flown from `now` on: that its start has passed, or its permission.
+    #[must_use]
+    pub fn warnings_at(&self, now: Utc) -> Diagnostics {
+        let mut all = Diagnostics::new(&self.document.file, self.document.text.clone());
+        let start = self.tdma.start_utc.and_then(|start| mission_warnings::of_start(start, now));
+        if let Some((message, help)) = start {
+            all.push(Severity::Warning, self.document.at("tdma.start_utc"), message, help);
+        }
+        let valid = self.emission.as_ref().and_then(|emission| emission.valid);
+        if let Some((message, help)) = valid.and_then(|valid| mission_warnings::of_permission(valid, now)) {
+            all.push(Severity::Warning, self.document.at("emission.valid"), message, help);
+        }
+        all
+    }
+
     /// Whether the origin was given: where it was not, nothing real may rest on it.
     #[must_use]
     pub fn has_origin(&self) -> bool {
@@ -364,17 +380,19 @@ fn in_si_units(draft: &MissionDraft) -> Settled {
         emission: draft.emission.clone(),
         radio: Radio { bandwidth_hz, noise_power_w, max_power_w, reference_gain },
         carrier_hz,
-        airspace: draft.airspace.clone(),
+        airspace: Airspace { area_enu_m: draft.area_m(), ..draft.airspace.clone() },
         airspace_max_tilt_rad: draft.airspace_max_tilt_deg.to_radians(),
-        vehicles: draft.vehicles.as_ref().map(|vehicle| VehicleSettings {
-            airframe: vehicle.airframe,
-            max_tilt_rad: vehicle.max_tilt_deg.to_radians(),
-            speed_m_s: vehicle.speed_m_s,
-            climb_m_s: vehicle.climb_m_s,
-            acceleration_m_s2: vehicle.acceleration_m_s2,
-            jerk_m_s3: vehicle.jerk_m_s3,
-            tilt_rate_rad_s: vehicle.tilt_rate_deg_s.to_radians(),
-            home_enu_m: vehicle.home_enu_m,
+        vehicles: PerVehicle::from_fn(|role| (role, &draft.vehicles[role])).map(|(role, vehicle)| {
+            VehicleSettings {
+                airframe: vehicle.airframe,
+                max_tilt_rad: vehicle.max_tilt_deg.to_radians(),
+                speed_m_s: vehicle.speed_m_s,
+                climb_m_s: vehicle.climb_m_s,
+                acceleration_m_s2: vehicle.acceleration_m_s2,
+                jerk_m_s3: vehicle.jerk_m_s3,
+                tilt_rate_rad_s: vehicle.tilt_rate_deg_s.to_radians(),
+                home_enu_m: draft.home_m(role),
+            }
         }),
         jitter: Jitter {
             std_rad: draft.jitter.std_deg.to_radians(),

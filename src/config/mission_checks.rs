@@ -4,13 +4,13 @@ use std::collections::BTreeMap;
 
 use super::document::Document;
 use super::draft::{MissionDraft, Optimise, PlannerSettings, Position};
-use super::link_checks;
 use super::mission_file::{FAR_M, NOWHERE};
+use super::{link_checks, mission_warnings};
 use crate::geo::polygon::{Polygon, check_simple};
 use crate::geo::{Enu, Geodetic};
-use crate::planner::problem::{Airspace, Method, Objective, Uncertainty};
+use crate::planner::problem::{Method, Objective, Uncertainty};
 use crate::planner::volume::Fairness;
-use crate::role::Role;
+use crate::role::{PerVehicle, Role};
 
 pub(super) const ORIGIN: &str = "mission.origin";
 pub(super) const ORIGIN_HELP: &str =
@@ -29,6 +29,10 @@ pub(super) fn check(draft: &MissionDraft, file: &mut Document) {
     tdma(draft, file);
     volume(draft, file);
     hints(draft, file);
+    // Of a file that cannot be used, errors come first: half of what is odd about it follows from them.
+    if !file.has_errors() {
+        mission_warnings::check(draft, file);
+    }
 }
 
 fn origin(file: &mut Document) {
@@ -40,9 +44,34 @@ fn origin(file: &mut Document) {
     }
 }
 
+/// The key by which the area is given.
+pub(super) fn area_key(draft: &MissionDraft) -> &'static str {
+    if draft.area_lat_lon.is_some() { "airspace.area_lat_lon" } else { "airspace.area_enu_m" }
+}
+
+/// The key by which a vehicle's home is given.
+pub(super) fn home_key(draft: &MissionDraft, role: Role) -> String {
+    let key = if draft.vehicles[role].home_lat_lon.is_some() { "home_lat_lon" } else { "home_enu_m" };
+    format!("vehicles.{}.{key}", role.key())
+}
+
+/// Whether a setting that may be by latitude and longitude has a place in the mission's frame.
+fn frame(draft: &MissionDraft, geodetic: bool, path: &str, file: &mut Document) -> bool {
+    if !geodetic {
+        return true;
+    }
+    if !file.given(ORIGIN) && draft.origin.is_none() {
+        let message = "a position by latitude and longitude needs the mission's `origin`".to_owned();
+        file.fail(path);
+        file.missing(file.at(path), message, ORIGIN_HELP.to_owned());
+        return false;
+    }
+    file.sound(&[ORIGIN])
+}
+
 fn airspace(draft: &MissionDraft, file: &mut Document) {
     const BAND: &str = "airspace.altitude_m";
-    const AREA: &str = "airspace.area_enu_m";
+    let area_key = area_key(draft);
     const SEPARATION: &str = "airspace.min_separation_m";
     let airspace = &draft.airspace;
     let [low, high] = airspace.altitude_m;
@@ -52,14 +81,30 @@ fn airspace(draft: &MissionDraft, file: &mut Document) {
         );
         refuse(file, BAND, message, "write [lowest, highest], in metres above the mission origin");
     }
-    if file.sound(&[AREA])
-        && let Err(error) = check_simple(&airspace.area_enu_m)
+    if !frame(draft, draft.area_lat_lon.is_some(), area_key, file) {
+        return;
+    }
+    if draft.area_lat_lon.is_some() && file.sound(&[area_key]) {
+        let farthest_m = draft.area_m().iter().map(|corner| corner.norm()).fold(0.0, f64::max);
+        if farthest_m > FAR_M {
+            let message = format!(
+                "a corner of `area_lat_lon` is {:.0} km from the mission origin, further than {:.0} km",
+                farthest_m / 1e3,
+                FAR_M / 1e3
+            );
+            let help = "check the signs and the order of latitude and longitude, here and in `origin`";
+            refuse(file, area_key, message, help);
+        }
+    }
+    let key = area_key.rsplit('.').next().unwrap_or(area_key);
+    if file.sound(&[area_key])
+        && let Err(error) = check_simple(&draft.area_m())
     {
         let help = "list the corners once each, in order around the area, at least three of them";
-        refuse(file, AREA, format!("`area_enu_m` {error}"), help);
+        refuse(file, area_key, format!("`{key}` {error}"), help);
     }
-    if file.sound(&[BAND, AREA, SEPARATION])
-        && let Ok(area) = Polygon::new(&airspace.area_enu_m)
+    if file.sound(&[BAND, area_key, SEPARATION])
+        && let Ok(area) = Polygon::new(&draft.area_m())
     {
         let widest = area.diameter_m().hypot(high - low);
         if airspace.min_separation_m > widest {
@@ -186,18 +231,22 @@ fn node(draft: &MissionDraft, file: &mut Document, kind: &str, path: &str, posit
                 distance_m / 1e3,
                 FAR_M / 1e3
             );
-            refuse(
-                file,
-                &key,
-                message,
-                "check the signs and the order of latitude and longitude, here and in `origin`",
-            );
+            // As far as the swapped place exists: a longitude beyond a right angle is no latitude.
+            let swapped = Geodetic { lat_deg: lon_deg, lon_deg: lat_deg, alt_m: 0.0 };
+            let near =
+                lon_deg.abs() <= 89.0 && swapped.to_enu(draft.origin.unwrap_or(NOWHERE)).xy().norm() <= FAR_M;
+            let help = if near {
+                "latitude and longitude are swapped, here or in `origin`: the other way round it is near"
+            } else {
+                "check the signs and the order of latitude and longitude, here and in `origin`"
+            };
+            refuse(file, &key, message, help);
             return;
         }
     }
     let [low, high] = draft.airspace.altitude_m;
-    let inside = (low..=high).contains(&enu.z) && encloses(&draft.airspace, enu);
-    if file.sound(&["airspace.altitude_m", "airspace.area_enu_m"]) && inside {
+    let inside = (low..=high).contains(&enu.z) && encloses(draft, enu);
+    if file.sound(&["airspace.altitude_m", area_key(draft)]) && inside {
         let message = format!(
             "the {kind} stands inside the airspace, at {} m of {low} to {high} m: a vehicle could meet it",
             enu.z
@@ -212,15 +261,20 @@ fn node(draft: &MissionDraft, file: &mut Document, kind: &str, path: &str, posit
 }
 
 fn homes(draft: &MissionDraft, file: &mut Document) {
-    let homes = draft.vehicles.as_ref().map(|vehicle| vehicle.home_enu_m);
+    let homes = PerVehicle::from_fn(|role| draft.home_m(role));
+    let keys = PerVehicle::from_fn(|role| home_key(draft, role));
     for role in Role::BOTH {
-        let path = if role == Role::I { "vehicles.i.home_enu_m" } else { "vehicles.j.home_enu_m" };
+        let path = &keys[role];
+        if !frame(draft, draft.vehicles[role].home_lat_lon.is_some(), path, file) {
+            continue;
+        }
         if let Some(home) = homes[role]
-            && file.sound(&[path, "airspace.area_enu_m"])
-            && !encloses(&draft.airspace, home)
+            && file.sound(&[path, area_key(draft)])
+            && !encloses(draft, home)
         {
-            let message =
-                format!("the home of {role}, [{}, {}] m, lies outside `area_enu_m`", home.x, home.y);
+            let at = place(home);
+            let area = area_key(draft).rsplit('.').next().unwrap_or_default();
+            let message = format!("the home of {role}, [{}, {}] m, lies outside `{area}`", at[0], at[1]);
             refuse(
                 file,
                 path,
@@ -230,7 +284,7 @@ fn homes(draft: &MissionDraft, file: &mut Document) {
         }
     }
     if let (Some(i), Some(j)) = (homes.i, homes.j)
-        && file.sound(&["vehicles.i.home_enu_m", "vehicles.j.home_enu_m", "airspace.min_separation_m"])
+        && file.sound(&[&keys.i, &keys.j, "airspace.min_separation_m"])
         && (i - j).norm() < draft.airspace.min_separation_m
     {
         let message = format!(
@@ -238,13 +292,18 @@ fn homes(draft: &MissionDraft, file: &mut Document) {
             (i - j).norm(),
             draft.airspace.min_separation_m
         );
-        refuse(file, "vehicles.j.home_enu_m", message, "move one of them");
+        refuse(file, &keys.j, message, "move one of them");
     }
 }
 
+/// East and north for people, to the millimetre.
+fn place(at: Enu) -> [f64; 2] {
+    [at.x, at.y].map(|metres| (metres * 1e3).round() / 1e3)
+}
+
 /// Whether a point is above, in or below the area.
-fn encloses(airspace: &Airspace, point: Enu) -> bool {
-    Polygon::new(&airspace.area_enu_m).is_ok_and(|area| area.encloses(point.xy()))
+fn encloses(draft: &MissionDraft, point: Enu) -> bool {
+    Polygon::new(&draft.area_m()).is_ok_and(|area| area.encloses(point.xy()))
 }
 
 fn tdma(draft: &MissionDraft, file: &mut Document) {

@@ -47,7 +47,7 @@ pub(super) fn describe(s: &mut Section<'_, '_>, draft: &mut MissionDraft) {
     );
     s.table("radio", "The link budget, the same for every link.", |s| radio(s, &mut draft.radio));
     s.table("airspace", "Where the vehicles may be.", |s| {
-        airspace(s, &mut draft.airspace, &mut draft.airspace_max_tilt_deg);
+        airspace(s, &mut draft.airspace, &mut draft.area_lat_lon, &mut draft.airspace_max_tilt_deg);
     });
     s.table("vehicles", "What must be known of each vehicle to plan for it.", |s| {
         s.table("i", "Vehicle I, the information transmitter.", |s| vehicle(s, &mut draft.vehicles.i));
@@ -173,7 +173,12 @@ fn radio(s: &mut Section<'_, '_>, radio: &mut RadioDraft) {
     s.alternatives(&[&["reference_gain"], &["carrier_hz"]], false);
 }
 
-fn airspace(s: &mut Section<'_, '_>, airspace: &mut Airspace, max_tilt_deg: &mut f64) {
+fn airspace(
+    s: &mut Section<'_, '_>,
+    airspace: &mut Airspace,
+    area_lat_lon: &mut Option<Vec<[f64; 2]>>,
+    max_tilt_deg: &mut f64,
+) {
     s.set(
         "altitude_m",
         "Lowest and highest altitude of the vehicles above the mission origin.",
@@ -188,6 +193,17 @@ fn airspace(s: &mut Section<'_, '_>, airspace: &mut Airspace, max_tilt_deg: &mut
         &mut area,
     );
     airspace.area_enu_m = area.into_iter().map(Vector2::from).collect();
+    s.set_optional(
+        "area_lat_lon",
+        "The same by [latitude, longitude], north and east positive, instead of area_enu_m.",
+        List {
+            each: Numbers([("latitude", latitude()), ("longitude", longitude())]),
+            at_least: 3,
+            at_most: 1000,
+        },
+        area_lat_lon,
+    );
+    s.alternatives(&[&["area_enu_m"], &["area_lat_lon"]], false);
     s.set(
         "min_separation_m",
         "Least distance between the vehicles.",
@@ -233,6 +249,20 @@ fn vehicle(s: &mut Section<'_, '_>, vehicle: &mut PlannedVehicleDraft) {
         "Where the simulated vehicle starts. A real one starts where it stands.",
         &mut vehicle.home_enu_m,
     );
+    s.set_optional(
+        "home_lat_lon",
+        "The same by [latitude, longitude], north and east positive, instead of home_enu_m.",
+        Numbers([("latitude", latitude()), ("longitude", longitude())]),
+        &mut vehicle.home_lat_lon,
+    );
+    s.set_optional(
+        "home_alt_m",
+        "Its altitude above the mission origin, with home_lat_lon; 0 if not given.",
+        HEIGHT,
+        &mut vehicle.home_alt_m,
+    );
+    s.alternatives(&[&["home_enu_m"], &["home_lat_lon"]], false);
+    s.excludes("home_alt_m", "home_enu_m");
     link_file::powers(s, vehicle);
 }
 

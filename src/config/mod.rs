@@ -14,6 +14,7 @@ mod link_file;
 mod mission;
 mod mission_checks;
 mod mission_file;
+mod mission_warnings;
 mod permission;
 mod plan_file;
 mod radio;
@@ -21,7 +22,7 @@ mod radio_draft;
 mod radio_file;
 pub(crate) mod reader;
 pub(crate) mod reading;
-mod schema;
+pub mod schema;
 mod vehicle;
 mod vehicle_file;
 mod vehicle_links;
@@ -39,7 +40,6 @@ pub use radio::RadioFile;
 pub use radio_draft::{
     AtDraft, AttenuatorDraft, CommandDraft, DeviceDraft, DeviceKind, JsonRpcDraft, RadioHostDraft,
 };
-pub use schema::{Part, schema, schema_of};
 pub use vehicle::Vehicle;
 pub(crate) use vehicle::fence_corners;
 pub use vehicle_links::ExposedLink;

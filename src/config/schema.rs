@@ -1,11 +1,13 @@
-//! The JSON Schema of all files as one document, or of one of them.
+//! The JSON Schema of the files that this layer reads, each as a document of its own or all as one.
+//!
+//! Draft-07 and `definitions`: what editors' TOML plugins read. Newer drafts say no more of these files.
 
 use serde_json::{Value as Json, json};
 
 use super::{Mission, RadioFile, Vehicle};
 
 /// A kind of file.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Part {
     /// The mission file.
     Mission,
@@ -16,9 +18,12 @@ pub enum Part {
 }
 
 impl Part {
-    const ALL: [Self; 3] = [Self::Mission, Self::Vehicle, Self::Radio];
+    /// All kinds of this layer.
+    pub const ALL: [Self; 3] = [Self::Mission, Self::Vehicle, Self::Radio];
 
-    fn key(self) -> &'static str {
+    /// Its name among the definitions.
+    #[must_use]
+    pub fn key(self) -> &'static str {
         match self {
             Self::Mission => "mission",
             Self::Vehicle => "vehicle",
@@ -26,39 +31,47 @@ impl Part {
         }
     }
 
-    fn described(self) -> Json {
-        let (mut schema, title, description) = match self {
-            Self::Mission => {
-                (Mission::schema(), "veilwing mission", "The mission file: the same on both vehicles.")
-            }
+    /// Its schema with title and description, to be one of the definitions.
+    #[must_use]
+    pub fn schema(self) -> Json {
+        match self {
+            Self::Mission => described(
+                Mission::schema(),
+                "veilwing mission",
+                "The mission file: the same on both vehicles.",
+            ),
             Self::Vehicle => {
-                (Vehicle::schema(), "veilwing vehicle", "The vehicle file: one for each vehicle.")
+                described(Vehicle::schema(), "veilwing vehicle", "The vehicle file: one for each vehicle.")
             }
             Self::Radio => {
-                (RadioFile::schema(), "veilwing radio", "The radio file: one for each radio host.")
+                described(RadioFile::schema(), "veilwing radio", "The radio file: one for each radio host.")
             }
-        };
-        schema["title"] = json!(title);
-        schema["description"] = json!(description);
-        schema
+        }
     }
 }
 
-const DRAFT: &str = "https://json-schema.org/draft/2020-12/schema";
+const DRAFT: &str = "http://json-schema.org/draft-07/schema#";
 
-/// JSON Schema, draft 2020-12: `$defs.mission`, `$defs.vehicle` and `$defs.radio`; the document itself accepts any of them.
+/// A file's schema with its title and what it is.
 #[must_use]
-pub fn schema() -> Json {
-    let parts: serde_json::Map<String, Json> =
-        Part::ALL.into_iter().map(|part| (part.key().to_owned(), part.described())).collect();
-    let any: Vec<Json> = parts.keys().map(|key| json!({ "$ref": format!("#/$defs/{key}") })).collect();
-    json!({ "$schema": DRAFT, "title": "veilwing files", "$defs": parts, "anyOf": any })
+pub fn described(mut schema: Json, title: &str, description: &str) -> Json {
+    schema["title"] = json!(title);
+    schema["description"] = json!(description);
+    schema
 }
 
-/// JSON Schema, draft 2020-12, of one kind of file.
+/// One document of several kinds of files, under `definitions`; the document itself accepts any of them.
 #[must_use]
-pub fn schema_of(part: Part) -> Json {
-    let mut schema = part.described();
+pub fn any_of(parts: impl IntoIterator<Item = (&'static str, Json)>) -> Json {
+    let parts: serde_json::Map<String, Json> =
+        parts.into_iter().map(|(key, schema)| (key.to_owned(), schema)).collect();
+    let any: Vec<Json> = parts.keys().map(|key| json!({ "$ref": format!("#/definitions/{key}") })).collect();
+    json!({ "$schema": DRAFT, "title": "veilwing files", "definitions": parts, "anyOf": any })
+}
+
+/// A document of one kind of file.
+#[must_use]
+pub fn alone(mut schema: Json) -> Json {
     schema["$schema"] = json!(DRAFT);
     schema
 }

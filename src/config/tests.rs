@@ -30,6 +30,11 @@ const RADIO: &str = include_str!("../../config/radio.toml");
 const LEAST: &str = "[mission]\n[[user]]\nenu_m = [0, 0, 0]\n[[eavesdropper]]\nenu_m = [120, -40, 0]\n";
 const ORIGIN: &str = "origin = { lat_deg = 50.0, lon_deg = 14.0, alt_amsl_m = 200.0 }\n";
 
+fn schema() -> Json {
+    use crate::config::schema::{Part, any_of};
+    any_of(Part::ALL.map(|part| (part.key(), part.schema())))
+}
+
 fn mission(text: &str) -> Mission {
     Mission::parse("m.toml", text).unwrap_or_else(|findings| panic!("{findings}"))
 }
@@ -53,7 +58,7 @@ fn validate(root: &Json, schema: &Json, value: &Json) -> Result<(), String> {
     let (object, list) = (value.as_object(), value.as_array());
     for (keyword, rule) in schema.as_object().unwrap() {
         match keyword.as_str() {
-            "description" | "title" | "default" | "x-unit" | "$schema" | "$defs" => {}
+            "description" | "title" | "default" | "x-unit" | "$schema" | "definitions" => {}
             "$ref" => {
                 validate(root, root.pointer(rule.as_str().unwrap().trim_start_matches('#')).unwrap(), value)?;
             }
@@ -84,15 +89,16 @@ fn validate(root: &Json, schema: &Json, value: &Json) -> Result<(), String> {
                     rule.as_array().unwrap().iter().all(|key| value.get(key.as_str().unwrap()).is_some());
                 ok(object.is_none() || all, keyword)?;
             }
-            "items" if rule == &json!(false) => {
-                let fixed = schema["prefixItems"].as_array().unwrap().len();
+            "additionalItems" => {
+                assert_eq!(rule, &json!(false));
+                let fixed = schema["items"].as_array().unwrap().len();
                 ok(list.is_none_or(|list| list.len() <= fixed), keyword)?;
             }
-            "items" => list.into_iter().flatten().try_for_each(|item| validate(root, rule, item))?,
-            "prefixItems" => {
+            "items" if rule.is_array() => {
                 let pairs = rule.as_array().unwrap().iter().zip(list.into_iter().flatten());
                 pairs.into_iter().try_for_each(|(rule, item)| validate(root, rule, item))?;
             }
+            "items" => list.into_iter().flatten().try_for_each(|item| validate(root, rule, item))?,
             "minItems" | "maxItems" | "minLength" | "maxLength" | "minimum" | "maximum"
             | "exclusiveMinimum" => {
                 ok(within(keyword, rule.as_f64().unwrap(), value), keyword)?;

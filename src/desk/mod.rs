@@ -9,3 +9,4 @@ pub mod figures;
 mod quantile;
 pub mod report;
 pub mod simulation;
+pub mod watch;

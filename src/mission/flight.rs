@@ -392,7 +392,7 @@ impl Executive {
         Some(trajectory)
     }
 
-    fn climb_time(&self) -> Duration {
+    pub(super) fn climb_time(&self) -> Duration {
         self.way_up().map_or(Duration::ZERO, |way| way.duration())
     }
 

@@ -1,5 +1,5 @@
 //! What a ground station sees of the companion beside STATUSTEXT and the answers to its commands: a truthful HEARTBEAT,
-//! live figures, parameters of our own, and who we are.
+//! live figures, where we stand, parameters of our own, and who we are.
 //!
 //! None of it may delay a setpoint: everything leaves in single messages, at most one a tick.
 
@@ -8,12 +8,17 @@ mod information;
 mod live;
 mod parameters;
 mod showing;
+mod standing;
 
 use std::collections::VecDeque;
 
 use crate::time::Instant;
 
 use crate::service::Tolerance;
+
+pub use standing::{Figure, Vector, silence_words};
+
+use standing::Saying;
 
 /// What is remembered of it.
 #[derive(Debug, Clone)]
@@ -27,12 +32,23 @@ pub(super) struct GroundStation {
     live_at: Instant,
     /// Which figure is next.
     live_next: usize,
+    saying: Saying,
+    /// Which of the two goes first.
+    live_first: bool,
 }
 
 impl GroundStation {
     pub fn new(now: Instant) -> Self {
         let widest = Tolerance::widest();
-        Self { listing: VecDeque::new(), tolerance: widest, live_hz: 10.0, live_at: now, live_next: 0 }
+        Self {
+            listing: VecDeque::new(),
+            tolerance: widest,
+            live_hz: 10.0,
+            live_at: now,
+            live_next: 0,
+            saying: Saying::new(now),
+            live_first: true,
+        }
     }
 
     /// How far a pose may be off in the slots to come.

@@ -73,6 +73,13 @@ impl Itinerary {
         self.table.entries.last().map_or(Duration::ZERO, |entry| entry.radiate_until)
     }
 
+    /// From a slot's opening, or before it from the beginning of its transit, to the end of the last one.
+    pub fn to_the_end(&self, slot: u16, from_opening: bool) -> Option<Duration> {
+        let entry = self.entry(slot)?;
+        let from = if from_opening { entry.opens } else { entry.transit_starts };
+        Some(self.table.ends.saturating_sub(from))
+    }
+
     /// How many slots there are.
     pub fn slots(&self) -> usize {
         self.table.entries.len()

@@ -1,5 +1,6 @@
 //! The executive of one vehicle: the mission's phases, the reactions to what goes wrong (F1 to F3), the operator. No I/O.
 
+mod arming;
 mod asked;
 pub mod cause;
 pub mod executive;
@@ -26,6 +27,7 @@ mod words;
 
 pub use cause::Cause;
 pub use executive::{Executive, Outcome, Outgoing};
+pub use ground_station::{Figure, Vector, silence_words};
 pub use notice::Notice;
 pub use permission::Permission;
 pub use phase::NAMES as PHASES;

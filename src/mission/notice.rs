@@ -227,6 +227,20 @@ pub enum Notice {
     /// It cannot be accepted.
     #[error("start refused: {0}")]
     StartRefused(String),
+    /// Another order that cannot be obeyed, and why.
+    #[error("{0} refused: {1}")]
+    OrderRefused(&'static str, &'static str),
+    /// The autopilot asks whether it may be armed, and it may not.
+    #[error("arming refused: {0}")]
+    ArmingRefused(String),
+    /// An order is in force here, and the other vehicle has not shown in time that it has it.
+    #[error("{order}: in force here; vehicle {peer} has not confirmed it in time")]
+    OrderUnconfirmed {
+        /// What was ordered.
+        order: &'static str,
+        /// The other vehicle.
+        peer: Role,
+    },
     /// It was not confirmed by both in time.
     #[error("start expired: within {:.0} s this vehicle or vehicle {peer} was not ready", START_EXPIRES.as_secs_f64())]
     StartExpired {
@@ -310,6 +324,9 @@ impl Notice {
             | Self::NoOperator(_)
             | Self::ParameterRefused(_)
             | Self::StartRefused(_)
+            | Self::OrderRefused(..)
+            | Self::ArmingRefused(_)
+            | Self::OrderUnconfirmed { .. }
             | Self::StartExpired { .. }
             | Self::LosingLog => MavSeverity::MAV_SEVERITY_WARNING,
             Self::NoWayHome(_)

@@ -51,7 +51,7 @@ impl Wanted {
 impl Executive {
     /// Takes a command that is addressed to us.
     pub(super) fn handle_operator(&mut self, header: MavHeader, message: &MavMessage, now: Instant) {
-        if self.refuses_stranger(header, message) {
+        if self.handle_arming(header, message) || self.refuses_stranger(header, message) {
             return;
         }
         let (system, component, command, param1) = match message {
@@ -75,8 +75,11 @@ impl Executive {
                 MavResult::MAV_RESULT_ACCEPTED
             }
             Wanted::Order(order) => match self.take_order(order, now) {
-                Some(number) => return self.asked_for.note(by, command, number, now),
-                None => MavResult::MAV_RESULT_DENIED,
+                Ok(number) => return self.asked_for.note(by, command, number, now),
+                Err(refusal) => {
+                    self.notice(refusal);
+                    MavResult::MAV_RESULT_DENIED
+                }
             },
             Wanted::Lift if self.phase.is_waiting() && self.autopilot.state().is_disarmed() => {
                 self.service.orders_mut().lift();
@@ -85,7 +88,10 @@ impl Executive {
                 }
                 MavResult::MAV_RESULT_ACCEPTED
             }
-            Wanted::Lift => MavResult::MAV_RESULT_DENIED,
+            Wanted::Lift => {
+                self.notice(Notice::OrderRefused("lifting the kill", "only on the ground, disarmed"));
+                MavResult::MAV_RESULT_DENIED
+            }
             Wanted::Information(id) => {
                 information = self.information(id, now);
                 information
@@ -110,31 +116,39 @@ impl Executive {
             && state.is_armed()
     }
 
-    /// Gives an order its number, or `None` if it cannot be obeyed. On the ground, a pause takes back a START.
-    fn take_order(&mut self, order: Order, now: Instant) -> Option<(Order, u32)> {
+    /// Gives an order its number, or says why it cannot be obeyed. On the ground, a pause takes back a START.
+    fn take_order(&mut self, order: Order, now: Instant) -> Result<(Order, u32), Notice> {
+        let name = match order {
+            Order::Start => "start",
+            Order::Kill => "kill",
+            Order::Recall => "return",
+            Order::Pause => "pause",
+            Order::Continue => "continue",
+        };
+        let refused = |why| Err(Notice::OrderRefused(name, why));
         let order = match (order, &self.phase) {
             (Order::Kill, _) => Order::Kill,
             (Order::Start, phase) => {
                 let obstacle = if phase.is_waiting() { self.ground.obstacle() } else { "in flight" };
                 if !obstacle.is_empty() {
-                    let why = obstacle.to_owned();
-                    self.notice(Notice::StartRefused(why));
-                    return None;
+                    return Err(Notice::StartRefused(obstacle.to_owned()));
                 }
                 Order::Start
             }
-            (Order::Recall | Order::Pause | Order::Continue, Phase::Surrendered { .. } | Phase::Ended) => {
-                return None;
-            }
+            (_, Phase::Surrendered { .. }) => return refused("this vehicle is in another hand"),
+            (_, Phase::Ended) => return refused("this vehicle's mission is over"),
             (Order::Recall, _) => Order::Recall,
             (Order::Pause, phase) if phase.is_on_the_ground() => Order::Recall,
             (Order::Pause, phase) if phase.is_outward() => Order::Pause,
             (Order::Continue, phase) if phase.is_outward() && self.service.orders().is_paused() => {
                 Order::Continue
             }
-            (Order::Pause | Order::Continue, _) => return None,
+            (Order::Continue, phase) if phase.is_on_the_ground() || phase.is_outward() => {
+                return refused("nothing is paused");
+            }
+            (Order::Pause | Order::Continue, _) => return refused("this vehicle is on its way home"),
         };
-        Some((order, self.service.orders_mut().give(order, now)))
+        Ok((order, self.service.orders_mut().give(order, now)))
     }
 
     /// Answers the operator's orders, as far as there is something to say.
@@ -156,7 +170,16 @@ impl Executive {
             if done { Progress::Done } else { Progress::Open }
         };
         let answers = self.asked_for.answers(progress, now);
-        self.outbox.extend(answers);
+        for answer in answers {
+            // What becomes of a START is told where it does.
+            if let MavMessage::COMMAND_ACK(ack) = &answer
+                && ack.result == MavResult::MAV_RESULT_FAILED
+                && let Some(order) = unconfirmed(ack.command)
+            {
+                self.notice(Notice::OrderUnconfirmed { order, peer: self.settings.role.peer() });
+            }
+            self.outbox.push_back(answer);
+        }
     }
 
     /// Does what the operator wants, whichever vehicle was told; the service has done its part.
@@ -195,5 +218,15 @@ impl Executive {
                 self.phase = Phase::Standby;
             }
         }
+    }
+}
+
+/// What a command is called that the other vehicle did not confirm.
+fn unconfirmed(command: MavCmd) -> Option<&'static str> {
+    match command {
+        MavCmd::MAV_CMD_USER_2 => Some("kill"),
+        MavCmd::MAV_CMD_NAV_RETURN_TO_LAUNCH => Some("return"),
+        MavCmd::MAV_CMD_DO_PAUSE_CONTINUE => Some("pause or continue"),
+        _ => None,
     }
 }

@@ -80,6 +80,12 @@ impl Peer {
         self.last_heard.is_some_and(|at| now.saturating_since(at) <= timeout)
     }
 
+    /// For how long nothing was heard; `None` if nothing ever was.
+    #[must_use]
+    pub fn silent_for(&self, now: Instant) -> Option<Duration> {
+        self.last_heard.map(|at| now.saturating_since(at))
+    }
+
     /// Whether its last message carried `flag`.
     #[must_use]
     pub fn says(&self, flag: VeilwingFlags) -> bool {

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::geo::Pose;
 use crate::planner::assessment::Assessment;
+use crate::planner::explanation::{Explanation, Limit};
 use crate::planner::plan::{SlotPlan, Status, VehiclePlan};
 use crate::role::PerVehicle;
 
@@ -62,6 +63,19 @@ pub struct SlotDocument {
     /// By cause, how much higher the mean rate of the same poses and powers would be without it alone, bit/s; `all`: without
     /// all of them.
     pub loss_bps: BTreeMap<&'static str, f64>,
+    /// The mean rate of the same poses with J off, bit/s.
+    pub unprotected_rate_bps: f64,
+    /// The mean rate of the best plan in which J is off, bit/s, where it was asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub best_unprotected_rate_bps: Option<f64>,
+    /// What binds: names such as `i.floor`, as [`Limit::name`] has them.
+    pub limits: Vec<String>,
+    /// The eavesdropper that sets the rate, by its name in the mission file.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub decisive_eavesdropper: Option<String>,
+    /// The mean rate of the same poses and powers without that eavesdropper, bit/s, where there is another one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub without_decisive_bps: Option<f64>,
     /// Upper bound on the secrecy rate of any poses and powers, bit/s.
     pub upper_bound_bps: f64,
     /// What that bounds and how firmly: [`BoundKind::name`](crate::planner::plan::BoundKind::name).
@@ -123,7 +137,7 @@ impl SlotDocument {
         user: &str,
         eavesdroppers: &[String],
         slot: &SlotPlan,
-        assessment: &Assessment,
+        (assessment, explanation): (&Assessment, &Explanation),
         attitude_tolerance_deg: PerVehicle<f64>,
         slot_s: f64,
         [planning_time_s, bound_time_s]: [f64; 2],
@@ -139,6 +153,11 @@ impl SlotDocument {
             quantile_5pct_bps: assessment.quantile_5pct_bps,
             miss_probability: assessment.miss_probability,
             loss_bps: losses(assessment),
+            unprotected_rate_bps: explanation.unprotected_bps,
+            best_unprotected_rate_bps: None,
+            limits: explanation.limits.iter().copied().map(Limit::name).collect(),
+            decisive_eavesdropper: eavesdroppers.get(explanation.decisive.eavesdropper).cloned(),
+            without_decisive_bps: explanation.decisive.without_bps,
             upper_bound_bps: slot.upper_bound_bps,
             upper_bound_kind: slot.upper_bound_kind.name(),
             sinr: SinrDocument {

@@ -16,6 +16,7 @@ pub mod document;
 mod draws;
 mod error;
 pub mod expectation;
+pub mod explanation;
 mod model;
 pub(crate) mod parallel;
 pub mod phase1;

@@ -125,6 +125,13 @@ impl Interlock {
         decision
     }
 
+    /// Why the transmitter must be off, by these facts; `None` where it may be on. Commands nothing.
+    #[must_use]
+    pub fn silence_for(&self, facts: &Facts, now: Instant) -> Option<Silence> {
+        let radio = || self.transmitter.ready(now).err().filter(|_| self.standing.is_none());
+        decide(&self.latches(now), facts, now).err().or_else(|| radio().map(Silence::Transmitter))
+    }
+
     fn latches(&self, now: Instant) -> Latches {
         Latches {
             role: self.role,

@@ -278,6 +278,21 @@ impl SlotService {
         self.pair.lease(now)
     }
 
+    /// The end of the lease that I holds, or at the most of those that J has granted, which may be past.
+    #[must_use]
+    pub fn lease_end(&self, now: Instant) -> Option<Instant> {
+        match self.role {
+            Role::I => self.pair.lease(now),
+            Role::J => self.pair.leases_end(),
+        }
+    }
+
+    /// Why this vehicle must be silent, by what is known at `now`; `None` where it may be on the air. Decides nothing.
+    #[must_use]
+    pub fn silence(&self, now: Instant) -> Option<Silence> {
+        self.interlock.silence_for(&self.facts(now), now)
+    }
+
     /// The other side.
     #[must_use]
     pub fn peer(&self) -> &Peer {

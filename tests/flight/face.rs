@@ -1,12 +1,14 @@
 //! What a ground station sees of the companions, and what it may ask of them.
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::Duration;
 
 use mavlink::dialects::ardupilotmega::*;
+use strum::VariantArray;
 use veilwing::desk::simulation::{Flight, Given, Observer, Path, Setup, index, vehicle, world_config};
 use veilwing::link::codec::Encoder;
-use veilwing::mission::Outgoing;
+use veilwing::mission::{Figure, Outgoing, Vector};
 use veilwing::role::{PerVehicle, Role};
 use veilwing_sitl::World;
 
@@ -27,6 +29,7 @@ impl Observer for Station {
             **message,
             MavMessage::HEARTBEAT(_)
                 | MavMessage::NAMED_VALUE_FLOAT(_)
+                | MavMessage::DEBUG_VECT(_)
                 | MavMessage::PARAM_VALUE(_)
                 | MavMessage::PARAM_ERROR(_)
                 | MavMessage::STATUSTEXT(_)
@@ -81,8 +84,10 @@ impl Watched {
         self.flight.send_to_companion(role, frame.raw_bytes());
         let since = self.station.heard.len();
         self.pass(Duration::from_millis(50));
-        let spontaneous =
-            |m: &MavMessage| matches!(m, MavMessage::HEARTBEAT(_) | MavMessage::NAMED_VALUE_FLOAT(_));
+        let spontaneous = |m: &MavMessage| {
+            let figures = matches!(m, MavMessage::NAMED_VALUE_FLOAT(_) | MavMessage::DEBUG_VECT(_));
+            figures || matches!(m, MavMessage::HEARTBEAT(_))
+        };
         let said = self.station.heard[since..].iter().filter(|(_, who, m)| *who == role && !spontaneous(m));
         said.map(|(.., m)| m.clone()).collect()
     }
@@ -180,7 +185,8 @@ fn val_the_live_figures_are_what_the_world_measures() {
         for name in names {
             assert!(figures.iter().any(|(_, n, _)| n == name), "{role}: no {name}");
         }
-        assert!(figures.iter().all(|(_, n, v)| names.contains(&n.as_str()) && v.is_finite()), "{figures:?}");
+        let known = |name: &str| names.contains(&name) || name.parse::<Figure>().is_ok();
+        assert!(figures.iter().all(|(_, n, v)| known(n) && v.is_finite()), "{figures:?}");
         let rates = |on: bool| {
             let of = figures.iter().filter(move |(at, n, _)| n == "SEC_RATE" && both_on(*at) == on);
             of.map(|(.., rate)| *rate).collect::<Vec<_>>()
@@ -196,6 +202,82 @@ fn val_the_live_figures_are_what_the_world_measures() {
         println!("{role}: {} live rates, mean {mean:.4e} bit/s; achieved {achieved:.4e}", live.len());
         // A dozen samples of a rate that jitters by a fifth, and the peer's mean for its own.
         assert!(live.len() >= 8 && (mean / achieved - 1.0).abs() < 0.2, "{role}: {mean} {achieved}");
+    }
+}
+
+#[test]
+fn val_where_a_companion_says_that_it_stands_is_where_it_is() {
+    let mut watched = Watched::new(true);
+    watched.until(|w| Role::BOTH.iter().all(|role| w.flight.outcomes[*role].is_some()));
+    // On for half a second, which is longer than a change takes to be said.
+    let long_on = |at: Duration| {
+        let last = watched.station.on_air.iter().rev().find(|(since, _)| *since <= at);
+        last.is_some_and(|(since, on)| *on == [true, true] && *since + Duration::from_millis(500) <= at)
+    };
+    for role in Role::BOTH {
+        let said = |figure: Figure| {
+            let name: &'static str = figure.into();
+            let of = watched.station.heard.iter().filter(|(_, who, _)| *who == role);
+            let of = of.filter_map(move |(at, _, m)| match m {
+                MavMessage::NAMED_VALUE_FLOAT(m) if m.name.to_str() == Ok(name) => {
+                    Some((*at, f64::from(m.value)))
+                }
+                _ => None,
+            });
+            of.collect::<Vec<_>>()
+        };
+        for figure in Figure::VARIANTS {
+            assert!(!said(*figure).is_empty(), "{role}: {figure:?} is never said");
+        }
+        let mut phases: Vec<u8> = said(Figure::Phase).iter().map(|(_, phase)| *phase as u8).collect();
+        phases.dedup();
+        // Two slots, from the ground to the ground.
+        let slots: BTreeSet<u8> = said(Figure::Slot).iter().map(|(_, slot)| *slot as u8).collect();
+        assert_eq!(slots, BTreeSet::from([0, 1]), "{role}");
+        for (first, then) in [(1, 2), (4, 5), (6, 8), (8, 9)] {
+            let place = |phase| phases.iter().position(|other| *other == phase);
+            assert!(place(first) < place(then) && place(first).is_some(), "{role}: {phases:?}");
+        }
+        for (figure, least, most) in [
+            (Figure::Radio, 2.0, 2.0),
+            (Figure::Silent, 0.0, 0.0),
+            (Figure::PositionOff, 0.0, 1.0),
+            (Figure::Lease, 0.01, 0.51),
+            (Figure::Peer, 0.0, 0.2),
+            (Figure::State, 0.0, 0.25),
+            (Figure::Orders, 0.0, 0.0),
+        ] {
+            let on_air: Vec<_> = said(figure).into_iter().filter(|(at, _)| long_on(*at)).collect();
+            assert!(!on_air.is_empty(), "{role}: {figure:?}");
+            let astray: Vec<_> = on_air.iter().filter(|(_, v)| !(least..=most).contains(v)).collect();
+            assert!(astray.is_empty(), "{role}: {figure:?} {astray:?}");
+        }
+        // What runs down does so at the rate of time: one instant for each slot's opening, and one for the landing's beginning.
+        let opens: Vec<f64> = said(Figure::Opens).iter().map(|(at, left)| at.as_secs_f64() + left).collect();
+        let leaps = opens.windows(2).filter(|pair| (pair[1] - pair[0]).abs() > 0.05).count();
+        assert_eq!(leaps, 1, "{role}: two slots open at {opens:?}");
+        let lands = |m: &MavMessage| match m {
+            MavMessage::NAMED_VALUE_FLOAT(m) => m.name.to_str() == Ok("VW_PHASE") && m.value == 9.0,
+            _ => false,
+        };
+        let landing = watched.station.heard.iter().find(|(_, who, m)| *who == role && lands(m));
+        let landing_s = landing.map(|(at, ..)| at.as_secs_f64()).unwrap();
+        let in_slot: Vec<_> = said(Figure::Left).into_iter().filter(|(at, _)| long_on(*at)).collect();
+        for (at, left) in &in_slot {
+            assert!((at.as_secs_f64() + left - landing_s).abs() < 10.0, "{role}: {at:?} {left} {landing_s}");
+        }
+        assert!(!in_slot.is_empty());
+        for vector in Vector::VARIANTS {
+            let name: &'static str = vector.into();
+            let is_it = |m: &MavMessage| match m {
+                MavMessage::DEBUG_VECT(m) => m.name.to_str() == Ok(name),
+                _ => false,
+            };
+            assert!(
+                watched.station.heard.iter().any(|(_, who, m)| *who == role && is_it(m)),
+                "{role}: {name}"
+            );
+        }
     }
 }
 
@@ -309,4 +391,61 @@ fn spec_the_heartbeat_tells_the_truth() {
     assert!(watched.station.heard.iter().rev().any(|(_, who, m)| *who == Role::I
         && matches!(m, MavMessage::HEARTBEAT(h) if h.system_status == MavState::MAV_STATE_POWEROFF
             || h.system_status == MavState::MAV_STATE_CRITICAL)));
+}
+
+#[test]
+fn spec_an_autopilot_that_asks_before_it_arms_is_answered_by_the_preflight() {
+    let mut watched = Watched::new(false);
+    let asks = |watched: &mut Watched, from: (u8, u8), (target_system, target_component): (u8, u8)| {
+        let message = MavMessage::COMMAND_LONG(COMMAND_LONG_DATA {
+            command: MavCmd::MAV_CMD_ARM_AUTHORIZATION_REQUEST,
+            target_system,
+            target_component,
+            ..COMMAND_LONG_DATA::DEFAULT
+        });
+        let frame = watched.station.encoder.encode(from, &message);
+        watched.flight.send_to_companion(Role::I, frame.raw_bytes());
+        let since = watched.station.heard.len();
+        watched.pass(Duration::from_millis(50));
+        let answers = watched.station.heard[since..].iter().filter_map(|(_, who, m)| match m {
+            MavMessage::COMMAND_ACK(ack) if *who == Role::I => {
+                assert_eq!((ack.target_system, ack.target_component), (1, 1));
+                Some((ack.result, ack.progress, ack.result_param2))
+            }
+            _ => None,
+        });
+        answers.collect::<Vec<_>>()
+    };
+    watched.pass(Duration::from_secs(1));
+    // The reason goes out in words, as the answer says: MAV_ARM_AUTH_DENIED_REASON_NONE.
+    let denied = (MavResult::MAV_RESULT_DENIED, 1, 0);
+    assert_eq!(asks(&mut watched, (1, 1), (1, 0)), [denied]);
+    watched.pass(Duration::from_secs(14));
+    // For five seconds, whichever way it is addressed.
+    let granted = (MavResult::MAV_RESULT_ACCEPTED, 0, 5);
+    for to in [(1, 191), (1, 0), (0, 0)] {
+        assert_eq!(asks(&mut watched, (1, 1), to), [granted]);
+    }
+    // Another vehicle's autopilot, and a component that is none, are not answered.
+    assert_eq!(asks(&mut watched, (2, 1), (1, 0)), []);
+    assert_eq!(asks(&mut watched, (1, 100), (1, 0)), []);
+    watched.until(|w| w.flight.now() > Duration::from_secs(16));
+    let said = |watched: &Watched, what: &str| {
+        watched.station.heard.iter().any(|(_, who, m)| match m {
+            MavMessage::STATUSTEXT(m) => {
+                *who == Role::I && m.text.to_str().is_ok_and(|text| text.contains(what))
+            }
+            _ => false,
+        })
+    };
+    assert!(said(&watched, "arming refused: "));
+    let kill = MavMessage::COMMAND_LONG(COMMAND_LONG_DATA {
+        command: MavCmd::MAV_CMD_USER_2,
+        target_system: 1,
+        target_component: 191,
+        ..COMMAND_LONG_DATA::DEFAULT
+    });
+    watched.ask(Role::I, &kill);
+    watched.pass(Duration::from_secs(2));
+    assert_eq!(asks(&mut watched, (1, 1), (1, 0)), [denied]);
 }

@@ -91,6 +91,74 @@ fn spec_kill_pause_and_return_are_obeyed_when_they_are_said_to_all() {
 }
 
 #[test]
+fn spec_start_and_continue_are_obeyed_when_they_are_said_to_the_companion_and_not_to_all() {
+    let mut flight = Flight::new(Setup { start_unasked: false, ..Setup::default() });
+    flight.pass(Duration::from_secs(20));
+    for role in Role::BOTH {
+        flight.command_all(role, MavCmd::MAV_CMD_MISSION_START, 0.0);
+    }
+    flight.pass(Duration::from_secs(10));
+    for role in Role::BOTH {
+        assert!(flight.landed(role) && flight.said(role, "start ordered").is_none(), "{}", flight.story());
+    }
+    flight.command(Role::J, MavCmd::MAV_CMD_MISSION_START);
+    assert!(flight.until(|flight| flight.radiating() == [true, true]), "{}", flight.story());
+    flight.command_all(Role::I, MavCmd::MAV_CMD_DO_PAUSE_CONTINUE, 0.0);
+    flight.pass(Duration::from_secs(3));
+    flight.command_all(Role::J, MavCmd::MAV_CMD_DO_PAUSE_CONTINUE, 1.0);
+    flight.pass(Duration::from_secs(3));
+    assert!(flight.said(Role::J, "going on").is_none(), "{}", flight.story());
+    flight.command_with(Role::J, MavCmd::MAV_CMD_DO_PAUSE_CONTINUE, 1.0);
+    flight.pass(Duration::from_secs(3));
+    for role in Role::BOTH {
+        assert!(flight.said(role, "going on by the operator's order").is_some(), "{}", flight.story());
+    }
+    flight.fly_out();
+    flight.assert_safe();
+}
+
+#[test]
+fn spec_every_order_that_is_refused_is_refused_in_words() {
+    let mut flight = Flight::new(Setup { start_unasked: false, ..Setup::default() });
+    let refused = |flight: &mut Flight, command: MavCmd, param1: f32, words: &str| {
+        flight.command_with(Role::I, command, param1);
+        flight.pass(Duration::from_millis(200));
+        assert!(flight.said(Role::I, words).is_some(), "{words}\n{}", flight.story());
+    };
+    refused(&mut flight, MavCmd::MAV_CMD_MISSION_START, 0.0, "start refused: ");
+    flight.pass(Duration::from_secs(20));
+    refused(&mut flight, MavCmd::MAV_CMD_DO_PAUSE_CONTINUE, 1.0, "continue refused: nothing is paused");
+    flight.command(Role::I, MavCmd::MAV_CMD_MISSION_START);
+    assert!(flight.until(|flight| flight.radiating() == [true, true]), "{}", flight.story());
+    refused(&mut flight, MavCmd::MAV_CMD_MISSION_START, 0.0, "start refused: in flight");
+    refused(
+        &mut flight,
+        MavCmd::MAV_CMD_USER_2,
+        1.0,
+        "lifting the kill refused: only on the ground, disarmed",
+    );
+    flight.command(Role::I, MavCmd::MAV_CMD_NAV_RETURN_TO_LAUNCH);
+    flight.pass(Duration::from_secs(2));
+    let home = "refused: this vehicle is on its way home";
+    refused(&mut flight, MavCmd::MAV_CMD_DO_PAUSE_CONTINUE, 0.0, &format!("pause {home}"));
+    refused(&mut flight, MavCmd::MAV_CMD_DO_PAUSE_CONTINUE, 1.0, &format!("continue {home}"));
+    // In the pilot's hand.
+    let mut flight = Flight::new(Setup::default());
+    assert!(flight.until(|flight| flight.radiating() == [true, true]), "{}", flight.story());
+    let land = COMMAND_LONG_DATA {
+        command: MavCmd::MAV_CMD_NAV_LAND,
+        target_system: 1,
+        target_component: 1,
+        ..COMMAND_LONG_DATA::DEFAULT
+    };
+    flight.tell_autopilot(Role::I, &MavMessage::COMMAND_LONG(land));
+    flight.pass(Duration::from_secs(2));
+    let hand = "refused: this vehicle is in another hand";
+    refused(&mut flight, MavCmd::MAV_CMD_NAV_RETURN_TO_LAUNCH, 0.0, &format!("return {hand}"));
+    refused(&mut flight, MavCmd::MAV_CMD_DO_PAUSE_CONTINUE, 0.0, &format!("pause {hand}"));
+}
+
+#[test]
 fn regress_a_return_ordered_just_after_lift_off_lands_below_the_band_and_blames_no_airspace() {
     let mut flight = Flight::new(Setup::default());
     let aloft = |flight: &Flight| {

@@ -21,7 +21,7 @@ const FAULTS: [FaultKind; 9] = [
 /// Beyond this delay a lease is over before its grant arrives: nothing can be served, and nothing is.
 const SERVABLE_MS: u64 = 100;
 
-/// What `pair_sweep` is asked for: the whole grid, or one cell.
+/// What `pair_sweep` is asked for: the whole grid, one fault's, or one cell.
 #[derive(Debug, clap::Parser)]
 pub struct Args {
     /// Slots a cell.
@@ -36,9 +36,9 @@ pub struct Args {
     delay_ms: u64,
     #[arg(long, default_value_t = 0.0)]
     duplication: f64,
-    /// None, Partition, Restart, Pose, Clock, Stale, Pause, GiveUp or RadioHop.
-    #[arg(long, default_value = "None", value_parser = parse_fault)]
-    fault: FaultKind,
+    /// This one alone: None, Partition, Restart, Pose, Clock, Stale, Pause, GiveUp or RadioHop. A cell's is None by default.
+    #[arg(long, value_parser = parse_fault)]
+    fault: Option<FaultKind>,
 }
 
 fn parse_fault(text: &str) -> Result<FaultKind, String> {
@@ -49,7 +49,11 @@ fn parse_fault(text: &str) -> Result<FaultKind, String> {
 impl Args {
     pub fn cases(&self) -> Vec<Case> {
         let Self { slots, seed, duplication, fault, .. } = *self;
-        let Some(loss) = self.loss else { return cases(slots, seed) };
+        let Some(loss) = self.loss else {
+            let asked = |case: &Case| fault.is_none_or(|fault| case.fault == fault);
+            return cases(slots, seed).into_iter().filter(asked).collect();
+        };
+        let fault = fault.unwrap_or(FaultKind::None);
         vec![Case { loss, delay: Duration::from_millis(self.delay_ms), duplication, fault, slots, seed }]
     }
 }

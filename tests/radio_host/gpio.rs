@@ -29,19 +29,22 @@ fn spec_a_chip_that_is_not_there_or_none_is_refused_by_its_key_with_a_remedy() {
 }
 
 #[test]
-fn spec_a_host_without_its_kill_line_does_not_start_and_tells_the_device_nothing() {
+fn spec_a_host_without_its_kill_line_does_not_start_and_tells_the_device_off_and_nothing_else() {
     let path = directory("no-line");
     let at = path.display();
     let text = format!(
         "[radio]\nsystem_id = 1\n[link]\naddress = \"udpin:127.0.0.1:14571\"\n\
          [device]\nkind = \"command\"\nleast = 0\nmost = 4\noff_ms = 500\nchange_ms = 500\nfrequency_hz = 915e6\n\
          [calibration]\nfile = \"measured.csv\"\n\
-         [command]\nset = [\"touch\", \"{at}/told\"]\noff = [\"touch\", \"{at}/told\"]\n\
+         [command]\nset = [\"touch\", \"{at}/set\"]\noff = [\"touch\", \"{at}/off\"]\n\
          [kill_line]\nchip = \"/dev/gpiochip9999\"\nline = 4\noff_level = \"low\"\nsilent_ms = 2\n[log]\ndir = \"{at}/logs\"\n"
     );
     std::fs::write(path.join("radio.toml"), text).unwrap();
     let calibration = path.join("measured.csv");
-    for arguments in [vec!["calibrate", "--radiate"], vec!["measure", "--radiate"], vec![]] {
+    // A host may stand where one died on the air; nobody was there before who calibrates or measures.
+    for (arguments, says_off) in
+        [(vec!["calibrate", "--radiate"], false), (vec!["measure", "--radiate"], false), (vec![], true)]
+    {
         if arguments.first() != Some(&"calibrate") {
             std::fs::write(&calibration, "frequency_hz,setting,dbm\n915e6,0,1\n915e6,4,5\n").unwrap();
         }
@@ -55,8 +58,10 @@ fn spec_a_host_without_its_kill_line_does_not_start_and_tells_the_device_nothing
         assert_eq!(ended.status.code(), Some(2), "{arguments:?}: {said}");
         let names = ["radio.toml: [kill_line]: `chip` is \"/dev/gpiochip9999\"", "gpiodetect"];
         assert!(names.iter().all(|name| said.contains(name)), "{said}");
+        assert_eq!(said.contains("the device was turned off"), says_off, "{said}");
+        assert_eq!(path.join("off").exists(), says_off, "{arguments:?}");
     }
-    assert!(!path.join("told").exists());
+    assert!(!path.join("set").exists());
     std::fs::remove_dir_all(path).unwrap();
 }
 

@@ -221,6 +221,28 @@ async fn spec_a_power_is_given_read_back_ends_by_itself_and_ends_with_the_progra
     assert_eq!(program.history().last().unwrap(), "off");
 }
 
+#[test]
+fn spec_a_host_that_cannot_start_has_turned_its_device_off() {
+    let mut program = Program::start("refused", "");
+    program.terminate();
+    let logs = program.directory.join("logs");
+    for (obstacle, says) in [("link", "already in use"), ("log", "[log] dir")] {
+        let taken =
+            (obstacle == "link").then(|| std::net::UdpSocket::bind(("127.0.0.1", program.port)).unwrap());
+        if obstacle == "log" {
+            std::fs::remove_dir_all(&logs).unwrap();
+            std::fs::write(&logs, "no directory").unwrap();
+        }
+        // What a host that was killed on the air leaves.
+        std::fs::write(program.directory.join("history"), "on 20\n").unwrap();
+        program.again();
+        assert_eq!(program.child.wait().unwrap().code(), Some(2), "{}", program.said());
+        assert!(program.said().contains(says), "{}", program.said());
+        assert_eq!(program.history(), ["on 20", "off"], "{}", program.said());
+        drop(taken);
+    }
+}
+
 #[tokio::test]
 async fn spec_a_kill_outlives_the_program() {
     let mut program = Program::start("kill", "");

@@ -58,8 +58,7 @@ fn spec_a_flown_fault_is_reported_from_the_record_and_from_telemetry() {
     .unwrap();
     let out = directory.join("out");
     let [mission, faults, out_text] = [&mission, &faults, &out].map(|path| path.to_str().unwrap());
-    let sitl =
-        ["sitl", mission, "--json", "--in-step", "--speed", "50", "--faults", faults, "--out", out_text];
+    let sitl = ["sitl", mission, "--json", "--speed", "50", "--faults", faults, "--out", out_text];
     let flown = veilwing(&sitl).output().unwrap();
     assert_eq!(flown.status.code(), Some(1), "{}", text(&flown.stderr));
     let page = std::fs::read_to_string(out.join("report.html")).unwrap();
@@ -118,4 +117,52 @@ fn spec_a_flown_fault_is_reported_from_the_record_and_from_telemetry() {
     std::fs::remove_file(out.join("mission.toml")).unwrap();
     assert_eq!(report().status.code(), Some(0), "{}", text(&report().stderr));
     sound(&std::fs::read_to_string(&copy).unwrap());
+}
+
+/// What the report says first, of flights whose ends have three causes, and of the same flights by their telemetry alone, where
+/// nobody tells what befell them and the preflight's warnings come long before.
+#[test]
+fn spec_a_report_begins_with_what_led_to_the_end() {
+    let directory = directory("report-ends");
+    let mission = directory.join("mission.toml");
+    std::fs::write(&mission, MISSION).unwrap();
+    let cases = [
+        (
+            "kind = \"companion-kill\"\nvehicle = \"j\"",
+            "vehicle J's companion was killed",
+            "vehicle I's companion said: \u{201c}mission aborted: nothing heard from vehicle J for 3.0 s\u{201d}",
+        ),
+        (
+            "kind = \"companion-stop\"\nvehicle = \"i\"\nduration_s = 3.0",
+            "vehicle I's companion was frozen for 3.000 s",
+            "vehicle I's companion said: \u{201c}autopilot: Failsafe: Offboard signal lost, switching to HOLD\u{201d}",
+        ),
+        (
+            "kind = \"pilot-mode\"\nvehicle = \"i\"",
+            "vehicle I's pilot took over",
+            "vehicle I's companion said: \u{201c}silent, hands off: the autopilot went to POSCTL by another hand\u{201d}",
+        ),
+    ];
+    for (index, (fault, by_the_record, by_telemetry)) in cases.into_iter().enumerate() {
+        let (faults, out) = (directory.join("faults.toml"), directory.join(format!("flight-{index}")));
+        std::fs::write(&faults, format!("[[fault]]\n{fault}\nslot = 0\nafter_s = 1.5\n")).unwrap();
+        let [mission, faults, out] = [&mission, &faults, &out].map(|path| path.to_str().unwrap());
+        let flown = ["campaign", mission, "--runs", "1", "--faults", faults, "--out", out];
+        let flown = veilwing(&flown).output().unwrap();
+        assert_eq!(flown.status.code(), Some(0), "{}", text(&flown.stderr));
+        let copy = directory.join("copy.html");
+        for (more, begins) in [(None, by_the_record), (Some("--telemetry"), by_telemetry)] {
+            let report: Vec<&str> =
+                ["report", out, "--out", copy.to_str().unwrap()].into_iter().chain(more).collect();
+            let reported = veilwing(&report).output().unwrap();
+            assert_eq!(reported.status.code(), Some(0), "{}", text(&reported.stderr));
+            let page = std::fs::read_to_string(&copy).unwrap();
+            let seen = sound(&page);
+            let first = seen.split("At ").nth(1).unwrap();
+            let first = &first[..first.find(". ").unwrap()];
+            assert!(first.ends_with(begins), "{fault}, {more:?}: {first:?}");
+            // It is the mark in the charts too, the first and only one.
+            assert!(seen.contains("The mark in the charts below: 1"), "{seen}");
+        }
+    }
 }

@@ -76,6 +76,7 @@ pub fn flight() -> Timeline {
             mission_digest: Some("ab".repeat(32)),
             seed: Some(7),
             started_utc_us: None,
+            origin: None,
             jitter_std_deg: Some(2.0),
             emission: Some(EmissionScene {
                 authorised_by: "a regulator".into(),

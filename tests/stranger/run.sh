@@ -1,10 +1,12 @@
 #!/bin/sh
 # Programs written by others meet ours. pymavlink, MAVSDK and MAVProxy each fly a software vehicle with both firmware
 # faces; QGroundControl's connection sequence is replayed; MAVProxy and MAVSDK watch and command the companions of two
-# simulated flights; pymavlink and MAVProxy's tools read the logs of a signed flight; pymavlink commands a radio host,
-# signed, and forges, replays and does not sign.
+# simulated flights, and of two more by our module for MAVProxy and QGroundControl's actions; pymavlink and MAVProxy's
+# tools read the logs of a signed flight; pymavlink commands a radio host, signed, and forges, replays and does not sign;
+# taplo and tombi judge the shipped files as editors do; geojson, pykml, fastkml and MAVSDK read the maps of a plan and of
+# a flight.
 #
-#     tests/stranger/run.sh [flown] [companion] [logs] [radio]      all four without arguments
+#     tests/stranger/run.sh [flown] [companion] [buttons] [logs] [radio] [editors] [maps]      all seven without arguments
 #
 # Needs cargo and python3 (3.11 to 3.14, on x86_64 or aarch64 Linux: for these there are wheels). SPEED (default 5) is
 # simulated seconds per second, PORT (default 14560) the first of four free UDP ports on this machine, VENV where the
@@ -16,7 +18,7 @@ speed=${SPEED:-5}
 port=${PORT:-14560}
 venv=${VENV:-$root/target/stranger-venv}
 python=$venv/bin/python
-[ $# -gt 0 ] || set -- flown companion logs radio
+[ $# -gt 0 ] || set -- flown companion buttons logs radio editors maps
 
 # The profile of the tests: optimised, and built already where the tests have run.
 cargo build --profile test --manifest-path "$root/Cargo.toml" --package veilwing-sitl --bin veilwing-sitl \
@@ -75,6 +77,13 @@ companion() {
     echo "both companions seen and commanded by MAVProxy and MAVSDK"
 }
 
+buttons() {
+    echo "== buttons.py"
+    "$python" "$here/buttons.py" --program "$programs/veilwing" --mission "$root/tests/flight/yard.toml" \
+        --port "$port" --speed "$steadily"
+    echo "both companions ordered by MAVProxy with our module and by QGroundControl's actions"
+}
+
 logs() {
     echo "== signed_flight.py"
     "$python" "$here/signed_flight.py" --programs "$programs" --mission "$root/tests/flight/yard.toml" \
@@ -108,11 +117,22 @@ radio() {
     echo "a radio host commanded, and not to be fooled, by pymavlink"
 }
 
+editors() {
+    echo "== editors.py"
+    "$python" "$here/editors.py" --root "$root" --bin "$venv/bin"
+    echo "every shipped file accepted, every planted mistake placed, by taplo and tombi"
+}
+
+maps() {
+    visit px4 1 maps.py --program "$programs/veilwing" --root "$root" --port "$port"
+    echo "the maps of a plan and of a flight read by geojson, pykml, fastkml and MAVSDK"
+}
+
 started=$(date +%s)
 for part in "$@"; do
     case $part in
-        flown | companion | logs | radio) "$part" ;;
-        *) echo "there is no part \"$part\": flown, companion, logs, radio" >&2; exit 2 ;;
+        flown | companion | buttons | logs | radio | editors | maps) "$part" ;;
+        *) echo "there is no part \"$part\": flown, companion, buttons, logs, radio, editors, maps" >&2; exit 2 ;;
     esac
 done
 echo "strangers: $* in $(($(date +%s) - started)) s"

@@ -115,8 +115,8 @@ fn fly(setup: &Setup, case: Case) -> Flown {
     let mut sitl = Command::new(&setup.program);
     sitl.arg("sitl").arg(write("mission.toml", &case.mission())).arg("--json");
     match setup.speed {
-        Some(speed) => sitl.args(["--speed", &speed.to_string()]),
-        None => sitl.args(["--in-step", "--speed", "50"]),
+        Some(speed) => sitl.args(["--wall-clock", "--speed", &speed.to_string()]),
+        None => sitl.args(["--speed", "50"]),
     };
     sitl.arg("--faults").arg(write("faults.toml", &case.faults())).arg("--out").arg(directory.join("out"));
     let output = sitl.output().unwrap();

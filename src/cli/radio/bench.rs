@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use tokio::runtime::Runtime;
 
+use super::MAY_RADIATE;
 use crate::cli::interrupt;
 use crate::config::RadioFile;
 use crate::link::Clock;
@@ -121,11 +122,7 @@ impl Bench {
     /// Off after all, also after an interruption, which does not interrupt this.
     pub async fn leave(&mut self) -> Result<(), BenchError> {
         let line = self.drive(Level::Off);
-        let deadline = self.clock.now() + PATIENCE;
-        tokio::select! {
-            done = self.device.off() => done.map_err(|source| BenchError::Device { doing: "off", source }),
-            () = self.clock.sleep_until(deadline) => Err(BenchError::Late { doing: "off" }),
-        }?;
+        off(&mut self.device, &self.clock).await?;
         line
     }
 
@@ -134,6 +131,15 @@ impl Bench {
             Some(line) => Ok(line.drive(level, &self.clock)?),
             None => Ok(()),
         }
+    }
+}
+
+/// Off, whoever wants it to end.
+pub(super) async fn off(device: &mut AnyDevice, clock: &Clock) -> Result<(), BenchError> {
+    let deadline = clock.now() + PATIENCE;
+    tokio::select! {
+        done = device.off() => done.map_err(|source| BenchError::Device { doing: "off", source }),
+        () = clock.sleep_until(deadline) => Err(BenchError::Late { doing: "off" }),
     }
 }
 
@@ -175,7 +181,7 @@ async fn fed<T>(
 /// How a bench ended: off it is in any case, or that is said.
 pub(super) fn end(left: Result<(), BenchError>, done: Result<(), BenchError>) -> crate::cli::Exit {
     if let Err(error) = &left {
-        eprintln!("error: {error}: the device may radiate; cut its supply");
+        eprintln!("error: {error}: {MAY_RADIATE}");
     }
     match (done, left) {
         (Err(BenchError::Interrupted), Ok(())) => crate::cli::Exit::Interrupted,

@@ -66,7 +66,7 @@ pub(super) struct Setup<'a> {
     pub own_radio_links: bool,
     /// Radio hosts with such devices, and the powers in watts that they must give.
     pub radio_hosts: Option<(Options, PerVehicle<Vec<f64>>)>,
-    pub ground_station: Option<&'a HostPort>,
+    pub ground_stations: &'a [&'a HostPort],
     /// Begin without waiting for MISSION_START.
     pub start: bool,
 }
@@ -129,7 +129,7 @@ pub(super) async fn fly(mut setup: Setup<'_>) -> Result<Flight, String> {
         (None, true) => RadioEnd::OnItsOwn,
         (None, false) => RadioEnd::BehindAutopilot,
     };
-    let links = Links::open(setup.seed, radio_end, setup.ground_station, &mut setup.world).await?;
+    let links = Links::open(setup.seed, radio_end, setup.ground_stations, &mut setup.world).await?;
     let (said, mut log) = mpsc::unbounded_channel();
     let write = |role: Role| {
         write_vehicle(setup.directory, setup.settings, role, links.numbers(role)?, links.radio_number(role)?)
@@ -256,6 +256,12 @@ impl Host<'_> {
         for (role, end) in self.radios.as_mut().map(Radios::ended).unwrap_or_default() {
             self.journal.radio_end(self.setup.world.now(), role, end);
             self.setup.world.inject(sim::Fault::RadioFails { vehicle: index(role) });
+            let grounded = self.setup.world.snapshot().vehicles.iter().all(|vehicle| !vehicle.armed);
+            if grounded && matches!(end, End::Code(_)) {
+                // The companions would wait for it for as long as anybody likes.
+                self.say(&format!("no flight without {role}'s radio host: see radio-{}.log", role.key()));
+                Role::BOTH.into_iter().for_each(|role| supervisor.ask_to_stop(role, self));
+            }
         }
         // The slot, and whose doing it is, may have changed; of what a device has done since, its change tells.
         for role in Role::BOTH {

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use veilwing_sitl::World;
 
-use crate::cli::progress;
+use crate::cli::{progress, watch};
 use crate::desk::report::{Event, EventKind, Severity};
 use crate::desk::simulation::{Change, index};
 use crate::role::Role;
@@ -33,7 +33,10 @@ impl Journal {
 
     /// A line of a companion's log.
     pub fn line(&mut self, at: Duration, role: Role, line: Line) {
-        Self::say(at, &format!("{role}  {line}"));
+        // A view hears it from the companion itself.
+        if !watch::is_shown() {
+            Self::say(at, &format!("{role}  {line}"));
+        }
         self.note(at, EventKind::Notice, Some(role), line.severity, line.text);
         if let Some(event) = self.events.last_mut().filter(|_| !line.phase.is_empty()) {
             event.phase = Some(line.phase);
@@ -78,6 +81,9 @@ impl Journal {
             return;
         }
         self.next_progress = now + PROGRESS_EVERY;
+        if watch::is_shown() {
+            return;
+        }
         let snapshot = world.snapshot();
         let vehicles: Vec<String> = Role::BOTH
             .into_iter()

@@ -23,7 +23,7 @@ pub(super) struct Links {
     hosts: PerVehicle<Option<Port>>,
     /// What the hosts were asked for.
     asked: PerVehicle<Asked>,
-    ground: Option<GroundStation>,
+    ground: Vec<GroundStation>,
 }
 
 /// Who is at the other end of the companions' links to their radios.
@@ -49,18 +49,18 @@ pub(super) struct Traffic {
 }
 
 impl Links {
-    /// Opens the sockets; degraded links draw from `seed`. With a ground station, both vehicles speak to it at once.
+    /// Opens the sockets; degraded links draw from `seed`. With ground stations, both vehicles speak to them at once.
     pub async fn open(
         seed: u64,
         radios: RadioEnd,
-        ground: Option<&HostPort>,
+        stations: &[&HostPort],
         world: &mut World,
     ) -> Result<Self, String> {
-        let ground = match ground {
-            Some(address) => Some(GroundStation::connect(address).await?),
-            None => None,
-        };
-        if ground.is_some() {
+        let mut ground = Vec::new();
+        for address in stations {
+            ground.push(GroundStation::connect(address).await?);
+        }
+        if !ground.is_empty() {
             Role::BOTH.into_iter().for_each(|role| world.open_link(index(role), GROUND_LINK));
         }
         Ok(Self {
@@ -143,8 +143,10 @@ impl Links {
             }
         }
         let mut buffer = [0; 2048];
-        while let Some(bytes) = self.ground.as_ref().and_then(|ground| ground.receive(&mut buffer)) {
-            Role::BOTH.into_iter().for_each(|role| world.handle(index(role), GROUND_LINK, bytes));
+        for ground in &self.ground {
+            while let Some(bytes) = ground.receive(&mut buffer) {
+                Role::BOTH.into_iter().for_each(|role| world.handle(index(role), GROUND_LINK, bytes));
+            }
         }
     }
 
@@ -156,12 +158,11 @@ impl Links {
                 // Of the simulated radio, which is not aboard.
                 continue;
             }
-            match (&self.ground, &mut self.radio[role]) {
-                (_, Some(radio)) if link == RADIO_LINK => radio.send(&frame, world.now()),
+            match &mut self.radio[role] {
+                Some(radio) if link == RADIO_LINK => radio.send(&frame, world.now()),
                 _ if link != GROUND_LINK => self.autopilot[role].send(&frame, world.now()),
-                (Some(ground), _) => ground.send(&frame),
-                // What a fault file's operator is answered.
-                (None, _) => {}
+                // Without a station: what a fault file's operator is answered.
+                _ => self.ground.iter().for_each(|ground| ground.send(&frame)),
             }
         }
         for role in Role::BOTH {

@@ -11,6 +11,7 @@ mod lockstep;
 mod port;
 mod process;
 pub(super) mod radios;
+mod view;
 
 use std::path::PathBuf;
 
@@ -48,9 +49,10 @@ pub(super) struct Args {
     /// Simulated seconds per second of wall time, from 0.1 to 50.
     #[arg(long, value_name = "X", default_value_t = 1.0, value_parser = parse_speed)]
     speed: f64,
-    /// Let the world and the companions wait for each other: no faster than --speed, and never late on a busy machine.
+    /// Let the world and the companions live by this machine's clock, as onboard, instead of waiting for each other: on a busy
+    /// machine they are late, and a flight may fail by that.
     #[arg(long)]
-    in_step: bool,
+    wall_clock: bool,
     /// Keep plan, summary, logs and a .tlog of every link in this directory.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -64,8 +66,8 @@ pub(super) struct Args {
     #[arg(long)]
     own_radio_links: bool,
     /// A radio host (`veilwing radio`) for each vehicle, with a fake device of this kind: what the device does is what the
-    /// vehicle radiates.
-    #[arg(long, value_name = "KIND", conflicts_with_all = ["in_step", "own_radio_links"])]
+    /// vehicle radiates. They live by this machine's clock (--wall-clock).
+    #[arg(long, value_name = "KIND", conflicts_with = "own_radio_links")]
     radio_hosts: Option<radios::Kind>,
     /// How long the fake devices take: from an off to silence, and from an order to the power.
     #[arg(long, value_names = ["OFF", "CHANGE"], num_args = 2, requires = "radio_hosts", value_parser = parse_ms)]
@@ -77,11 +79,16 @@ pub(super) struct Args {
     #[arg(long, requires = "radio_hosts")]
     device_goes_dark: bool,
     /// A ground station (QGroundControl, MAVProxy) that listens there; both vehicles and both companions are on it.
-    #[arg(long, value_name = "udpout:HOST:PORT", value_parser = ground::parse_ground_station)]
+    #[arg(long, value_name = "udpout:HOST:PORT", value_parser = ground::parse_ground_station, group = "stations")]
     ground_station: Option<HostPort>,
-    /// Take off only when the ground station sends MISSION_START (command 300) to either companion (component 191).
-    #[arg(long, requires = "ground_station")]
+    /// Take off only when the ground station, or the key S of --watch, sends MISSION_START (command 300) to either companion
+    /// (component 191).
+    #[arg(long, requires = "stations")]
     wait_for_start: bool,
+    /// Show the flight on this terminal as `veilwing watch` does, with its keys, in place of the log. q leaves the view alone,
+    /// Ctrl-C ends the flight.
+    #[arg(long, group = "stations")]
+    watch: bool,
 }
 
 /// Of a fake device.
@@ -134,6 +141,12 @@ pub(super) fn run(args: &Args) -> Exit {
         eprintln!("error: {kind} befalls radio hosts, and there are none: give --radio-hosts KIND");
         return Exit::Unusable;
     }
+    if args.watch
+        && let Err(message) = view::is_possible()
+    {
+        eprintln!("error: --watch: {message}");
+        return Exit::Unusable;
+    }
     fly(args, &mission, &faults).unwrap_or_else(|message| {
         eprintln!("error: {message}");
         Exit::Unusable
@@ -153,9 +166,13 @@ fn fly(args: &Args, mission: &Mission, faults: &Faults) -> Result<Exit, String> 
     if args.own_radio_links || args.radio_hosts.is_some() {
         config.vehicles.iter_mut().for_each(|vehicle| vehicle.radio_place = RadioPlace::OnItsOwn);
     }
+    // Switched on a while before their companions.
+    config.vehicles.iter_mut().for_each(|vehicle| vehicle.ready_after_s = 0.5);
     let utc_start = Utc { unix_us: config.utc_start_us };
     let mut world = veilwing_sitl::World::new(config).map_err(|error| error.to_string())?;
-    let pace = if args.in_step { Pace::InStep { utc_start } } else { Pace::Wall };
+    // A radio host takes its time from nobody.
+    let by_the_wall = args.wall_clock || args.radio_hosts.is_some();
+    let pace = if by_the_wall { Pace::Wall } else { Pace::InStep { utc_start } };
     if pace == Pace::Wall {
         world.allow_for_scheduling(scheduling_allowance(args.speed));
     }
@@ -172,6 +189,9 @@ fn fly(args: &Args, mission: &Mission, faults: &Faults) -> Result<Exit, String> 
         .enable_all()
         .build()
         .map_err(|error| format!("the event loop cannot start: {error}"))?;
+    let view = if args.watch { Some(view::View::open(&mission.name, args.speed)?) } else { None };
+    let stations: Vec<&HostPort> =
+        args.ground_station.iter().chain(view.as_ref().map(view::View::address)).collect();
     let flown = runtime.block_on(host::fly(host::Setup {
         mission: &args.mission,
         world,
@@ -189,9 +209,12 @@ fn fly(args: &Args, mission: &Mission, faults: &Faults) -> Result<Exit, String> 
             };
             (options, PerVehicle::from_fn(powers_w))
         }),
-        ground_station: args.ground_station.as_ref(),
+        ground_stations: &stations,
         start: !args.wait_for_start,
-    }))?;
+    }));
+    // The terminal first, whatever came of the flight.
+    drop(view);
+    let flown = flown?;
     let wall_s = wall.now().since_start().as_secs_f64();
     let document = FlightDocument::of_processes(&flown, plan.plan_digest.clone(), wall_s);
     // The result first: a disk that has filled up meanwhile must not cost it.

@@ -47,7 +47,7 @@ impl<const N: usize> Kind for Numbers<N> {
 
     fn schema(&self) -> Json {
         let each: Vec<Json> = self.0.iter().map(|(_, kind)| kind.schema()).collect();
-        json!({ "type": "array", "prefixItems": each, "items": false, "minItems": N, "maxItems": N })
+        json!({ "type": "array", "items": each, "additionalItems": false, "minItems": N, "maxItems": N })
     }
 
     fn canonical(&self, value: &[f64; N]) -> Json {
@@ -88,7 +88,7 @@ impl Kind for Period {
 
     fn schema(&self) -> Json {
         let each = Moment.schema();
-        json!({ "type": "array", "prefixItems": [each, each], "items": false, "minItems": 2, "maxItems": 2 })
+        json!({ "type": "array", "items": [each, each], "additionalItems": false, "minItems": 2, "maxItems": 2 })
     }
 
     fn canonical(&self, value: &[Utc; 2]) -> Json {
@@ -174,10 +174,16 @@ fn read_named<K: Kind<Out: Copy>, const N: usize>(
     Some(std::array::from_fn(|index| if index == 0 { first } else { values.next().unwrap_or(first) }))
 }
 
-fn named_schema<const N: usize>(kind: &impl Kind, names: [&str; N]) -> Json {
+/// `names`: each with whose value it is.
+fn named_schema<const N: usize>(kind: &impl Kind, names: [(&str, &str); N]) -> Json {
     let one = kind.schema();
-    let properties: serde_json::Map<String, Json> =
-        names.iter().map(|name| ((*name).to_owned(), one.clone())).collect();
+    let described = |(name, title): &(&str, &str)| {
+        let mut schema = one.clone();
+        schema["description"] = json!(format!("The value of {title}."));
+        ((*name).to_owned(), schema)
+    };
+    let properties: serde_json::Map<String, Json> = names.iter().map(described).collect();
+    let names = names.map(|(name, _)| name);
     json!({ "oneOf": [one, {
         "type": "object", "additionalProperties": false, "required": names.as_slice(),
         "properties": properties,
@@ -203,7 +209,7 @@ impl<K: Kind<Out: Copy>> Kind for Each<K> {
     }
 
     fn schema(&self) -> Json {
-        named_schema(&self.0, ["i", "j"])
+        named_schema(&self.0, [("i", "vehicle I"), ("j", "vehicle J")])
     }
 
     fn canonical(&self, value: &Self::Out) -> Json {
@@ -236,7 +242,7 @@ impl Kind for Receivers {
     }
 
     fn schema(&self) -> Json {
-        named_schema(&self.0, ["user", "eavesdropper"])
+        named_schema(&self.0, [("user", "users"), ("eavesdropper", "eavesdroppers")])
     }
 
     fn canonical(&self, value: &PerReceiver) -> Json {

@@ -9,6 +9,7 @@ use toml::value::Offset;
 
 use super::value::{Fault, Item, Kind, nearest, wrong_type};
 use crate::time::Utc;
+use crate::units::{Dbm, Watts};
 
 /// A finite number in a unit and a range.
 #[derive(Debug, Clone, Copy)]
@@ -40,7 +41,13 @@ impl Number {
         if !value.is_finite() {
             Some(format!("is {value}, not a finite number"))
         } else if value < self.min {
-            Some(format!("is {value_text}, below the minimum of {}", self.quantity(self.min)))
+            // Negative powers are written in dBm, and by hand often enough where W are asked for.
+            let dbm = if self.unit == "W" && value < 0.0 {
+                format!(" ({value} dBm would be {:.3e} W)", Watts::from(Dbm(value)).0)
+            } else {
+                String::new()
+            };
+            Some(format!("is {value_text}, below the minimum of {}{dbm}", self.quantity(self.min)))
         } else if self.above && value <= self.min {
             Some(format!("is {value_text}, but must be more than {}", self.quantity(self.min)))
         } else if value > self.max {

@@ -1,11 +1,15 @@
 //! What follows from a timeline: who was on the air when, what went wrong, how each slot went.
 
+use super::said::{Said, gives_up, is_failsafe};
 use super::timeline::{Event, EventKind, Severity, SlotSummary, Timeline, VehicleState};
 use crate::geo::Pose;
 use crate::role::{PerVehicle, Role};
 
 /// What is said this soon after an emission may be about its end.
 pub const AFTERWARDS_S: f64 = 0.5;
+
+/// An autopilot's failsafe this soon before or after a companion gives up is why it does.
+const FAILSAFE_S: f64 = 1.0;
 
 /// A vehicle of which nothing is known for this long before the end is told of in the past.
 const LOST_S: f64 = 1.0;
@@ -70,7 +74,7 @@ pub struct Facts<'a> {
     pub timeline: &'a Timeline,
     /// In the order of their beginnings.
     pub emissions: Vec<Emission>,
-    /// Injected faults; if none, the first notice that warns.
+    /// Injected faults; if none, the event that led to the flight's end, or else the first warning of the flight.
     pub marks: Vec<Mark>,
     /// The plan's slots, and those flown without a plan.
     pub slots: Vec<SlotRun>,
@@ -283,6 +287,16 @@ fn emissions(timeline: &Timeline, role: Role) -> Vec<Emission> {
     all
 }
 
+/// The event that led to the end of a flight that was given up: the first word that a companion gives up, or the autopilot's of
+/// its own failsafe where that is why.
+pub fn ending(events: &[Event]) -> Option<usize> {
+    let notices = || events.iter().enumerate().filter(|(_, event)| event.kind == EventKind::Notice);
+    let (index, given_up) = notices().find(|(_, event)| gives_up(&event.text))?;
+    let failsafe = notices()
+        .find(|(_, event)| is_failsafe(&event.text) && (event.at_s - given_up.at_s).abs() <= FAILSAFE_S);
+    Some(failsafe.map_or(index, |(failsafe, _)| failsafe))
+}
+
 fn marks(events: &[Event]) -> Vec<Mark> {
     let of = |wanted: fn(&Event) -> bool| {
         let found = events.iter().enumerate().filter(move |(_, event)| wanted(event));
@@ -290,11 +304,14 @@ fn marks(events: &[Event]) -> Vec<Mark> {
     };
     let mut found = of(|event| event.kind == EventKind::Fault);
     if found.is_empty() {
+        // What a preflight warns of has led to nothing: the vehicles took off.
         found = of(|event| {
             ![EventKind::Violation, EventKind::Excused].contains(&event.kind)
                 && event.severity >= Severity::Warning
+                && !matches!(Said::of(&event.text), Said::Warned(_))
         });
-        found.truncate(1);
+        let ended = ending(events).map(|event| (event, events[event].at_s));
+        found = ended.or_else(|| found.first().copied()).into_iter().collect();
     }
     let numbered = found.into_iter().enumerate();
     numbered.map(|(k, (event, at_s))| Mark { number: k + 1, at_s, event }).collect()

@@ -13,6 +13,7 @@
 mod charts;
 pub mod directory;
 pub mod facts;
+pub mod maps;
 mod page;
 mod said;
 pub mod simulated;

@@ -67,6 +67,18 @@ impl<'a> Silence<'a> {
     }
 }
 
+/// Whether a companion gives the mission, or its vehicle, up.
+#[must_use]
+pub fn gives_up(text: &str) -> bool {
+    text.starts_with("mission aborted: ") || text.starts_with("silent, hands off: ")
+}
+
+/// Whether these are the words of an autopilot about a failsafe of its own.
+#[must_use]
+pub fn is_failsafe(text: &str) -> bool {
+    text.strip_prefix("autopilot: ").is_some_and(|said| said.to_ascii_lowercase().contains("failsafe"))
+}
+
 /// How long a fault lasts, by the words that it was recorded with.
 #[must_use]
 pub fn lasting(fault: &str) -> Option<&str> {
@@ -76,7 +88,7 @@ pub fn lasting(fault: &str) -> Option<&str> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mission::Notice;
+    use crate::mission::{Cause, Notice};
     use crate::units::Watts;
 
     #[test]
@@ -98,6 +110,12 @@ mod tests {
             let text = notice.to_string();
             assert_eq!(Said::of(&text), said, "{text}");
         }
+        let lost = || Cause::ControlLost("LOITER".into());
+        let given_up = [Notice::Aborted(lost()), Notice::HandsOff(lost())];
+        assert!(given_up.iter().all(|notice| gives_up(&notice.to_string())));
+        assert!(![Notice::Landed, Notice::Airborne].iter().any(|notice| gives_up(&notice.to_string())));
+        assert!(is_failsafe("autopilot: Failsafe: Offboard signal lost, switching to HOLD"));
+        assert!(!is_failsafe("autopilot: Takeoff detected") && !is_failsafe("failsafe"));
         let hands_off = "silent, hands off: the pilot has it";
         assert_eq!(Said::of(hands_off), Said::Silent(Silence::Plain("the pilot has it")));
     }

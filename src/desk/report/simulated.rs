@@ -4,8 +4,8 @@ use nalgebra::{Quaternion, UnitQuaternion};
 use veilwing_sitl as sim;
 
 use super::timeline::{
-    AirspaceScene, EmissionScene, Event, EventKind, Heard, Listener, Place, PlannedSlot, RadioScene,
-    SCENE_FORMAT, Sample, Scene, Severity, Source, Timeline, VehicleState,
+    AirspaceScene, EmissionScene, Event, EventKind, Heard, Listener, OriginScene, Place, PlannedSlot,
+    RadioScene, SCENE_FORMAT, Sample, Scene, Severity, Source, Timeline, VehicleState,
 };
 use crate::config::Mission;
 use crate::desk::simulation::{Excused, index};
@@ -61,6 +61,7 @@ fn scene(mission: &Mission, world: &sim::World) -> Scene {
         mission_digest: Some(mission.digest_hex()),
         seed: Some(config.seed),
         started_utc_us: None,
+        origin: OriginScene::of(mission),
         jitter_std_deg: Some(config.jitter.std_deg),
         emission: mission.emission.as_ref().map(EmissionScene::from),
         radio: Some(RadioScene {

@@ -3,9 +3,9 @@
 use mavlink::dialects::ardupilotmega::MavSeverity;
 use serde::{Deserialize, Serialize};
 
-use crate::config::Emission;
+use crate::config::{Emission, Mission};
 use crate::desk::simulation::FaultKind;
-use crate::geo::Attitude;
+use crate::geo::{Attitude, Geodetic};
 use crate::planner::document::VehicleDocument;
 use crate::role::{PerVehicle, Role};
 
@@ -51,6 +51,9 @@ pub struct Scene {
     pub seed: Option<u64>,
     /// UTC at flight second zero, microseconds since 1970.
     pub started_utc_us: Option<u64>,
+    /// Where on earth, if the mission says so.
+    #[serde(default)]
+    pub origin: Option<OriginScene>,
     /// Standard deviation of the attitude jitter that the plan reckons with, degrees.
     pub jitter_std_deg: Option<f64>,
     /// The mission's permission to radiate, if it has one.
@@ -66,6 +69,26 @@ pub struct Scene {
     pub eavesdroppers: Vec<Listener>,
     /// The plan by slot number, over all superframes.
     pub slots: Vec<PlannedSlot>,
+}
+
+/// The mission frame's origin.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct OriginScene {
+    /// Latitude in degrees, north positive.
+    pub lat_deg: f64,
+    /// Longitude in degrees, east positive.
+    pub lon_deg: f64,
+    /// Altitude above mean sea level, metres.
+    pub alt_amsl_m: f64,
+}
+
+impl OriginScene {
+    /// A mission's, if it has one.
+    #[must_use]
+    pub fn of(mission: &Mission) -> Option<Self> {
+        let Geodetic { lat_deg, lon_deg, alt_m } = mission.origin;
+        mission.has_origin().then_some(Self { lat_deg, lon_deg, alt_amsl_m: alt_m })
+    }
 }
 
 /// The permission to radiate.

@@ -1,6 +1,6 @@
 //! A flight in a line and in a paragraph.
 
-use super::facts::{Emission, Facts, SlotRun};
+use super::facts::{Emission, Facts, SlotRun, ending};
 use super::timeline::{EventKind, Severity, Source};
 use super::words::{clause, count, instant, sentence, span, speaker};
 use crate::desk::simulation::FaultKind;
@@ -86,9 +86,13 @@ pub fn lead(facts: &Facts) -> String {
             sentences.push(sentence(&silent.join(" and ")));
         }
     }
-    let mut notices = facts.timeline.events.iter().filter(|event| event.kind == EventKind::Notice);
-    let abort = notices.find(|event| event.severity == Severity::Error);
-    if let Some(event) = abort {
+    let events = &facts.timeline.events;
+    let mut notices = events.iter().enumerate().filter(|(_, event)| event.kind == EventKind::Notice);
+    let first_error = || notices.find(|(_, event)| event.severity == Severity::Error).map(|(index, _)| index);
+    let abort = ending(events).or_else(first_error);
+    // What is marked has been said.
+    let told = |index: &usize| facts.marks.iter().any(|mark| mark.event == *index);
+    if let Some(event) = abort.filter(|index| !told(index)).map(|index| &events[index]) {
         let who = sentence(&speaker(event.vehicle));
         sentences.push(format!("{who} concluded: \u{201c}{}\u{201d}", event.text));
     }

@@ -1,4 +1,5 @@
-//! What goes out unasked: HEARTBEAT, and at every tick one more of a list or one live figure.
+//! What goes out unasked: HEARTBEAT, and at every tick one more of a list, or one live figure, or one of where we
+//! stand.
 
 use mavlink::dialects::ardupilotmega::{MavMessage, MavState};
 
@@ -8,10 +9,24 @@ use crate::mission::phase::Phase;
 use crate::time::Instant;
 
 impl Executive {
-    /// At every tick: the next parameter of a list, or the next live figure.
+    /// At every tick: the next parameter of a list, or the next live figure, or the next of where we stand.
     pub(in crate::mission) fn show(&mut self, now: Instant) {
         if let Some(index) = self.ground_station.listing.pop_front() {
             self.outbox.extend(self.parameter_value(index));
+            return;
+        }
+        // By turns, so that neither takes every tick of a slow vehicle.
+        let before = self.outbox.len();
+        let live_first = self.ground_station.live_first;
+        if live_first {
+            self.show_live(now);
+        } else {
+            self.show_standing(now);
+        }
+        if self.outbox.len() != before {
+            self.ground_station.live_first = !live_first;
+        } else if live_first {
+            self.show_standing(now);
         } else {
             self.show_live(now);
         }

@@ -8,7 +8,8 @@ use super::TelemetryError;
 use crate::config::Mission;
 use crate::desk::report::directory::{json, read};
 use crate::desk::report::timeline::{
-    AirspaceScene, EmissionScene, Listener, Place, PlannedSlot, RadioScene, SCENE_FORMAT, Scene, Source,
+    AirspaceScene, EmissionScene, Listener, OriginScene, Place, PlannedSlot, RadioScene, SCENE_FORMAT, Scene,
+    Source,
 };
 use crate::link::{Envelope, RawFrame};
 use crate::pair::wire::{self, VEILWING_PROPOSE_DATA};
@@ -45,6 +46,7 @@ pub(super) fn scene(directory: &Path, mission: Option<&Mission>) -> Result<Scene
         mission_digest: mission.map(Mission::digest_hex),
         seed: None,
         started_utc_us: None,
+        origin: mission.and_then(OriginScene::of),
         jitter_std_deg: mission.map(|mission| mission.jitter.std_rad.to_degrees()),
         emission: mission.and_then(|mission| mission.emission.as_ref()).map(EmissionScene::from),
         radio: mission.map(|mission| RadioScene {
