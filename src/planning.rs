@@ -7,15 +7,18 @@ pub mod timetable;
 
 use std::time::Duration;
 
-use crate::config::Mission;
+use crate::config::{Mission, Optimise};
 use crate::geo::Pose;
 use crate::planner::plan::SlotPlan;
+use crate::planner::problem::Problem;
 use crate::planner::slots::{Plan, PlannedSlot};
+use crate::planner::volume::{self, Fairness};
 use crate::planner::{Near, Options, PlanError, plan_slot, plan_slot_near};
 use crate::role::PerVehicle;
 use crate::schedule::choice;
 use crate::schedule::order::Order;
 use crate::schedule::transit::Router;
+use crate::schedule::ways;
 use crate::time::Instant;
 
 /// A plan and what each slot's search took, by user.
@@ -62,6 +65,9 @@ pub fn plan_with(
     options: &Options,
     mut now: impl FnMut() -> Instant,
 ) -> Result<Timed, PlanningError> {
+    if mission.planner.optimise == Optimise::Volume {
+        return superframe(mission, options, now);
+    }
     let mut planning_time = Vec::new();
     let (mut users, mut problems) = (Vec::new(), Vec::new());
     for (index, user) in mission.users.iter().enumerate() {
@@ -83,12 +89,91 @@ pub fn plan_with(
             continue;
         }
         let plan = plans.swap_remove(chosen);
-        match lean::borne(problem, &plan.vehicles, mission.planner.target_rate_bps) {
-            Ok(lean_rad) => slots.push(PlannedSlot { user, plan, lean_rad }),
-            Err(error) => return Err(PlanningError { user, error }),
-        }
+        slots.push(planned(mission, user, plan, None, problem)?);
     }
     Ok(Timed { plan: Plan::new(slots), planning_time })
+}
+
+/// A slot that the planner has found.
+fn planned(
+    mission: &Mission,
+    user: String,
+    plan: SlotPlan,
+    length: Option<Duration>,
+    problem: &Problem,
+) -> Result<PlannedSlot, PlanningError> {
+    match lean::borne(problem, &plan.vehicles, mission.planner.target_rate_bps) {
+        Ok(lean_rad) => Ok(PlannedSlot { user, plan, lean_rad, length }),
+        Err(error) => Err(PlanningError { user, error }),
+    }
+}
+
+/// All slots in one search, by what is delivered over a superframe. Each slot's time is its share of the search's.
+fn superframe(
+    mission: &Mission,
+    options: &Options,
+    mut now: impl FnMut() -> Instant,
+) -> Result<Timed, PlanningError> {
+    let of_first = |error| {
+        let user = mission.users.first().map(|user| user.name.clone()).unwrap_or_default();
+        PlanningError { user, error }
+    };
+    let problems: Vec<Problem> = (0..mission.users.len()).filter_map(|user| mission.problem(user)).collect();
+    let air = &mission.airspace;
+    // What the config checks refuse, and more: an area without an interior, limits that are none.
+    let router = Router::new(air, &mission.transit_limits())
+        .map_err(|_| of_first(PlanError::EmptyArea { vertices: air.area_enu_m.len() }))?;
+    let service = mission.service();
+    let started = now();
+    let found = volume::plan(&problems, &service, &router, options).map_err(of_first)?;
+    let took = now().saturating_since(started) / u32::try_from(problems.len().max(1)).unwrap_or(u32::MAX);
+    let mut slots = Vec::new();
+    let users = mission.users.iter().zip(&problems);
+    for ((user, problem), (plan, slot_s)) in users.zip(found.slots.into_iter().zip(found.slots_s)) {
+        let own = service.fairness == Fairness::MaxMin;
+        let length = own.then(|| Duration::try_from_secs_f64(slot_s).unwrap_or_default());
+        slots.push(planned(mission, user.name.clone(), plan, length, problem)?);
+    }
+    Ok(Timed { planning_time: vec![took; slots.len()], plan: Plan::new(slots) })
+}
+
+/// What a plan delivers in a superframe, and what that takes; per superframe that follows another.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Delivered {
+    /// Secret bits in all, by the plan's expectation.
+    pub volume_bits: f64,
+    /// Of the user who gets least.
+    pub least_user_volume_bits: f64,
+    /// Seconds in which I radiates.
+    pub on_air_s: f64,
+    /// The superframe's length in seconds; `None` where the slots cannot be flown one after the other.
+    pub superframe_s: Option<f64>,
+}
+
+/// What a plan of this mission delivers.
+#[must_use]
+pub fn delivered(mission: &Mission, plan: &Plan) -> Delivered {
+    let timing = mission.timing();
+    let lengths = plan.lengths(timing.slot);
+    let air_s = |length: &Duration| length.saturating_sub(timing.guard).as_secs_f64();
+    let volumes: Vec<f64> = plan
+        .slots
+        .iter()
+        .zip(&lengths)
+        .map(|(slot, length)| air_s(length) * slot.plan.secrecy_rate_bps)
+        .collect();
+    let on_air = plan.slots.iter().zip(&lengths).filter(|(slot, _)| slot.plan.vehicles.i.tx_power_w > 0.0);
+    let poses: Vec<PerVehicle<Pose>> =
+        plan.slots.iter().map(|slot| slot.plan.vehicles.map(|vehicle| vehicle.pose)).collect();
+    let superframe = Router::new(&mission.airspace, &mission.transit_limits())
+        .ok()
+        .and_then(|router| ways::superframe(&router, &poses, &lengths, &timing, mission.tdma.order).ok());
+    Delivered {
+        volume_bits: volumes.iter().sum(),
+        least_user_volume_bits: volumes.iter().copied().reduce(f64::min).unwrap_or(0.0),
+        on_air_s: on_air.map(|(_, length)| air_s(length)).sum(),
+        superframe_s: superframe.map(|length| length.as_secs_f64()),
+    }
 }
 
 /// Which of each user's plans is flown: the one that makes transits short, where the mission asks for that.

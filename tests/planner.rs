@@ -154,6 +154,7 @@ fn regress_digests_of_plans() {
                 user: "u".into(),
                 plan,
                 lean_rad: PerVehicle { i: None, j: None },
+                length: None,
             }])
             .digest)[..16]
                 .to_owned()

@@ -6,10 +6,20 @@
 
 mod command;
 
+use std::time::Duration;
+
 use serde_json::Value;
-use veilwing::config::Mission;
-use veilwing::planner::slots::hex;
+use veilwing::config::{Mission, Optimise};
+use veilwing::geo::{Attitude, Pose};
+use veilwing::planner::slots::{Plan, hex};
+use veilwing::planner::volume::Fairness;
+use veilwing::planner::{EvaluateOptions, evaluate};
 use veilwing::planning;
+use veilwing::role::PerVehicle;
+use veilwing::schedule::order::Order;
+use veilwing::schedule::table::Table;
+use veilwing::schedule::trajectory::Start;
+use veilwing::schedule::transit::Router;
 
 /// Two users between two eavesdroppers that mirror each other: each slot has several plans of the same worth, and the
 /// shortest transits are not between the first of them.
@@ -53,4 +63,131 @@ fn spec_every_road_gives_the_plan_of_the_shortest_order() {
     assert_eq!(flown["flights"][0]["result"], "completed", "{flown}");
     let kept: Value = serde_json::from_slice(&std::fs::read(out.join("plan.json")).unwrap()).unwrap();
     assert_eq!(kept["plan_digest"], shortest.as_str());
+}
+
+/// The same users, whose plan is to deliver much, from one place or from several.
+fn yard(change: &str) -> Mission {
+    let text = mission("listed").replace("slot_s = 5.0", "slot_s = 10.0\nsuperframes = 3");
+    Mission::parse("m.toml", &format!("{text}[planner]\n{change}")).unwrap()
+}
+
+fn poses(plan: &Plan) -> Vec<PerVehicle<Pose>> {
+    plan.slots.iter().map(|slot| slot.plan.vehicles.map(|vehicle| vehicle.pose)).collect()
+}
+
+/// Volume and length of a superframe by another road: rates of the poses from other samples, and what the slot table says of
+/// a mission that comes from far away and goes round three times.
+fn again(mission: &Mission, plan: &Plan) -> (Vec<f64>, f64) {
+    let router = Router::new(&mission.airspace, &mission.transit_limits()).unwrap();
+    let at = |x| Start { position_enu_m: [x, -400.0, 80.0].into(), attitude: Attitude::level() };
+    let start = PerVehicle { i: at(-400.0), j: at(-300.0) };
+    let users: Vec<_> = poses(plan).into_iter().map(|poses| vec![poses]).collect();
+    let timing = mission.timing();
+    let lengths = plan.lengths(timing.slot);
+    let table = Table::with_lengths(&router, &start, &users, &lengths, &timing, Order::Listed).unwrap();
+    let opens = |slot: usize| table.entries[slot].opens;
+    let superframe = opens(2 * users.len()) - opens(users.len());
+    let volumes = table.entries[..users.len()].iter().map(|entry| {
+        let slot = &plan.slots[entry.user_index];
+        let problem = mission.problem(entry.user_index).unwrap();
+        let options = EvaluateOptions { seed: 99, ..EvaluateOptions::default() };
+        let rate = evaluate(&problem, &slot.plan.vehicles, &options).unwrap().secrecy_rate_bps;
+        rate * (entry.radiate_until - entry.radiate_from).as_secs_f64()
+    });
+    (volumes.collect(), superframe.as_secs_f64())
+}
+
+#[test]
+fn val_what_a_plan_delivers_is_what_its_poses_and_the_slot_table_give() {
+    let mut per_second = Vec::new();
+    for change in ["", "optimise = \"volume\"", "optimise = \"volume\"\nfairness = \"max-min\""] {
+        let mission = yard(change);
+        let plan = planning::plan(&mission).unwrap();
+        let stated = planning::delivered(&mission, &plan);
+        let (volumes, superframe_s) = again(&mission, &plan);
+        let close = |a: f64, b: f64| (a / b - 1.0).abs() < 5e-3;
+        assert!(
+            (stated.superframe_s.unwrap() - superframe_s).abs() < 0.11,
+            "{change}: {stated:?} {superframe_s}"
+        );
+        assert!(close(stated.volume_bits, volumes.iter().sum()), "{change}: {stated:?} {volumes:?}");
+        let least = volumes.iter().copied().fold(f64::INFINITY, f64::min);
+        assert!(close(stated.least_user_volume_bits, least), "{change}: {stated:?} {volumes:?}");
+        let slots_s: f64 = plan.lengths(mission.timing().slot).iter().map(Duration::as_secs_f64).sum();
+        assert!((stated.on_air_s - (slots_s - 2.0)).abs() < 1e-9 && slots_s <= 20.0, "{change}: {stated:?}");
+        per_second.push([volumes.iter().sum::<f64>(), least].map(|volume| volume / superframe_s));
+    }
+    let [rate, volume, fair] = per_second[..] else { panic!("{per_second:?}") };
+    assert!(volume[0] > 1.1 * rate[0], "{per_second:?}");
+    assert!(fair[1] >= volume[1] * (1.0 - 1e-2), "{per_second:?}");
+}
+
+#[test]
+fn spec_a_plan_for_volume_is_the_same_on_every_road_and_any_threads() {
+    let directory = command::directory("volume-plan");
+    let file = directory.join("mission.toml");
+    for fairness in ["slots", "max-min"] {
+        let text =
+            format!("{}[planner]\noptimise = \"volume\"\nfairness = \"{fairness}\"\n", mission("listed"));
+        let read = Mission::parse("m.toml", &text).unwrap();
+        assert_eq!(read.planner.optimise, Optimise::Volume);
+        let digest = hex(&planning::plan(&read).unwrap().digest);
+        std::fs::write(&file, &text).unwrap();
+        let file = file.to_str().unwrap();
+        for threads in ["1", "3"] {
+            assert_eq!(
+                document(&["plan", file, "--json", "--threads", threads])["plan_digest"],
+                digest.as_str()
+            );
+        }
+        // Its document can be scored again, its slots as long as it says.
+        let out = directory.join(fairness);
+        let planned = document(&["plan", file, "--json", "--out", out.to_str().unwrap()]);
+        let scored = document(&["evaluate", file, out.join("plan.json").to_str().unwrap(), "--json"]);
+        assert_eq!(scored["plan_digest"], digest.as_str());
+        for key in ["superframe_s", "on_air_s"] {
+            assert_eq!(scored[key], planned[key], "{key}");
+        }
+        let volume = |document: &Value| document["secrecy_volume_bits"].as_f64().unwrap();
+        assert!((volume(&scored) / volume(&planned) - 1.0).abs() < 5e-3);
+        // Flown: slots are served as long as they are, and the world measures what it delivers.
+        let flown = document(&["campaign", file, "--runs", "1", "--json"]);
+        let flight = &flown["flights"][0];
+        assert_eq!(
+            (&flown["plan_digest"], &flight["result"]),
+            (&digest.as_str().into(), &"completed".into()),
+            "{flown}"
+        );
+        let delivered = volume(flight) / volume(&planned);
+        assert!((0.9..1.1).contains(&delivered), "{fairness}: {delivered}");
+        let on_air = flight["on_air_s"].as_f64().unwrap() / planned["on_air_s"].as_f64().unwrap();
+        assert!((0.97..=1.0).contains(&on_air), "{fairness}: {on_air}");
+        assert_eq!(flight["unprotected_s"], 0.0);
+    }
+}
+
+#[test]
+fn spec_the_paper_s_methods_know_no_volume_and_say_so() {
+    let directory = command::directory("volume-method");
+    let file = directory.join("mission.toml");
+    std::fs::write(&file, format!("{}[planner]\noptimise = \"volume\"\n", mission("listed"))).unwrap();
+    let output = command::veilwing(&["plan", file.to_str().unwrap(), "--method", "paper"]).output().unwrap();
+    assert_eq!(output.status.code(), Some(2));
+    let said = command::said(&output);
+    assert!(said.contains("planner.optimise = \"rate\""), "{said}");
+}
+
+#[test]
+fn spec_slots_are_as_long_as_the_least_served_asks_for() {
+    let mission = yard("optimise = \"volume\"\nfairness = \"max-min\"");
+    assert_eq!(mission.planner.fairness, Fairness::MaxMin);
+    let plan = planning::plan(&mission).unwrap();
+    let lengths = plan.lengths(mission.timing().slot);
+    let volumes: Vec<f64> = plan
+        .slots
+        .iter()
+        .zip(&lengths)
+        .map(|(slot, length)| slot.plan.secrecy_rate_bps * (length.as_secs_f64() - 1.0))
+        .collect();
+    assert!(volumes[0] / volumes[1] < 1.01 && volumes[1] / volumes[0] < 1.01, "{volumes:?} {lengths:?}");
 }

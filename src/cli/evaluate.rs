@@ -3,18 +3,20 @@
 mod limits;
 
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use crate::config::file::{read_text, text_of};
 use crate::config::{Diagnostics, Mission, plan_of_text};
 use crate::planner::assessment::assess;
-use crate::planner::document::{EditedPlan, FORMAT, PlanDocument};
+use crate::planner::document::{EditedPlan, EditedSlot, PlanDocument};
 use crate::planner::explanation::explain;
 use crate::planner::plan::{BoundKind, SlotPlan, Status, VehiclePlan};
-use crate::planner::slots::{Plan, PlannedSlot, hex};
+use crate::planner::slots::{Plan, PlannedSlot};
+use crate::planner::volume::Fairness;
 use crate::planner::{EvaluateOptions, cap, evaluate};
 use crate::planning::lean;
 
-use super::planning::slot_document;
+use super::planning::{plan_document, slot_document};
 use super::{Exit, load_mission, print_json, print_text};
 
 /// Largest plan that is read: some hundred thousand slots.
@@ -111,24 +113,33 @@ fn score(mission: &Mission, edited: &EditedPlan, samples: usize) -> Result<PlanD
         };
         let lean_rad = lean::borne(&problem, &vehicles, mission.planner.target_rate_bps)
             .map_err(|error| format!("user {:?}: {error}", slot.user))?;
-        planned.push(PlannedSlot { user: slot.user.clone(), plan, lean_rad });
+        let length = length_of(mission, slot).map_err(|error| format!("slots[{index}]: {error}"))?;
+        planned.push(PlannedSlot { user: slot.user.clone(), plan, lean_rad, length });
     }
     let plan = Plan::new(planned);
-    Ok(PlanDocument {
-        format: FORMAT,
-        mission_digest: mission.digest_hex(),
-        plan_digest: hex(&plan.digest),
-        seed: mission.seed,
-        method: "evaluate".into(),
-        slots: plan
-            .slots
-            .iter()
-            .zip(&reasons)
-            .map(|(slot, (assessment, explanation))| {
-                slot_document(mission, slot, (assessment, explanation), [0.0; 2])
-            })
-            .collect(),
-    })
+    let slots = plan.slots.iter().zip(&reasons);
+    let slots = slots
+        .map(|(slot, (assessment, explanation))| {
+            slot_document(mission, slot, (assessment, explanation), [0.0; 2])
+        })
+        .collect();
+    Ok(plan_document(mission, mission.seed, "evaluate", &plan, slots))
+}
+
+/// How long a slot is, where the mission leaves that to the plan.
+fn length_of(mission: &Mission, slot: &EditedSlot) -> Result<Option<Duration>, String> {
+    if mission.planner.fairness != Fairness::MaxMin {
+        return Ok(None);
+    }
+    let Some(slot_s) = slot.slot_s else { return Ok(None) };
+    let [shortest_s, longest_s] = mission.tdma.slot_limits_s();
+    if !(shortest_s..=longest_s).contains(&slot_s) {
+        return Err(format!(
+            "slot_s is {slot_s}, outside {shortest_s} to {longest_s} s: keep within the mission's tdma.slot_min_s and \
+             slot_max_s"
+        ));
+    }
+    Duration::try_from_secs_f64(slot_s).map(Some).map_err(|error| format!("slot_s is {slot_s}: {error}"))
 }
 
 fn table(mission: &Mission, document: &PlanDocument) -> String {

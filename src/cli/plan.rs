@@ -7,7 +7,7 @@ use std::time::Duration;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 
 use crate::config::file::{unwritable, usable_directory, write_whole};
-use crate::config::{METHODS, Mission};
+use crate::config::{METHODS, Mission, Optimise};
 use crate::planner::document::{PlanDocument, SlotDocument};
 use crate::planner::plan::BoundKind;
 use crate::planner::problem::{Airframe, Method, PowerSteps};
@@ -166,23 +166,55 @@ fn table(mission: &Mission, plan: &Plan, document: &PlanDocument) -> String {
         document.method,
         document.seed
     );
+    // Writing to a String cannot fail.
+    let _ = write_superframe(&mut text, mission, document);
     for slot in &document.slots {
-        // Writing to a String cannot fail.
         let _ = write_slot(&mut text, mission, slot);
     }
     let _ = write_times(&mut text, mission, plan);
     text
 }
 
+/// What a superframe delivers, and in what time.
+fn write_superframe(text: &mut String, mission: &Mission, document: &PlanDocument) -> std::fmt::Result {
+    let per_hz = |bits: f64| bits / mission.radio.bandwidth_hz;
+    let PlanDocument { secrecy_volume_bits, superframe_s, on_air_s, least_user_volume_bits, .. } = document;
+    let aims = match mission.planner.optimise {
+        Optimise::Rate => "each slot by its rate",
+        Optimise::Volume => "all slots by volume",
+    };
+    write!(text, "\nsuperframe ({aims}): {:.2} bit/Hz", per_hz(*secrecy_volume_bits))?;
+    match superframe_s {
+        Some(length_s) => write!(
+            text,
+            " in {length_s:.1} s, {:.3} bit/s/Hz\n  on the air {on_air_s:.1} s, {:.1}% of the time",
+            per_hz(secrecy_volume_bits / length_s),
+            100.0 * on_air_s / length_s,
+        )?,
+        None => write!(text, ", but no way from slot to slot\n  on the air {on_air_s:.1} s")?,
+    }
+    let least =
+        |a: &&SlotDocument, b: &&SlotDocument| slot_volume(mission, a).total_cmp(&slot_volume(mission, b));
+    let user = document.slots.iter().min_by(least).map_or("", |slot| slot.user.as_str());
+    writeln!(text, "; least served {user}: {:.2} bit/Hz", per_hz(*least_user_volume_bits))
+}
+
+/// What a slot delivers, bits.
+fn slot_volume(mission: &Mission, slot: &SlotDocument) -> f64 {
+    (slot.slot_s - mission.tdma.guard_s) * slot.secrecy_rate_bps
+}
+
 fn write_slot(text: &mut String, mission: &Mission, slot: &SlotDocument) -> std::fmt::Result {
     let per_hz = |bps: f64| bps / mission.radio.bandwidth_hz;
     writeln!(
         text,
-        "\nuser {}: secrecy rate {:.3} +- {:.3} bit/s/Hz ({:.4} Mbit/s)",
+        "\nuser {}: secrecy rate {:.3} +- {:.3} bit/s/Hz ({:.4} Mbit/s)\n  {:.2} bit/Hz in a slot of {} s",
         slot.user,
         per_hz(slot.secrecy_rate_bps),
         per_hz(slot.standard_error_bps),
         slot.secrecy_rate_bps / 1e6,
+        per_hz(slot_volume(mission, slot)),
+        slot.slot_s,
     )?;
     if slot.objective_bps != slot.secrecy_rate_bps {
         writeln!(

@@ -106,19 +106,36 @@ pub(crate) fn document(mission: &Mission, options: &Options, timed: &TimedPlan) 
     let times = timed.planning_time.iter().zip(&timed.bound_time);
     let slots = timed.plan.slots.iter().zip(times);
     let slots = slots.zip(timed.assessments.iter().zip(&timed.explanations)).zip(&timed.best_unprotected_bps);
+    let slots = slots
+        .map(|(((slot, (planning, bound)), why), best_unprotected_rate_bps)| {
+            let times_s = [planning, bound].map(Duration::as_secs_f64);
+            let best_unprotected_rate_bps = *best_unprotected_rate_bps;
+            SlotDocument { best_unprotected_rate_bps, ..slot_document(mission, slot, why, times_s) }
+        })
+        .collect();
+    plan_document(mission, options.seed, method_name(options.method), &timed.plan, slots)
+}
+
+/// A plan's document around those of its slots.
+pub(crate) fn plan_document(
+    mission: &Mission,
+    seed: u64,
+    method: &str,
+    plan: &Plan,
+    slots: Vec<SlotDocument>,
+) -> PlanDocument {
+    let delivered = planning::delivered(mission, plan);
     PlanDocument {
         format: FORMAT,
         mission_digest: mission.digest_hex(),
-        plan_digest: hex(&timed.plan.digest),
-        seed: options.seed,
-        method: method_name(options.method).into(),
-        slots: slots
-            .map(|(((slot, (planning, bound)), why), best_unprotected_rate_bps)| {
-                let times_s = [planning, bound].map(Duration::as_secs_f64);
-                let best_unprotected_rate_bps = *best_unprotected_rate_bps;
-                SlotDocument { best_unprotected_rate_bps, ..slot_document(mission, slot, why, times_s) }
-            })
-            .collect(),
+        plan_digest: hex(&plan.digest),
+        seed,
+        method: method.into(),
+        secrecy_volume_bits: delivered.volume_bits,
+        superframe_s: delivered.superframe_s,
+        on_air_s: delivered.on_air_s,
+        least_user_volume_bits: delivered.least_user_volume_bits,
+        slots,
     }
 }
 
@@ -137,5 +154,6 @@ pub(crate) fn slot_document(
     let held = Tolerance::for_jitter(mission.jitter.std_rad);
     let tolerance_deg =
         slot.lean_rad.map(|lean_rad| held.leaning(lean_rad.unwrap_or_default()).attitude_rad.to_degrees());
-    SlotDocument::new(&slot.user, &names, &slot.plan, why, tolerance_deg, times_s)
+    let slot_s = slot.length.map_or(mission.tdma.slot_s, |length| length.as_secs_f64());
+    SlotDocument::new(&slot.user, &names, &slot.plan, why, tolerance_deg, slot_s, times_s)
 }

@@ -12,6 +12,7 @@ use crate::geo::{Enu, Geodetic};
 use crate::link::{HostPort, LinkAddress};
 use crate::logbook::Limits as LogbookLimits;
 use crate::planner::problem::{Airframe, Airspace, JitterAxes, JitterModel, Method, Objective, Uncertainty};
+use crate::planner::volume::Fairness;
 use crate::role::{PerVehicle, Role};
 use crate::schedule::order::Order;
 use crate::time::Utc;
@@ -84,6 +85,8 @@ impl Default for MissionDraft {
             planner: PlannerSettings {
                 method: Method::Veilwing,
                 objective: Objective::Mean,
+                optimise: Optimise::Rate,
+                fairness: Fairness::Slots,
                 free_yaw: false,
                 target_rate_bps: None,
             },
@@ -343,6 +346,11 @@ pub struct Tdma {
     pub guard_s: f64,
     /// Time to come to rest and catch up after each transit, in seconds.
     pub settle_s: f64,
+    /// The shortest and the longest slot in seconds, where slots are as long as fairness asks for; `None`: half of `slot_s` and
+    /// twice that.
+    pub slot_min_s: Option<f64>,
+    /// See `slot_min_s`.
+    pub slot_max_s: Option<f64>,
     /// In which order users are served.
     pub order: Order,
     /// How often the whole list of users is served.
@@ -357,11 +365,31 @@ impl Default for Tdma {
             slot_s: 20.0,
             guard_s: 1.0,
             settle_s: 3.0,
+            slot_min_s: None,
+            slot_max_s: None,
             order: Order::Listed,
             superframes: 1,
             start_utc: None,
         }
     }
+}
+
+impl Tdma {
+    /// The shortest and the longest slot in seconds, where slots are as long as fairness asks for.
+    #[must_use]
+    pub fn slot_limits_s(&self) -> [f64; 2] {
+        [self.slot_min_s.unwrap_or(0.5 * self.slot_s), self.slot_max_s.unwrap_or(2.0 * self.slot_s)]
+    }
+}
+
+/// What a plan is to make large.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Optimise {
+    /// The rate of each slot, by itself.
+    #[default]
+    Rate,
+    /// What is delivered over a superframe, its transits included.
+    Volume,
 }
 
 /// How slots are planned.
@@ -371,6 +399,10 @@ pub struct PlannerSettings {
     pub method: Method,
     /// What is maximised over what stays wrong during a slot.
     pub objective: Objective,
+    /// The rate of each slot, or what is delivered over a superframe.
+    pub optimise: Optimise,
+    /// Who comes first in a superframe.
+    pub fairness: Fairness,
     /// The desired yaw is a variable instead of 0.
     pub free_yaw: bool,
     /// A secrecy rate in bit/s that is counted on: plans say how likely a slot misses it.

@@ -24,9 +24,11 @@ use crate::planner::problem::{
     Airframe, Airspace, Eavesdropper, Fading, Jitter, Pattern, Pointing, PowerSteps, Problem, Radio, Rician,
     Uncertainty, VehicleModel,
 };
+use crate::planner::volume::Service;
 use crate::planner::{PlanError, cap};
 use crate::radio::measured::Measured;
 use crate::role::{PerVehicle, Role};
+use crate::schedule::order::Order;
 use crate::schedule::table::Timing;
 use crate::schedule::trajectory::Limits;
 use crate::time::Utc;
@@ -300,6 +302,15 @@ impl Mission {
             jerk_m_s3: Some(vehicle.jerk_m_s3),
             ..Limits::new(vehicle.speed_m_s, vehicle.climb_m_s, vehicle.tilt_rate_rad_s)
         })
+    }
+
+    /// What a plan for volume must know of slots.
+    #[must_use]
+    pub fn service(&self) -> Service {
+        let Tdma { slot_s, guard_s, settle_s, order, .. } = self.tdma;
+        let slot_limits_s = self.tdma.slot_limits_s();
+        let fairness = self.planner.fairness;
+        Service { slot_s, guard_s, settle_s, slot_limits_s, fairness, may_reorder: order == Order::Shortest }
     }
 
     /// Lengths of slots and number of superframes.

@@ -3,12 +3,13 @@
 use std::collections::BTreeMap;
 
 use super::document::Document;
-use super::draft::{MissionDraft, Position};
+use super::draft::{MissionDraft, Optimise, PlannerSettings, Position};
 use super::mission_file::{FAR_M, NOWHERE};
 use super::{link_checks, mission_warnings};
 use crate::geo::polygon::{Polygon, check_simple};
 use crate::geo::{Enu, Geodetic};
-use crate::planner::problem::Uncertainty;
+use crate::planner::problem::{Method, Objective, Uncertainty};
+use crate::planner::volume::Fairness;
 use crate::role::{PerVehicle, Role};
 
 pub(super) const ORIGIN: &str = "mission.origin";
@@ -26,6 +27,7 @@ pub(super) fn check(draft: &MissionDraft, file: &mut Document) {
     homes(draft, file);
     link_checks::check(draft, file);
     tdma(draft, file);
+    volume(draft, file);
     hints(draft, file);
     // Of a file that cannot be used, errors come first: half of what is odd about it follows from them.
     if !file.has_errors() {
@@ -317,6 +319,71 @@ fn tdma(draft: &MissionDraft, file: &mut Document) {
         let message =
             format!("`superframes` makes {slots} slots, more than the {} that can be numbered", u16::MAX);
         refuse(file, "tdma.superframes", message, "lower it, or serve fewer users");
+    }
+}
+
+/// What a plan for volume, or for the least-served user, asks of other settings.
+fn volume(draft: &MissionDraft, file: &mut Document) {
+    const LIMITS: [&str; 2] = ["tdma.slot_min_s", "tdma.slot_max_s"];
+    let PlannerSettings { method, objective, optimise, fairness, .. } = draft.planner;
+    if optimise == Optimise::Rate && fairness == Fairness::MaxMin {
+        let message =
+            "`fairness` is about volumes, and `optimise` is \"rate\": every slot is planned by itself"
+                .to_owned();
+        refuse(file, "planner.fairness", message, "set optimise = \"volume\", or leave fairness out");
+    }
+    if optimise == Optimise::Volume {
+        if method != Method::Veilwing {
+            let message = "this `method` plans each slot by itself, and knows nothing of volume".to_owned();
+            refuse(file, "planner.method", message, "use \"veilwing\", or set optimise = \"rate\"");
+        }
+        if matches!(objective, Objective::Quantile | Objective::WorstCase) {
+            let message = "`objective` is about what goes wrong in one slot; a volume is the sum over many slots, and is \
+                           planned for its mean"
+                .to_owned();
+            refuse(
+                file,
+                "planner.objective",
+                message,
+                "use \"mean\" or \"nominal\", or set optimise = \"rate\"",
+            );
+        }
+    }
+    if fairness != Fairness::MaxMin {
+        for path in LIMITS.into_iter().filter(|path| file.given(path)).collect::<Vec<_>>() {
+            let key = path.trim_start_matches("tdma.");
+            let message = format!("`{key}` has no effect: all slots are slot_s long");
+            let help = "set planner.fairness = \"max-min\" for slots of different lengths".to_owned();
+            file.warning(file.at(path), message, help);
+        }
+        return;
+    }
+    let tdma = draft.tdma;
+    let [shortest_s, longest_s] = tdma.slot_limits_s();
+    if !file.sound(&["tdma.slot_s", "tdma.guard_s", LIMITS[0], LIMITS[1]]) {
+        return;
+    }
+    if shortest_s > tdma.slot_s {
+        let message = format!(
+            "`slot_min_s` of {shortest_s} s is more than slot_s, {} s, which is the mean",
+            tdma.slot_s
+        );
+        refuse(file, LIMITS[0], message, "lower it, or raise slot_s");
+    }
+    if longest_s < tdma.slot_s {
+        let message = format!(
+            "`slot_max_s` of {longest_s} s is less than slot_s, {} s, which is the mean",
+            tdma.slot_s
+        );
+        refuse(file, LIMITS[1], message, "raise it, or lower slot_s");
+    }
+    if tdma.guard_s >= shortest_s {
+        let path = if file.given(LIMITS[0]) { LIMITS[0] } else { "tdma.guard_s" };
+        let message = format!(
+            "the guard time of {} s leaves nothing of the shortest slot, {shortest_s} s",
+            tdma.guard_s
+        );
+        refuse(file, path, message, "make guard_s shorter than slot_min_s");
     }
 }
 

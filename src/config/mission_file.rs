@@ -3,13 +3,15 @@
 use nalgebra::Vector2;
 
 use super::draft::{
-    Emission, JitterDraft, MissionDraft, NodeDraft, PlannedVehicleDraft, PlannerSettings, RadioDraft, Tdma,
+    Emission, JitterDraft, MissionDraft, NodeDraft, Optimise, PlannedVehicleDraft, PlannerSettings,
+    RadioDraft, Tdma,
 };
 use super::kind::{Choice, Each, Flag, Integer, List, Moment, Number, Numbers, Period, Text};
 use super::link_file;
 use super::reader::Section;
 use crate::geo::{Enu, Geodetic};
 use crate::planner::problem::{Airframe, Airspace, JitterAxes, JitterModel, Method, Objective};
+use crate::planner::volume::Fairness;
 use crate::schedule::order::Order;
 
 /// How far from the origin anything may be, in metres: beyond, the mission's plane is no plane.
@@ -333,6 +335,19 @@ fn tdma(s: &mut Section<'_, '_>, tdma: &mut Tdma) {
         Number::within("s", 0.0, 60.0),
         &mut tdma.settle_s,
     );
+    let length = || Number::within("s", 1.0, 86_400.0);
+    s.set_optional(
+        "slot_min_s",
+        "The shortest slot, where fairness is \"max-min\". By default half of slot_s.",
+        length(),
+        &mut tdma.slot_min_s,
+    );
+    s.set_optional(
+        "slot_max_s",
+        "The longest slot, where fairness is \"max-min\"; slots are no longer than slot_s on average. By default twice slot_s.",
+        length(),
+        &mut tdma.slot_max_s,
+    );
     s.set("order", "\"listed\": users as listed; \"shortest\": least transit.", orders, &mut tdma.order);
     s.set_optional(
         "start_utc",
@@ -405,6 +420,20 @@ fn planner(s: &mut Section<'_, '_>, planner: &mut PlannerSettings) {
         "Over what stays wrong during a slot (positions, poses): with nothing wrong, the mean, the 5% quantile, or the worst case over the eavesdroppers' discs.",
         objectives,
         &mut planner.objective,
+    );
+    s.set_newer(
+        "optimise",
+        "\"rate\": each slot's rate, by itself; \"volume\": what is delivered over a superframe, transits included.",
+        Choice(&[("rate", Optimise::Rate), ("volume", Optimise::Volume)]),
+        &Optimise::default(),
+        &mut planner.optimise,
+    );
+    s.set_newer(
+        "fairness",
+        "Of a volume: \"slots\" are equal and the sum counts, or \"max-min\": the least-served user counts, slots as long as that asks for.",
+        Choice(&[("slots", Fairness::Slots), ("max-min", Fairness::MaxMin)]),
+        &Fairness::default(),
+        &mut planner.fairness,
     );
     s.set("free_yaw", "Plan the yaw too, instead of 0.", Flag, &mut planner.free_yaw);
     s.set_optional(

@@ -70,6 +70,29 @@ impl<'c, 'd> Section<'c, 'd> {
         self.property(key, sentence, schema);
     }
 
+    /// The same, of a setting that is newer than missions that do without it: it is part of a digest only where it is not at
+    /// its default, so that theirs stay what they were.
+    pub(crate) fn set_newer<K: Kind>(
+        &mut self,
+        key: &'static str,
+        sentence: &str,
+        kind: K,
+        default: &K::Out,
+        value: &mut K::Out,
+    ) {
+        self.check(key, &kind, value);
+        let by_default = kind.canonical(default);
+        if let Some(given) = self.value(key, &kind, Some(&by_default)) {
+            *value = given;
+        }
+        if kind.canonical(value) != by_default {
+            self.record(key, &kind, Some(value));
+        }
+        let mut schema = kind.schema();
+        schema["default"] = by_default;
+        self.property(key, sentence, schema);
+    }
+
     /// A setting that may be left unset.
     pub(crate) fn set_optional<K: Kind>(
         &mut self,

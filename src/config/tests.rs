@@ -17,6 +17,7 @@ use super::*;
 use crate::autopilot::{Actuation, FirmwareChoice};
 use crate::geo::{Enu, Geodetic};
 use crate::planner::problem::*;
+use crate::planner::volume::Fairness;
 use crate::role::{PerVehicle, Role};
 use crate::schedule::order::Order;
 use crate::transmitter::{Kind, Level, PowerParameter, Protocol, Unit};

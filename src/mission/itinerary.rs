@@ -36,7 +36,8 @@ impl Itinerary {
             homes.map(|home| Start { position_enu_m: settings.above(home), attitude: Attitude::level() });
         let router = Router::new(&settings.airspace, &settings.limits)?;
         let users: Vec<_> = plan.slots.iter().map(|slot| vec![slot.plan.vehicles.map(|v| v.pose)]).collect();
-        let table = Table::build(&router, &start, &users, &settings.timing, settings.order)?;
+        let lengths = plan.lengths(settings.timing.slot);
+        let table = Table::with_lengths(&router, &start, &users, &lengths, &settings.timing, settings.order)?;
         let way_home = match table.entries.last() {
             Some(last) => {
                 let from = PerVehicle::from_fn(|role| last.transit[role].end());

@@ -65,6 +65,7 @@ mod tests {
             user: user.into(),
             plan: plan.clone(),
             lean_rad: PerVehicle { i: None, j: deg.map(f64::to_radians) },
+            length: None,
         };
         Plan::new(vec![slot("alpha", leans_deg[0]), slot("bravo", leans_deg[1])])
     }

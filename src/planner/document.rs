@@ -27,6 +27,14 @@ pub struct PlanDocument {
     pub seed: u64,
     /// The method's name.
     pub method: String,
+    /// Secret bits that a superframe delivers, by the plan's expectation.
+    pub secrecy_volume_bits: f64,
+    /// How long a superframe takes that follows another, its transits included; `null` where it cannot be flown.
+    pub superframe_s: Option<f64>,
+    /// In how much of it I radiates.
+    pub on_air_s: f64,
+    /// What the user gets who gets least of it, bits.
+    pub least_user_volume_bits: f64,
     /// One per user.
     pub slots: Vec<SlotDocument>,
 }
@@ -36,6 +44,8 @@ pub struct PlanDocument {
 pub struct SlotDocument {
     /// The user's name.
     pub user: String,
+    /// How long the slot is, seconds.
+    pub slot_s: f64,
     /// How the search ended.
     pub status: &'static str,
     /// `E[R]` in bit/s.
@@ -76,7 +86,7 @@ pub struct SlotDocument {
     pub vehicles: PerVehicle<VehicleDocument>,
     /// How far each vehicle's attitude may be off its pose while the slot is served, degrees.
     pub attitude_tolerance_deg: PerVehicle<f64>,
-    /// The search alone, seconds.
+    /// The search alone, seconds; of all slots in one, this one's share.
     pub planning_time_s: f64,
     /// The search for a bound better than the cap alone, seconds; 0 if none was asked for.
     pub bound_time_s: f64,
@@ -129,11 +139,13 @@ impl SlotDocument {
         slot: &SlotPlan,
         (assessment, explanation): (&Assessment, &Explanation),
         attitude_tolerance_deg: PerVehicle<f64>,
+        slot_s: f64,
         [planning_time_s, bound_time_s]: [f64; 2],
     ) -> Self {
         let sinrs = eavesdroppers.iter().zip(&slot.eavesdropper_sinr);
         Self {
             user: user.to_owned(),
+            slot_s,
             status: status_name(slot.status),
             secrecy_rate_bps: slot.secrecy_rate_bps,
             standard_error_bps: slot.standard_error_bps,
@@ -212,6 +224,9 @@ pub struct EditedPlan {
 pub struct EditedSlot {
     /// A user of the mission.
     pub user: String,
+    /// How long the slot is, seconds: where the mission leaves that to the plan.
+    #[serde(default)]
+    pub slot_s: Option<f64>,
     /// Poses and powers.
     pub vehicles: PerVehicle<VehicleDocument>,
 }

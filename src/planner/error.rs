@@ -28,6 +28,16 @@ pub enum PlanError {
         "this method plans any power up to the ceiling, and knows nothing of power_levels_w and min_power_w; plan with \"veilwing\", or leave the key out"
     )]
     PowerSteps,
+    /// The paper's methods plan one slot at a time.
+    #[error(
+        "this method plans each slot by itself, and knows nothing of what is delivered over a superframe; plan with \"veilwing\", or set planner.optimise = \"rate\""
+    )]
+    VolumeMethod,
+    /// A volume is a mean over what stays wrong in many slots.
+    #[error(
+        "a volume is planned for the mean over what stays wrong during a slot, or with nothing wrong: set planner.objective = \"mean\" or \"nominal\", or planner.optimise = \"rate\""
+    )]
+    VolumeObjective,
     /// The geofence has no interior.
     #[error(
         "the area of {vertices} vertices has no interior or crosses itself; give the corners of a simple polygon in order"

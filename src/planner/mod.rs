@@ -32,6 +32,7 @@ pub mod slots;
 mod solver;
 mod starts;
 mod variables;
+pub mod volume;
 mod worst;
 
 pub use cap::cap;

@@ -85,6 +85,18 @@ impl Memory {
         }
     }
 
+    /// The same of a mean or of nothing random, without its gradient.
+    pub fn value_alone(&mut self, setup: &Setup, target: Target, raw: &Raw) -> f64 {
+        let scene = &setup.scene;
+        match target {
+            Target::Exact(q) => self.exact.value(scene, setup.eavesdroppers(), raw, q, None),
+            Target::Mean { samples, clip } => self.sampled.mean(scene, samples, raw, clip, None),
+            Target::OverDraws { samples, combination, clip } => {
+                self.over_draws(setup, raw, samples, combination, clip)
+            }
+        }
+    }
+
     /// A combination of the draws' means, without its gradient.
     pub(super) fn over_draws(
         &mut self,

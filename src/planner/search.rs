@@ -19,7 +19,7 @@
 
 use nalgebra::Vector3;
 
-use super::expectation::kernel::{ANGLES, VEHICLE};
+use super::expectation::kernel::{ANGLES, Raw, VEHICLE};
 use super::expectation::samples::{LANES, Samples, Sequence};
 use super::expectation::sobol;
 use super::model::{Local, Memory, Solver, Target};
@@ -86,6 +86,33 @@ pub(super) fn near(setup: &Setup, options: &Options, near: Near) -> Vec<Found> {
     let least = best.value - near.tolerance * best.value.abs();
     let kept = ends.iter().filter(|end| end.value >= least);
     kept.map(|end| Found { raw: end.raw, converged: end.converged }).collect()
+}
+
+/// A plan of a slot as good as a search of its neighbours needs it.
+pub(super) struct Rough {
+    /// The configuration.
+    pub raw: Raw,
+    /// Its objective in nats per hertz.
+    pub value: f64,
+}
+
+/// The best configurations of a slot, best first, after the first stage of the polishing; at least one.
+pub(super) fn rough(setup: &Setup, options: &Options) -> Vec<Rough> {
+    let best = if setup.varies() || setup.heeds_uncertainty() {
+        let samples = samples(setup, options);
+        let dipoles = setup.problem.with_dipoles();
+        let quick = dipoles.as_ref().and_then(|problem| Setup::new(problem).ok());
+        let first = quick.as_ref().unwrap_or(setup);
+        let field = Field { setup: first, clip: false };
+        let mut best = screen(first, &field, options, &samples, POLISH_SAMPLES[0].1);
+        best.iter_mut().for_each(|end| end.curvature = None);
+        let stages = if quick.is_some() { &MEASURED_SAMPLES[..1] } else { &POLISH_SAMPLES[..1] };
+        polish(setup, options, None, &samples, best, stages)
+    } else {
+        exact(setup, options, Some(Near { most: POLISH_SAMPLES[0].1, tolerance: 1.0 }))
+    };
+    let found: Vec<Rough> = best.iter().map(|end| Rough { raw: end.raw, value: end.value }).collect();
+    if found.is_empty() { vec![Rough { raw: resort(setup, options).raw, value: 0.0 }] } else { found }
 }
 
 /// The best ends of the search; without `near` only the best one is brought to its full accuracy.
@@ -190,7 +217,7 @@ fn screen_exact(setup: &Setup, field: &Setup, options: &Options, count: usize, m
 }
 
 /// The sample set of a plan; the sets of its stages are the first so many of it.
-fn samples(setup: &Setup, options: &Options) -> Samples {
+pub(super) fn samples(setup: &Setup, options: &Options) -> Samples {
     let count = POLISH_SAMPLES[POLISH_SAMPLES.len() - 1].0;
     let per_draw = if setup.varies() { SAMPLES_PER_DRAW } else { LANES };
     let draws = if setup.heeds_uncertainty() { count / per_draw } else { 1 };
@@ -371,11 +398,11 @@ fn can_null(setup: &Setup) -> bool {
 }
 
 /// J's power where its null is exact: the largest costs nothing.
-fn nulled(setup: &Setup, power: PowerChart) -> PowerChart {
+pub(super) fn nulled(setup: &Setup, power: PowerChart) -> PowerChart {
     if can_null(setup) { PowerChart::Fixed(setup.highest_w[1]) } else { power }
 }
 
-fn chart(setup: &Setup, nulled: bool, power: PowerChart) -> Chart {
+pub(super) fn chart(setup: &Setup, nulled: bool, power: PowerChart) -> Chart {
     let problem = setup.problem;
     let yaw = problem.free_yaw && setup.jitters();
     let free = |v: usize| setup.free_axis(v, yaw);

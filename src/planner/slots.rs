@@ -1,5 +1,7 @@
 //! All slots of a mission: the plan that both companions must agree on.
 
+use std::time::Duration;
+
 use sha2::{Digest, Sha256};
 
 use super::plan::SlotPlan;
@@ -14,19 +16,27 @@ pub struct PlannedSlot {
     pub plan: SlotPlan,
     /// The largest tilt from its pose that the slot bears of each vehicle, radians; `None` of one that has no reason to lean.
     pub lean_rad: PerVehicle<Option<f64>>,
+    /// How long its slot is, where the plan gives each user a length of its own; `None`: as long as the mission says.
+    pub length: Option<Duration>,
 }
 
 /// The plan of a mission: a slot for each user, in the mission file's order, each with the poses that were chosen for it.
 /// In which order they are flown the slot table settles, which knows where the vehicles start (`schedule::table`).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plan {
-    /// SHA-256 over users, poses and powers, bit for bit: what the two companions compare.
+    /// SHA-256 over users, poses, powers and lengths that the plan has chosen, bit for bit: what the two companions compare.
     pub digest: [u8; 32],
     /// By user, in the mission file's order.
     pub slots: Vec<PlannedSlot>,
 }
 
 impl Plan {
+    /// The length of each user's slot, where the mission's is `usual`.
+    #[must_use]
+    pub fn lengths(&self, usual: Duration) -> Vec<Duration> {
+        self.slots.iter().map(|slot| slot.length.unwrap_or(usual)).collect()
+    }
+
     /// Seals the slots with their digest.
     #[must_use]
     pub fn new(slots: Vec<PlannedSlot>) -> Self {
@@ -41,6 +51,9 @@ impl Plan {
                 for value in pose.position_enu_m.iter().chain(&angles) {
                     hash.update(value.to_le_bytes());
                 }
+            }
+            if let Some(length) = slot.length {
+                hash.update(length.as_nanos().to_le_bytes());
             }
         }
         Self { digest: hash.finalize().into(), slots }
@@ -76,7 +89,7 @@ mod tests {
             user_sinr: 1.0,
             eavesdropper_sinr: vec![],
         };
-        PlannedSlot { user: user.into(), plan, lean_rad: PerVehicle { i: None, j: None } }
+        PlannedSlot { user: user.into(), plan, lean_rad: PerVehicle { i: None, j: None }, length: None }
     }
 
     #[test]
@@ -87,7 +100,9 @@ mod tests {
         let mut dearer = vec![slot("a", 1.0), slot("b", 2.0)];
         dearer[0].plan.secrecy_rate_bps = 9.0;
         assert_eq!(base.digest, Plan::new(dearer).digest);
+        let longer = PlannedSlot { length: Some(Duration::from_secs(9)), ..slot("a", 1.0) };
         for other in [
+            vec![longer, slot("b", 2.0)],
             vec![slot("a", 1.0_f64.next_up()), slot("b", 2.0)],
             vec![slot("b", 2.0), slot("a", 1.0)],
             vec![slot("a", 1.0)],

@@ -160,7 +160,7 @@ fn around(centre: Vector2<f64>, radius: f64, z: f64, rng: &mut ChaCha8Rng) -> Ve
 }
 
 /// J's power at a start.
-fn jammer_power_w(setup: &Setup, j: &Vector3<f64>, draw: f64) -> f64 {
+pub fn jammer_power_w(setup: &Setup, j: &Vector3<f64>, draw: f64) -> f64 {
     let problem = setup.problem;
     let cap = setup.highest_w[1];
     let distance2 = (j - problem.user_enu_m).norm_squared();

@@ -55,7 +55,9 @@ impl AxisChart {
         }
     }
 
-    fn variables(&self) -> usize {
+    /// Number of variables.
+    #[must_use]
+    pub fn variables(&self) -> usize {
         match self {
             Self::Fixed(_) | Self::Follows { .. } => 0,
             Self::Angles { yaw } | Self::Tilt { yaw, .. } => 2 + usize::from(*yaw),
@@ -106,11 +108,15 @@ impl Chart {
         (0..2).map(|v| self.vehicle_dimension(v)).sum()
     }
 
-    fn vehicle_dimension(&self, v: usize) -> usize {
+    /// Number of a vehicle's variables: its position, its axis, its power.
+    #[must_use]
+    pub fn vehicle_dimension(&self, v: usize) -> usize {
         3 + self.axes[v].variables() + self.powers[v].variables()
     }
 
-    fn offset(&self, v: usize) -> usize {
+    /// The first of a vehicle's variables.
+    #[must_use]
+    pub fn offset(&self, v: usize) -> usize {
         v * self.vehicle_dimension(0)
     }
 

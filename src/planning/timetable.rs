@@ -34,5 +34,14 @@ pub fn timetable(mission: &Mission, plan: &Plan) -> Result<Option<Table>, NoTime
     });
     let router = Router::new(&mission.airspace, &mission.transit_limits())?;
     let users: Vec<_> = plan.slots.iter().map(|slot| vec![slot.plan.vehicles.map(|v| v.pose)]).collect();
-    Table::build(&router, &start, &users, &mission.timing(), mission.tdma.order).map(Some).map_err(Into::into)
+    let timing = mission.timing();
+    let table = Table::with_lengths(
+        &router,
+        &start,
+        &users,
+        &plan.lengths(timing.slot),
+        &timing,
+        mission.tdma.order,
+    )?;
+    Ok(Some(table))
 }

@@ -17,6 +17,7 @@ mod sequence;
 pub mod table;
 pub mod trajectory;
 pub mod transit;
+pub mod ways;
 
 #[cfg(test)]
 mod testing;

@@ -1,6 +1,6 @@
 //! The slot table: who is served when, from where, and how the vehicles get there.
 //!
-//! A slot is `slot` long; the transit to its poses lies *before* it. So a superframe is not a fixed period but the sum
+//! A slot is `slot` long, or as long as the plan says for its user; the transit to its poses lies *before* it. So a superframe is not a fixed period but the sum
 //! of its transits and slots:
 //!
 //! ```text
@@ -27,7 +27,7 @@ const GRID: Duration = Duration::from_millis(100);
 /// Durations of the TDMA scheme.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Timing {
-    /// Length of a slot, without the transit before it.
+    /// Length of a slot, without the transit before it, where a plan does not give each user a length of its own.
     pub slot: Duration,
     /// The part of a slot in which nobody radiates, half of it at each end: it covers clock errors.
     pub guard: Duration,
@@ -95,6 +95,21 @@ impl Table {
         timing: &Timing,
         order: Order,
     ) -> Result<Self, TableError> {
+        Self::with_lengths(router, start, users, &vec![timing.slot; users.len()], timing, order)
+    }
+
+    /// The same with slots of different lengths, one for each user, in place of the timing's.
+    ///
+    /// # Errors
+    /// As [`build`](Self::build).
+    pub fn with_lengths(
+        router: &Router,
+        start: &PerVehicle<Start>,
+        users: &[Vec<PerVehicle<Pose>>],
+        lengths: &[Duration],
+        timing: &Timing,
+        order: Order,
+    ) -> Result<Self, TableError> {
         let superframes = timing.superframes;
         let served = users.iter().filter(|candidates| !candidates.is_empty()).count();
         if served == 0 || served < users.len() || superframes == 0 {
@@ -104,13 +119,13 @@ impl Table {
         if slots > usize::from(u16::MAX) {
             return Err(TableError::TooMany { slots, limit: u16::MAX });
         }
-        if timing.guard >= timing.slot {
-            let (slot_s, guard_s) = (timing.slot.as_secs_f64(), timing.guard.as_secs_f64());
+        if let Some(slot) = lengths.iter().find(|slot| timing.guard >= **slot) {
+            let (slot_s, guard_s) = (slot.as_secs_f64(), timing.guard.as_secs_f64());
             return Err(TableError::NoAirtime { slot_s, guard_s });
         }
         let mut legs = Legs::new(router, Some(start), users);
         let tour = legs.tour(superframes, order)?;
-        entries(&mut legs, &tour, timing)
+        entries(&mut legs, &tour, lengths, timing)
     }
 
     /// The entry of the slot or transit in progress at `t` since the mission's start; `None` after the end.
@@ -121,7 +136,7 @@ impl Table {
 }
 
 /// Strings the tour's transits and slots together.
-fn entries(legs: &mut Legs, tour: &Tour, timing: &Timing) -> Result<Table, TableError> {
+fn entries(legs: &mut Legs, tour: &Tour, lengths: &[Duration], timing: &Timing) -> Result<Table, TableError> {
     let mut entries = Vec::new();
     let mut transit_starts = Duration::ZERO;
     let mut before = None;
@@ -130,7 +145,8 @@ fn entries(legs: &mut Legs, tour: &Tour, timing: &Timing) -> Result<Table, Table
         let transit = legs.transit(before, place)?;
         let arrived = transit_starts.saturating_add(transit.duration());
         let opens = rounded_up(arrived.saturating_add(timing.settle));
-        let closes = opens.saturating_add(timing.slot);
+        let length = lengths.get(user_index).copied().unwrap_or(timing.slot);
+        let closes = opens.saturating_add(length);
         entries.push(Entry {
             slot,
             user_index,
@@ -215,6 +231,24 @@ mod tests {
             [slot_at(0.0), slot_at(36.9), slot_at(37.0), slot_at(132.9), slot_at(133.0)],
             [Some(0), Some(0), Some(1), Some(3), None]
         );
+    }
+
+    #[test]
+    fn val_slots_of_different_lengths() {
+        let north = |y: f64| {
+            vec![poses(0.0).map(|p| Pose { position_enu_m: p.position_enu_m + Enu::new(0.0, y, 0.0), ..p })]
+        };
+        let users = [north(100.0), north(150.0)];
+        let built = |lengths: &[f64]| {
+            let lengths: Vec<_> = lengths.iter().map(|s| S(*s)).collect();
+            Table::with_lengths(&testing::router(), &start(), &users, &lengths, &TIMING, Order::Listed)
+        };
+        let table = built(&[30.0, 5.0]).unwrap();
+        let times: Vec<_> = table.entries.iter().map(|e| (e.opens, e.radiate_until, e.closes)).collect();
+        let expected = [(17.0, 47.0), (59.0, 64.0), (76.0, 106.0), (118.0, 123.0)];
+        assert_eq!(times, expected.map(|(opens, closes)| (S(opens), S(closes - 0.5), S(closes))));
+        assert_eq!(table.ends, S(123.0));
+        assert_eq!(built(&[30.0, 1.0]), Err(TableError::NoAirtime { slot_s: 1.0, guard_s: 1.0 }));
     }
 
     #[test]

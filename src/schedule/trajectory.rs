@@ -68,6 +68,26 @@ impl Limits {
         Some(Profile::new((to - from).norm(), speed, acceleration, self.jerk_m_s3))
     }
 
+    /// How long a straight leg takes, in seconds, and how that changes with the leg, in s/m; of no leg, nothing.
+    #[must_use]
+    pub fn straight_s(&self, by_m: &Vector3<f64>) -> (f64, Vector3<f64>) {
+        let distance = by_m.norm();
+        let Some(direction) = by_m.try_normalize(0.0) else { return (0.0, Vector3::zeros()) };
+        let speed = self.speed_along(&direction);
+        let profile = Profile::new(distance, speed, self.acceleration_m_s2, self.jerk_m_s3);
+        let [by_distance, by_speed] =
+            profile::slopes(distance, speed, self.acceleration_m_s2, self.jerk_m_s3);
+        // The speed is the lesser of v d / h and c d / |z|.
+        let level = direction.xy().norm();
+        let across = Vector3::new(direction.x, direction.y, 0.0) / level;
+        let turns = if self.speed_m_s / level <= self.climb_m_s / direction.z.abs() {
+            (direction - across / level) * (speed / distance)
+        } else {
+            (direction - Vector3::z() / direction.z) * (speed / distance)
+        };
+        (profile.lasts_s(), direction * by_distance + turns * by_speed)
+    }
+
     /// The highest speed along `direction` (unit length) in m/s.
     fn speed_along(&self, direction: &Vector3<f64>) -> f64 {
         // A division by zero is infinite and loses to the other axis.
@@ -286,6 +306,34 @@ mod tests {
         ] {
             let duration_s = flown(&[to]).duration().as_secs_f64();
             assert!((duration_s - expected_s).abs() < 2e-9, "{to:?}: {duration_s} {expected_s}");
+        }
+    }
+
+    #[test]
+    fn val_slopes_of_straight_legs_are_those_of_differences() {
+        for jerk_m_s3 in [None, Some(4.0)] {
+            let limits = Limits { jerk_m_s3, ..LIMITS };
+            for by in
+                [[100.0, -30.0, 4.0], [3.0, 2.0, 1.0], [0.2, 0.1, -0.3], [1.0, 2.0, 60.0], [0.0, 50.0, 0.0]]
+            {
+                let by = Vector3::from(by);
+                let (time_s, slope) = limits.straight_s(&by);
+                assert!((time_s - limits.path_s(&[Enu::zeros(), by])).abs() < 1e-12);
+                for k in 0..3 {
+                    let at = |step: f64| {
+                        let mut moved = by;
+                        moved[k] += step;
+                        limits.straight_s(&moved).0
+                    };
+                    let numeric = (at(1e-6) - at(-1e-6)) / 2e-6;
+                    assert!(
+                        (numeric - slope[k]).abs() < 1e-6,
+                        "{by:?} {jerk_m_s3:?} {k}: {numeric} {}",
+                        slope[k]
+                    );
+                }
+            }
+            assert_eq!(limits.straight_s(&Vector3::zeros()), (0.0, Vector3::zeros()));
         }
     }
 

@@ -112,6 +112,12 @@ impl Router {
         })
     }
 
+    /// What a vehicle can do.
+    #[must_use]
+    pub fn limits(&self, role: Role) -> &Limits {
+        &self.limits[role]
+    }
+
     /// Whether a planned position is within the airspace.
     #[must_use]
     pub fn holds(&self, position_enu_m: &Enu) -> bool {

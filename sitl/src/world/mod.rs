@@ -397,9 +397,13 @@ impl World {
     pub fn report(&self) -> FlightReport {
         let Findings { violations, excused, measured } = self.monitor.findings(self.now);
         let scores = self.scores.iter().zip(&self.config.slots).enumerate();
+        let slots: Vec<_> =
+            scores.map(|(k, (score, plan))| score.report(plan, measured.unprotected_in(k))).collect();
         FlightReport {
             flight_s: self.now.as_secs_f64(),
-            slots: scores.map(|(k, (score, plan))| score.report(plan, measured.unprotected_in(k))).collect(),
+            secrecy_volume_bits: slots.iter().map(|s| s.achieved_secrecy_rate_bps * s.radiated_s.i).sum(),
+            on_air_s: slots.iter().map(|s| s.radiated_s.i).sum(),
+            slots,
             outside_slots_s: self.outside_slots.map(score::seconds).into(),
             unprotected_s: measured.unprotected().as_secs_f64(),
             emitted_out_of_pose_s: measured.out_of_pose.map(|time| time.as_secs_f64()).into(),

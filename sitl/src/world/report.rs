@@ -56,6 +56,10 @@ pub struct FlightReport {
     pub flight_s: f64,
     /// In the plan's order.
     pub slots: Vec<SlotReport>,
+    /// Secret bits delivered: over all slots, the rate achieved times the time in which I radiated.
+    pub secrecy_volume_bits: f64,
+    /// Seconds in which I radiated in its slots.
+    pub on_air_s: f64,
     /// Seconds on the air in no slot of the plan.
     pub outside_slots_s: PerVehicle<f64>,
     /// I radiated without J on at its planned power and in its pose, or in no slot: in all, whatever the cause.

@@ -148,6 +148,12 @@ impl FlightDocument {
             )?;
         }
         writeln!(text, "(rates in bit/s/Hz; on: seconds radiated; unprot: I on without J)")?;
+        writeln!(
+            text,
+            "delivered {:.2} bit/Hz in {:.1} s on the air",
+            per_hz(self.report.secrecy_volume_bits),
+            self.report.on_air_s
+        )?;
         // Two tables: one would be wider than 80 columns.
         writeln!(text, "\nslot  pos_I_m  pos_J_m  att_I_deg  att_J_deg")?;
         for (number, slot) in self.report.slots.iter().enumerate() {

@@ -46,7 +46,7 @@ fn spec_a_changed_mission_has_another_digest() {
         |m| m.jitter.std_deg = 5.0,
         |m| m.tdma.order = Order::Shortest,
         |m| m.users[1].enu_m = Some(Enu::new(1.0, 2.0, 0.0)),
-        |m| m.planner.method = Method::Paper,
+        |m| m.planner.optimise = Optimise::Rate,
         |m| m.eavesdroppers[0].radius_m = Some(1.5),
     ];
     for (number, change) in changes.into_iter().enumerate() {

@@ -40,6 +40,8 @@ fn spec_defaults_are_those_of_the_interface() {
             slot_s: 20.0,
             guard_s: 1.0,
             settle_s: 3.0,
+            slot_min_s: None,
+            slot_max_s: None,
             order: Order::Listed,
             superframes: 1,
             start_utc: None
@@ -48,6 +50,8 @@ fn spec_defaults_are_those_of_the_interface() {
     let planner = PlannerSettings {
         method: Method::Veilwing,
         objective: Objective::Mean,
+        optimise: Optimise::Rate,
+        fairness: Fairness::Slots,
         free_yaw: false,
         target_rate_bps: None,
     };
@@ -227,6 +231,10 @@ fn spec_all_settings_of_the_interface_are_there() {
         "eavesdropper.std_m",
         "planner.method",
         "planner.objective",
+        "planner.optimise",
+        "planner.fairness",
+        "tdma.slot_min_s",
+        "tdma.slot_max_s",
     ] {
         assert!(found.contains(path), "{path}");
     }

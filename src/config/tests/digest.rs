@@ -41,13 +41,27 @@ fn leaf<'v>(value: &'v mut toml::Value, path: &[String]) -> &'v mut toml::Value 
 
 #[test]
 fn spec_the_digest_changes_with_every_single_value() {
-    let demo = mission(DEMO);
     let document = toml::Value::Table(DEMO.parse().unwrap());
     let mut paths = Vec::new();
     leaves(&document, &mut Vec::new(), &mut paths);
     assert!(paths.len() > 50, "{} values", paths.len());
-    let words = ["other", "conventional", "body", "roll-pitch-yaw", "shortest", "paper", "nominal"];
+    let words = [
+        "other",
+        "conventional",
+        "body",
+        "roll-pitch-yaw",
+        "shortest",
+        "paper",
+        "nominal",
+        "rate",
+        "max-min",
+    ];
+    // The paper's methods plan for rates alone.
+    let rates = DEMO.replace("optimise = \"volume\"", "optimise = \"rate\"");
+    assert_ne!(rates, DEMO);
     for path in paths {
+        let text = if path.ends_with(&["method".to_owned()]) { &rates } else { DEMO };
+        let (demo, document) = (mission(text), toml::Value::Table(text.parse().unwrap()));
         let changes: Vec<toml::Value> = match leaf(&mut document.clone(), &path) {
             toml::Value::Float(x) => [*x * 0.99, *x - 1.0, *x + 1.0].map(toml::Value::Float).into(),
             toml::Value::Integer(x) => vec![toml::Value::Integer(*x + 1)],

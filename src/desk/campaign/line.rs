@@ -83,6 +83,12 @@ pub struct FlightLine {
     pub simulated_s: f64,
     /// Over the time in which I radiated; `null` if it never did.
     pub achieved_over_planned: Option<f64>,
+    /// Secret bits delivered, and the seconds in which I radiated for them.
+    #[serde(default)]
+    pub secrecy_volume_bits: f64,
+    /// See `secrecy_volume_bits`.
+    #[serde(default)]
+    pub on_air_s: f64,
     /// Where the link has imperfections that are drawn once a flight, what they left to each user who was served.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub users: Vec<UserLine>,
@@ -131,6 +137,8 @@ impl FlightLine {
             result: if flown.completed() { Ending::Completed } else { Ending::Aborted },
             simulated_s: flown.report.flight_s,
             achieved_over_planned: flown.achieved_over_planned(),
+            secrecy_volume_bits: flown.report.secrecy_volume_bits,
+            on_air_s: flown.report.on_air_s,
             users: if flown.world.config().has_ideal_link() { Vec::new() } else { users(flown) },
             unprotected_s: flown.report.unprotected_s,
             emitted_out_of_pose_s: out_of_pose.i + out_of_pose.j,

@@ -114,6 +114,8 @@ mod tests {
         sim::FlightReport {
             flight_s: 60.0,
             slots: Vec::new(),
+            secrecy_volume_bits: 0.0,
+            on_air_s: 0.0,
             outside_slots_s: per_vehicle(),
             unprotected_s: 0.0,
             emitted_out_of_pose_s: per_vehicle(),

@@ -141,8 +141,11 @@ impl Scenario {
         }
         let world = world_over(link, mission, plan).map_err(ScenarioError::World)?;
         let given = PerVehicle::from_fn(|role| Arc::clone(&given[index(role)]));
-        let lengths =
-            Lengths { flight_s: LONGEST.as_secs_f64(), slot_s: mission.tdma.slot_s - mission.tdma.guard_s };
+        // Of slots of different lengths a fault may fall into any part of the longest.
+        let timing = mission.timing();
+        let slot = plan.lengths(timing.slot).into_iter().max().unwrap_or(timing.slot);
+        let slot_s = slot.saturating_sub(timing.guard).as_secs_f64();
+        let lengths = Lengths { flight_s: LONGEST.as_secs_f64(), slot_s };
         let mut scenario = Self { given, world, lengths };
         let nominal = scenario.fly(mission.seed, Vec::new(), &mut ())?;
         scenario.lengths.flight_s = nominal.report.flight_s;

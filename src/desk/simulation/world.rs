@@ -117,7 +117,9 @@ fn served<'a>(
     let router =
         Router::new(&mission.airspace, &mission.transit_limits()).map_err(|error| error.to_string())?;
     let users: Vec<_> = plan.slots.iter().map(|slot| vec![slot.plan.vehicles.map(|v| v.pose)]).collect();
-    let table = Table::build(&router, &start, &users, &mission.timing(), mission.tdma.order)
+    let timing = mission.timing();
+    let lengths = plan.lengths(timing.slot);
+    let table = Table::with_lengths(&router, &start, &users, &lengths, &timing, mission.tdma.order)
         .map_err(|e| e.to_string())?;
     Ok(table.entries.iter().filter_map(|entry| plan.slots.get(entry.user_index)).collect())
 }

@@ -7,6 +7,7 @@
 pub mod active_set;
 pub mod dense;
 pub mod interior_point;
+pub mod limited;
 
 /// Most variables of a problem.
 pub const MAX: usize = 14;

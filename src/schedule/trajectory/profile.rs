@@ -91,6 +91,22 @@ impl Profile {
     }
 }
 
+/// How the time of the quickest profile changes with the distance and with the speed's limit.
+pub(super) fn slopes(distance_m: f64, speed_m_s: f64, a: f64, jerk_m_s3: Option<f64>) -> [f64; 2] {
+    // A ramp's length by its speed: 1 / a, or 1 / sqrt(v j) where the acceleration's limit is not reached.
+    let ramp = |v: f64| match jerk_m_s3 {
+        Some(jerk) if v * jerk < a * a => 1.0 / (v * jerk).sqrt(),
+        _ => 1.0 / a,
+    };
+    let profile = Profile::new(distance_m, speed_m_s, a, jerk_m_s3);
+    if profile.peak_m_s >= speed_m_s {
+        return [1.0 / speed_m_s, ramp(speed_m_s) - distance_m / (speed_m_s * speed_m_s)];
+    }
+    // Twice the ramp to the peak, where distance = peak * ramp.
+    let slope = ramp(profile.peak_m_s);
+    [2.0 * slope / (profile.ramp_s + profile.peak_m_s * slope), 0.0]
+}
+
 /// The speed at which two ramps, up and down, cover the distance.
 fn reached_m_s(distance_m: f64, a: f64, jerk: f64) -> f64 {
     if distance_m * jerk * jerk >= 2.0 * a * a * a {
