@@ -121,6 +121,8 @@ const ELSEWHERE: &[(&str, &[&str], &str)] = &[
         &["NotAnswered", "NotHeard", "NotTaken", "Unsupported"],
         "the preflight waits for them; src/transmitter/numbered/tests",
     ),
+    ("notice", &["ArmingRefused"], "no simulated autopilot asks; tests/flight/face.rs"),
+    ("notice", &["OrderUnconfirmed"], "of a link that is deaf one way; tests/flight/orders.rs"),
     ("notice", &["MayLean"], "of conventional vehicles; src/mission/lean.rs"),
     ("notice", &["Troubled"], "of radio hosts; tests/flight/hosts.rs"),
     ("radio-not-ready", &["Trouble"], "of radio hosts; tests/flight/hosts.rs"),

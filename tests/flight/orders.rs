@@ -159,6 +159,17 @@ fn spec_every_order_that_is_refused_is_refused_in_words() {
 }
 
 #[test]
+fn spec_an_order_that_the_other_vehicle_does_not_confirm_is_said_so_in_words() {
+    let mut flight = Flight::new(Setup { start_unasked: false, ..Setup::default() });
+    flight.pass(Duration::from_secs(20));
+    // J is heard, and hears nothing.
+    flight.set_pair_path(Role::I, Path { loss: 1.0, ..Path::GOOD });
+    flight.command(Role::I, MavCmd::MAV_CMD_USER_2);
+    flight.pass(Duration::from_secs(30));
+    assert!(flight.said(Role::I, "vehicle J has not confirmed it in time").is_some(), "{}", flight.story());
+}
+
+#[test]
 fn regress_a_return_ordered_just_after_lift_off_lands_below_the_band_and_blames_no_airspace() {
     let mut flight = Flight::new(Setup::default());
     let aloft = |flight: &Flight| {

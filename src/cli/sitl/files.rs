@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use crate::companion::orders_file;
 use crate::config::file::{unwritable, usable_directory, write_whole};
-use crate::config::{Mission, Vehicle};
+use crate::config::{Actuation, Mission, Vehicle};
 use crate::desk::report::{self, Timeline, directory};
 use crate::role::Role;
 
@@ -118,6 +118,10 @@ pub(super) fn write_vehicle(
     let name = role.key();
     let path = directory.join(format!("vehicle-{name}.toml"));
     let mut draft = vehicle_draft(mission, role, ports);
+    if draft.autopilot.actuation == Actuation::Pose {
+        // What a stock PX4 obeys, in place of what only the simulated one does.
+        draft.autopilot.actuation = Actuation::ThrustVector;
+    }
     draft.transmitter.link = radio_port.map(on_this_machine);
     // The companion may run in another directory.
     draft.log_dir = std::path::absolute(directory).unwrap_or_else(|_| directory.to_path_buf());

@@ -16,7 +16,7 @@ pub fn vehicle_draft(mission: &Mission, role: Role, ports: [u16; 2]) -> VehicleD
     let mut draft = VehicleDraft::new(role, pair);
     draft.autopilot.link = autopilot;
     draft.autopilot.actuation = actuation(mission, role);
-    // As the simulated PX4 does, where "pose" is asked for.
+    // As the simulated PX4 does.
     draft.autopilot.tracks_pose = true;
     if fence_corners(mission).is_err() {
         draft.autopilot.fence = FenceDuty::None;
@@ -34,8 +34,7 @@ pub fn on_this_machine(port: u16) -> LinkAddress {
 /// How the simulated vehicle of this role is commanded.
 fn actuation(mission: &Mission, role: Role) -> Actuation {
     match mission.vehicles[role].airframe {
-        // What a stock PX4 obeys.
-        Airframe::Omnidirectional => Actuation::ThrustVector,
+        Airframe::Omnidirectional => Actuation::Pose,
         Airframe::Conventional => Actuation::Position,
     }
 }

@@ -104,7 +104,7 @@ impl Map {
                 .iter()
                 .map(|slot| Slot {
                     user: slot.user.clone(),
-                    length_s: Some(mission.tdma.slot_s),
+                    length_s: Some(slot.length.map_or(mission.tdma.slot_s, |length| length.as_secs_f64())),
                     vehicles: slot.plan.vehicles,
                 })
                 .collect(),
