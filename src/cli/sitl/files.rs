@@ -4,9 +4,10 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
+use crate::autopilot::Actuation;
 use crate::companion::orders_file;
 use crate::config::file::{unwritable, usable_directory, write_whole};
-use crate::config::{Actuation, Mission, Vehicle};
+use crate::config::{Mission, Vehicle};
 use crate::desk::report::{self, Timeline, directory};
 use crate::role::Role;
 
