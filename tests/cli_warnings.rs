@@ -244,7 +244,9 @@ fn check(path: &str) -> (Option<i32>, String, String) {
 
 #[test]
 fn spec_each_dangerous_slip_is_warned_of_at_its_line_with_its_value_and_a_remedy() {
+    // A plan for volume knows no worst case.
     let mission = std::fs::read_to_string("config/mission.toml").unwrap();
+    let mission = mission.replace("optimise = \"volume\"", "optimise = \"rate\"");
     for Slip { name, from, to, line, message, help } in SLIPS {
         assert!(mission.contains(from), "{name}: {from:?} is not in the mission");
         let text = mission.replacen(from, to, 1);

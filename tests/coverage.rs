@@ -65,6 +65,15 @@ const SCRIPTS: &[&str] = &[
         after_s = 2.0032
         duration_s = 40.0
     "#,
+    // A clock that jumps: the next slot is refused for as long as the leader asks.
+    r#"
+        [[fault]]
+        kind = "clock-jump"
+        vehicle = "j"
+        slot = 0
+        after_s = 1.0
+        step_s = 30.0
+    "#,
     // Gusts that no controller stands.
     r#"
         [[fault]]
