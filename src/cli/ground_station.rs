@@ -22,6 +22,7 @@ const EXAMPLES: &str = "Examples:
 
 /// Buttons for start, pause, continue, return and kill in QGroundControl and MAVProxy.
 #[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
 pub(super) struct Args {
     #[command(subcommand)]
     command: Task,
