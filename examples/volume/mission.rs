@@ -43,7 +43,7 @@ pub fn draw(index: usize, seed: u64, fairness: Fairness) -> Superframe {
     let nodes: Vec<[f64; 2]> = (0..count).map(|_| [0; 2].map(|_| rng.random_range(-500.0..500.0))).collect();
     let mut problem = Problem::paper(nodes, 0.5, 2f64.to_radians());
     problem.airspace.min_separation_m = 5.0;
-    let reach_m = if index % 2 == 0 { 150.0 } else { 400.0 };
+    let reach_m = if index.is_multiple_of(2) { 150.0 } else { 400.0 };
     let mut place = || rng.random_range(-reach_m..reach_m);
     let problems = (0..users)
         .map(|_| Problem { user_enu_m: Vector3::new(place(), place(), 0.0), ..problem.clone() })
@@ -51,10 +51,10 @@ pub fn draw(index: usize, seed: u64, fairness: Fairness) -> Superframe {
     let service = Service {
         slot_s,
         guard_s: 1.0,
-        settle_s: if index % 3 == 0 { 2.0 } else { 3.0 },
+        settle_s: if index.is_multiple_of(3) { 2.0 } else { 3.0 },
         slot_limits_s: [0.5 * slot_s, 2.0 * slot_s],
         fairness,
-        may_reorder: index % 2 == 0,
+        may_reorder: index.is_multiple_of(2),
     };
     Superframe { problems, service }
 }
