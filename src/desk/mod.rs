@@ -6,7 +6,10 @@ pub mod campaign;
 mod csv_text;
 mod drawing;
 pub mod figures;
+mod order;
 mod quantile;
 pub mod report;
 pub mod simulation;
 pub mod watch;
+
+pub use order::Order;

@@ -22,7 +22,7 @@ mod vehicle;
 mod world;
 
 pub use excuse::{Cause, Excused, Late, judge};
-pub use fault::{Change, Fault, FaultKind, Faults, Lengths, Order, RadioFault, Schedule, draw};
+pub use fault::{Change, Fault, FaultKind, Faults, Lengths, RadioFault, Schedule, draw};
 pub use flight::{Flight, FlightError, Setup};
 pub use hosted::{Asked, DeviceModel, Hosted, Manners, OTHER_DB, OneShot, SimulatedDevice};
 pub use imperfections::{Imperfections, Towards};

@@ -1,11 +1,11 @@
 //! An operator's ground station, as far as it gives orders.
 
-use mavlink::dialects::ardupilotmega::{COMMAND_LONG_DATA, MavCmd, MavMessage};
+use mavlink::dialects::ardupilotmega::{COMMAND_LONG_DATA, MavMessage};
 
+use crate::desk::Order;
 use crate::link::codec::Encoder;
 use crate::role::Role;
 
-use super::fault::Order;
 use super::index;
 
 /// The link of each vehicle on which its ground station is.
@@ -24,14 +24,7 @@ pub(super) struct Station {
 impl Station {
     /// The frame of an order to a companion, by its own address or as one of all components aboard.
     pub fn order(&mut self, order: Order, role: Role, to_all: bool) -> Vec<u8> {
-        let (command, param1) = match order {
-            Order::Start => (MavCmd::MAV_CMD_MISSION_START, 0.0),
-            Order::Pause => (MavCmd::MAV_CMD_DO_PAUSE_CONTINUE, 0.0),
-            Order::Continue => (MavCmd::MAV_CMD_DO_PAUSE_CONTINUE, 1.0),
-            Order::Return => (MavCmd::MAV_CMD_NAV_RETURN_TO_LAUNCH, 0.0),
-            Order::Kill => (MavCmd::MAV_CMD_USER_2, 0.0),
-            Order::Lift => (MavCmd::MAV_CMD_USER_2, 1.0),
-        };
+        let (command, param1) = order.command();
         let message = MavMessage::COMMAND_LONG(COMMAND_LONG_DATA {
             command,
             param1,

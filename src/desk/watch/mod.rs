@@ -13,7 +13,6 @@ pub mod view;
 #[cfg(test)]
 mod tests;
 
-pub use order::Order;
 pub use recording::{Recording, RecordingError};
 pub use replay::Replay;
 pub use state::{After, Key, Source, State};

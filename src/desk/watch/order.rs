@@ -2,27 +2,11 @@
 
 use std::time::Duration;
 
-use mavlink::dialects::ardupilotmega::{COMMAND_ACK_DATA, COMMAND_LONG_DATA, MavCmd, MavMessage, MavResult};
+use mavlink::dialects::ardupilotmega::{COMMAND_ACK_DATA, COMMAND_LONG_DATA, MavMessage, MavResult};
 
 use super::vehicle::Id;
+use crate::desk::Order;
 use crate::time::Instant;
-
-/// What an operator may ask for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Order {
-    /// The mission begins.
-    Start,
-    /// Silent, and holding.
-    Pause,
-    /// On with it.
-    Continue,
-    /// Silent, and home.
-    Return,
-    /// Both radios off, until it is lifted.
-    Kill,
-    /// The kill lifted at one vehicle.
-    Lift,
-}
 
 impl Order {
     /// What it is called.
@@ -47,17 +31,6 @@ impl Order {
             Self::Return => "RETURN: silent, both home?",
             Self::Kill => "KILL both radios?",
             Self::Lift => "LIFT the radio kill at both?",
-        }
-    }
-
-    fn command(self) -> (MavCmd, f32) {
-        match self {
-            Self::Start => (MavCmd::MAV_CMD_MISSION_START, 0.0),
-            Self::Pause => (MavCmd::MAV_CMD_DO_PAUSE_CONTINUE, 0.0),
-            Self::Continue => (MavCmd::MAV_CMD_DO_PAUSE_CONTINUE, 1.0),
-            Self::Return => (MavCmd::MAV_CMD_NAV_RETURN_TO_LAUNCH, 0.0),
-            Self::Kill => (MavCmd::MAV_CMD_USER_2, 0.0),
-            Self::Lift => (MavCmd::MAV_CMD_USER_2, 1.0),
         }
     }
 

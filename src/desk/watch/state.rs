@@ -6,10 +6,11 @@ use std::time::Duration;
 use mavlink::MavHeader;
 use mavlink::dialects::ardupilotmega::{MavCmd, MavMessage, MavSeverity};
 
-use super::order::{Asked, Order};
+use super::order::Asked;
 use super::recording::Recording;
 use super::replay::Replay;
 use super::vehicle::{AUTOPILOT, Id, News, Vehicle};
+use crate::desk::Order;
 use crate::role::Role;
 use crate::time::{Instant, Utc};
 

@@ -14,6 +14,7 @@
 //! Nothing allocates in an iteration.
 
 use super::dense::{self, Matrix};
+use super::line;
 use super::{Constraints, MAX, Objective, Outcome, Vars};
 
 /// Limits of a run.
@@ -34,10 +35,6 @@ impl Default for Settings {
         Self { iterations: 100, tolerance: 1e-9, first_step: 0.2, curvature: None }
     }
 }
-
-const ARMIJO: f64 = 1e-4;
-const CURVATURE: f64 = 0.9;
-const SEARCH_EVALUATIONS: usize = 20;
 
 /// The working set, at most as many rows as variables.
 #[derive(Debug, Clone, Copy)]
@@ -204,36 +201,17 @@ fn line_search(
     longest: f64,
     blocking: Option<usize>,
 ) -> bool {
-    let mut length = longest.min(1.0);
-    let (mut low, mut high) = (0.0, None::<f64>);
-    let mut best: Option<(f64, Vars, Vars, f64)> = None;
-    for _ in 0..SEARCH_EVALUATIONS {
+    let at = |length: f64| {
         let mut x = state.x;
         for k in 0..n {
             x[k] += length * direction[k];
         }
         let mut gradient = [0.0; MAX];
-        let value = objective.evaluate(&x, &mut gradient);
-        // Not `value > ...`: NaN must fail too.
-        if !(value <= state.value + ARMIJO * length * slope) {
-            let curvature = (value - state.value - length * slope) / (length * length);
-            let minimum = if curvature.is_finite() { -slope / (2.0 * curvature) } else { 0.0 };
-            high = Some(length);
-            length = minimum.clamp(low + 0.1 * (length - low), low + 0.5 * (length - low));
-            continue;
-        }
-        let improves = best.as_ref().is_none_or(|b| value < b.0);
-        if improves {
-            best = Some((value, x, gradient, length));
-        }
-        let too_short = dense::dot(&gradient, direction) < CURVATURE * slope;
-        if !too_short || length >= longest || !improves {
-            break;
-        }
-        low = length;
-        length = high.map_or((3.0 * length).min(longest), |h| 0.5 * (low + h));
-    }
-    let Some((value, x, gradient, length)) = best else { return false };
+        (objective.evaluate(&x, &mut gradient), (x, gradient))
+    };
+    let slope_of = |(_, gradient): &(Vars, Vars)| dense::dot(gradient, direction);
+    let best = line::search((state.value, slope), longest, at, slope_of);
+    let Some((value, (x, gradient), length)) = best else { return false };
     if let Some(row) = blocking.filter(|_| length >= longest) {
         state.active.push(row);
     }

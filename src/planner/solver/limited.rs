@@ -16,6 +16,8 @@
 
 use std::collections::VecDeque;
 
+use super::line;
+
 /// Limits of a run.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Settings {
@@ -29,9 +31,6 @@ pub struct Settings {
 
 /// Steps that are remembered.
 const MEMORY: usize = 12;
-const ARMIJO: f64 = 1e-4;
-const CURVATURE: f64 = 0.9;
-const SEARCH_EVALUATIONS: usize = 20;
 /// A row is as good as reached from here on.
 const REACHED: f64 = 1e-12;
 
@@ -328,34 +327,15 @@ fn line_search(
     longest: f64,
     blocking: Option<usize>,
 ) -> bool {
-    let mut length = longest.min(1.0);
-    let (mut low, mut high) = (0.0, None::<f64>);
-    let mut best: Option<(f64, Vec<f64>, Vec<f64>, f64)> = None;
-    for _ in 0..SEARCH_EVALUATIONS {
+    let at = |length: f64| {
         let mut x = state.x.clone();
         add(&mut x, length, direction);
         let mut gradient = vec![0.0; x.len()];
-        let value = objective(&x, &mut gradient);
-        // Not `value > ...`: NaN must fail too.
-        if !(value <= state.value + ARMIJO * length * slope) {
-            let curvature = (value - state.value - length * slope) / (length * length);
-            let minimum = if curvature.is_finite() { -slope / (2.0 * curvature) } else { 0.0 };
-            high = Some(length);
-            length = minimum.clamp(low + 0.1 * (length - low), low + 0.5 * (length - low));
-            continue;
-        }
-        let improves = best.as_ref().is_none_or(|b| value < b.0);
-        let too_short = dot(&gradient, direction) < CURVATURE * slope;
-        if improves {
-            best = Some((value, x, gradient, length));
-        }
-        if !too_short || length >= longest || !improves {
-            break;
-        }
-        low = length;
-        length = high.map_or((3.0 * length).min(longest), |h| 0.5 * (low + h));
-    }
-    let Some((value, x, gradient, length)) = best else { return false };
+        (objective(&x, &mut gradient), (x, gradient))
+    };
+    let slope_of = |(_, gradient): &(Vec<f64>, Vec<f64>)| dot(gradient, direction);
+    let best = line::search((state.value, slope), longest, at, slope_of);
+    let Some((value, (x, gradient), length)) = best else { return false };
     if let Some(row) = blocking.filter(|_| length >= longest) {
         state.active.push(row);
     }

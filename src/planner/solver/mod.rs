@@ -8,6 +8,7 @@ pub mod active_set;
 pub mod dense;
 pub mod interior_point;
 pub mod limited;
+mod line;
 
 /// Most variables of a problem.
 pub const MAX: usize = 14;

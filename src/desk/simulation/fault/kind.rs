@@ -1,5 +1,7 @@
 //! What can go wrong in a simulated flight, and the sizes that it can have.
 
+use crate::desk::Order;
+
 /// The kinds as files and documents spell them.
 pub(super) const NAMES: &[(&str, FaultKind)] = &[
     ("companion-kill", FaultKind::CompanionKill),
@@ -47,23 +49,6 @@ pub(super) const NAMES: &[(&str, FaultKind)] = &[
     ("operator-kill", FaultKind::Operator(Order::Kill)),
     ("operator-lift", FaultKind::Operator(Order::Lift)),
 ];
-
-/// What an operator orders of a companion by MAVLink.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Order {
-    /// MISSION_START.
-    Start,
-    /// DO_PAUSE_CONTINUE, pause.
-    Pause,
-    /// DO_PAUSE_CONTINUE, continue.
-    Continue,
-    /// NAV_RETURN_TO_LAUNCH.
-    Return,
-    /// MAV_CMD_USER_2: radio kill.
-    Kill,
-    /// The same with param1 = 1: the kill is lifted at this vehicle.
-    Lift,
-}
 
 /// What befalls a radio host (`veilwing radio`) or its device. Only a flight that has some can come to it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]

@@ -11,6 +11,6 @@ mod schedule;
 pub use draw::{Lengths, draw};
 pub use drawn::Fault;
 pub use file::Faults;
-pub use kind::{FaultKind, Magnitude, Order, RadioFault};
+pub use kind::{FaultKind, Magnitude, RadioFault};
 pub use law::{FaultLaw, Frequency, Whom};
 pub use schedule::{Change, Schedule};

@@ -12,9 +12,9 @@ use ratatui::style::{Color, Modifier, Style};
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Clear, Paragraph, Sparkline};
 
-use super::order::Order;
 use super::state::{Source, State, Whom};
 use super::vehicle::Vehicle;
+use crate::desk::Order;
 use crate::mission::{Figure, silence_words};
 use crate::role::Role;
 use crate::time::Instant;
