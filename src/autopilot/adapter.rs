@@ -536,7 +536,12 @@ impl Autopilot {
             target: *address,
             takes_attitude_targets: firmware.takes_attitude_targets(),
             frame: self.telemetry.frame()?,
-            measured: Measured { position_enu_m, velocity_enu_m_s, attitude: state.attitude?.value },
+            measured: Measured {
+                position_enu_m,
+                velocity_enu_m_s,
+                attitude: state.attitude?.value,
+                age_s: self.state_age(now).unwrap_or_default().as_secs_f64(),
+            },
             footing: self.control.footing(state),
             may_tilt: specifics.allows_tilt(&self.parameters),
         })

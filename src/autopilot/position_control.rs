@@ -5,6 +5,12 @@
 //! acceleration is at its limit or the setpoint is far (anti-windup). In the body: `u = D R^T f h / g`, where `R` is
 //! the measured attitude (the force must point the right way while the vehicle turns), `h` the thrust command that
 //! hovers, learned in flight, and `D` the ratio of the thrust units of the axes: one unit of x is not one unit of z.
+//!
+//! The loop runs over a link. What is measured is [`Measured::age_s`] old by the time that it is used, and a loop as fast as
+//! these gains make it bears a fifth of a second of that: beyond, it swings ever wider, out of the altitude band in the
+//! end. So it is slowed in proportion: with `s = PROMPT_S / age` where that is below one, `K_p` is taken `s^2`, `K_d` `s`
+//! and `K_i` `s^3` times, which is the same loop in a time that runs `s` times as fast, so that its delay is to it what
+//! [`PROMPT_S`] is to the full gains. It slows at once, and becomes fast again over [`RECOVERY_S`].
 
 use nalgebra::Vector3;
 
@@ -12,6 +18,12 @@ use crate::geo::{Attitude, Enu, EnuVelocity};
 
 const GRAVITY_M_S2: f64 = 9.806_65;
 const LEAST_HOVER_THRUST: f64 = 0.02;
+/// State that is no older than this is flown on with the full gains, in seconds: a few periods and the way of a command.
+const PROMPT_S: f64 = 0.08;
+/// Time constant with which an age once seen is forgotten, in seconds.
+const RECOVERY_S: f64 = 2.0;
+/// Ages are taken for no more than this, in seconds: state that old is not flown on.
+const LARGEST_AGE_S: f64 = 1.0;
 
 /// Gains, limits and scales.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -65,6 +77,8 @@ pub struct Measured {
     pub velocity_enu_m_s: EnuVelocity,
     /// Attitude.
     pub attitude: Attitude,
+    /// How long ago that was, at the most, in seconds.
+    pub age_s: f64,
 }
 
 /// The controller's memory.
@@ -74,6 +88,8 @@ pub struct PositionControl {
     thrust_n: [f64; 3],
     integral_m_s2: Vector3<f64>,
     hover_thrust: f64,
+    /// The age that the loop is slowed for, in seconds.
+    delay_s: f64,
 }
 
 impl PositionControl {
@@ -85,6 +101,7 @@ impl PositionControl {
             thrust_n: settings.thrust_n.unwrap_or([1.0; 3]),
             integral_m_s2: Vector3::zeros(),
             hover_thrust: settings.hover_thrust,
+            delay_s: PROMPT_S,
         }
     }
 
@@ -120,12 +137,15 @@ impl PositionControl {
         dt_s: f64,
     ) -> Vector3<f64> {
         let s = self.settings;
-        let axes = |[horizontal, vertical]: [f64; 2]| Vector3::new(horizontal, horizontal, vertical);
+        let slowed = self.slow_for(measured.age_s, dt_s);
+        let axes = |[horizontal, vertical]: [f64; 2], power: i32| {
+            Vector3::new(horizontal, horizontal, vertical) * slowed.powi(power)
+        };
         let far = (position_enu_m - measured.position_enu_m).norm() > s.error_limit_m;
         let error = limited(position_enu_m - measured.position_enu_m, s.error_limit_m);
         let velocity_error = velocity_enu_m_s.vector() - measured.velocity_enu_m_s.vector();
-        let feedback =
-            axes(s.proportional_s2).component_mul(&error) + axes(s.velocity_s).component_mul(&velocity_error);
+        let feedback = axes(s.proportional_s2, 2).component_mul(&error)
+            + axes(s.velocity_s, 1).component_mul(&velocity_error);
         let wanted = limited(feedback + self.integral_m_s2, s.acceleration_limit_m_s2);
         let force = wanted + Vector3::z() * GRAVITY_M_S2;
 
@@ -137,13 +157,21 @@ impl PositionControl {
 
         let limited_force = wanted.norm() + 1e-9 >= s.acceleration_limit_m_s2;
         if dt_s > 0.0 && !far && !saturated && !limited_force {
-            let step = axes(s.integral_s3).component_mul(&error) * dt_s;
+            let step = axes(s.integral_s3, 3).component_mul(&error) * dt_s;
             self.integral_m_s2 = limited(self.integral_m_s2 + step, s.integral_limit_m_s2);
             self.learn_hover(dt_s);
         }
         // FLU to FRD.
         let frd = Vector3::new(command.x, -command.y, -command.z);
         if frd.iter().all(|c| c.is_finite()) { frd } else { Vector3::zeros() }
+    }
+
+    /// How many times as fast as with the full gains the loop may be, for state of this age.
+    fn slow_for(&mut self, age_s: f64, dt_s: f64) -> f64 {
+        let forgotten = PROMPT_S + (self.delay_s - PROMPT_S) * (-dt_s.max(0.0) / RECOVERY_S).exp();
+        // What is not a number counts as old.
+        self.delay_s = forgotten.max(age_s.min(LARGEST_AGE_S)).max(PROMPT_S);
+        PROMPT_S / self.delay_s
     }
 
     /// Moves the vertical part of the integral into the hover thrust, slowly, leaving their sum as it is.
@@ -199,8 +227,12 @@ mod tests {
 
     fn plant(roll_deg: f64, pitch_deg: f64) -> Plant {
         let attitude = Attitude::from_euler(roll_deg.to_radians(), pitch_deg.to_radians(), 0.4);
-        let measured =
-            Measured { position_enu_m: Enu::zeros(), velocity_enu_m_s: EnuVelocity::ZERO, attitude };
+        let measured = Measured {
+            position_enu_m: Enu::zeros(),
+            velocity_enu_m_s: EnuVelocity::ZERO,
+            attitude,
+            age_s: 0.0,
+        };
         Plant { mass_kg: 4.0, thrust_n: [133.9, 133.9, 115.9], wind_n: Vector3::zeros(), measured }
     }
 
@@ -272,6 +304,48 @@ mod tests {
             assert!(thrust.amax() <= 0.35 + 1e-12);
         }
         assert_eq!(control, PositionControl::new(settings));
+    }
+
+    #[test]
+    fn regress_old_state_slows_the_loop_and_does_not_swing_it_out_of_the_band() {
+        // A gust of 3 m/s, over a link on which thrust and state are this old together.
+        let worst_after_10_s = |delay_s: f64, told_s: f64| {
+            let (dt_s, mut plant) = (0.02, plant(30.0, -87.0));
+            plant.measured.velocity_enu_m_s = EnuVelocity::new(3.0, 0.0, -3.0);
+            let mut control =
+                PositionControl::new(Settings { hover_thrust: 4.0 * GRAVITY_M_S2 / 115.9, ..omnicopter() });
+            let mut under_way =
+                std::collections::VecDeque::from(vec![plant.measured; (delay_s / dt_s) as usize]);
+            let mut worst = 0.0_f64;
+            for k in 0..1500 {
+                under_way.push_back(plant.measured);
+                let seen = Measured { age_s: told_s, ..under_way.pop_front().unwrap() };
+                plant.step(control.step(Enu::zeros(), EnuVelocity::ZERO, &seen, dt_s), dt_s);
+                if k > 500 {
+                    worst = worst.max(plant.measured.position_enu_m.norm());
+                }
+            }
+            worst
+        };
+        for delay_s in [0.04, 0.1, 0.2, 0.3] {
+            assert!(worst_after_10_s(delay_s, delay_s) < 0.2, "{delay_s} s");
+        }
+        // What it was: full gains, whatever the age.
+        assert!(worst_after_10_s(0.45, 0.0) > 1.0);
+        // A command is under way as well, which the age of the state need not show.
+        assert!(worst_after_10_s(0.45, 0.25) < 0.2);
+    }
+
+    #[test]
+    fn spec_the_loop_is_as_fast_as_ever_some_seconds_after_the_delay() {
+        let mut control = PositionControl::new(omnicopter());
+        assert_eq!(control.slow_for(0.05, 0.02), 1.0);
+        assert!((control.slow_for(0.4, 0.02) - 0.2).abs() < 1e-12);
+        let recovered: Vec<f64> = (0..500).map(|_| control.slow_for(0.05, 0.02)).collect();
+        assert!(recovered.is_sorted() && recovered[10] < 0.3 && recovered[499] > 0.95, "{recovered:?}");
+        for unknown in [f64::NAN, f64::INFINITY] {
+            assert_eq!(control.slow_for(unknown, 0.02), PROMPT_S / LARGEST_AGE_S);
+        }
     }
 
     #[test]

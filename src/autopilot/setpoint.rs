@@ -310,6 +310,7 @@ mod tests {
                 position_enu_m: Enu::new(1.0, 2.0, 10.0),
                 velocity_enu_m_s: EnuVelocity::ZERO,
                 attitude: Attitude::level(),
+                age_s: 0.02,
             },
             footing,
             may_tilt: true,
