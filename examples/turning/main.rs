@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! cargo run --release --no-default-features --example turning -- [table|judge|times] [--missions N] [--first N] [--seed N]
-//!     [--starts N] [--draws N] [--max-min]
+//!     [--starts N] [--draws N] [--max-min] [--guard S] [--turn DEG_S]
 //! ```
 //!
 //! `table` plans ten missions in the paper's arena, and the demo's where the mission file can be read (the default features),
@@ -10,7 +10,8 @@
 //! bit/s/Hz over the superframe, silence and transits included. `judge` lets many random starts of a plain local search choose
 //! poses, and a dense dynamic programme with random bends the attitudes between them, and prints the plan over the judge's
 //! best, both on draws that neither has seen, and the largest of what the plan asks of a limit; the judge shares no code with
-//! the planner. `times` prints what one core takes for each slot, and how wrong poses may be.
+//! the planner. `times` prints what one core takes for each slot, and how wrong poses may be. `--guard` and `--turn` are other guard
+//! times and rates of turning than the missions' 1 s and 45 deg/s; the judge knows no others than these.
 
 // A measuring program: it reads the clock, and what it cannot plan may stop it.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::disallowed_methods)]
@@ -47,9 +48,21 @@ struct Named {
     router: Router,
 }
 
-fn drawn(index: usize, seed: u64, fairness: Fairness) -> Named {
-    let mission = mission::draw(index, seed, fairness);
-    let router = Router::new(&mission.problems[0].airspace, &mission::limits()).unwrap();
+fn drawn(
+    index: usize,
+    seed: u64,
+    fairness: Fairness,
+    guard_s: Option<f64>,
+    turn_deg_s: Option<f64>,
+) -> Named {
+    let mut mission = mission::draw(index, seed, fairness);
+    let mut limits = mission::limits();
+    if let Some(turn_deg_s) = turn_deg_s {
+        limits.i.tilt_rate_rad_s = turn_deg_s.to_radians();
+        limits.j.tilt_rate_rad_s = turn_deg_s.to_radians();
+    }
+    mission.service.guard_s = guard_s.unwrap_or(mission.service.guard_s);
+    let router = Router::new(&mission.problems[0].airspace, &limits).unwrap();
     Named { name: index.to_string(), mission, router }
 }
 
@@ -103,7 +116,13 @@ fn shares(plan: &Protected) -> Vec<String> {
 
 fn head(named: &Named) -> String {
     let Superframe { problems, service } = &named.mission;
-    format!("{:7}  {:5}  {}  {:6}", named.name, problems.len(), problems[0].eavesdroppers.len(), service.slot_s)
+    format!(
+        "{:7}  {:5}  {}  {:6}",
+        named.name,
+        problems.len(),
+        problems[0].eavesdroppers.len(),
+        service.slot_s
+    )
 }
 
 fn table(all: &[Named]) {
@@ -133,7 +152,8 @@ fn table(all: &[Named]) {
             if both.is_static { "  (the static plan's poses)" } else { "" },
         );
     }
-    let mean = |of: fn(&(f64, f64)) -> f64| gains.iter().map(|gain| of(gain).ln()).sum::<f64>() / gains.len() as f64;
+    let mean =
+        |of: fn(&(f64, f64)) -> f64| gains.iter().map(|gain| of(gain).ln()).sum::<f64>() / gains.len() as f64;
     println!(
         "turning over static, geometric mean: {:.3}; joint over turning: {:.3}",
         mean(|gain| gain.0).exp(),
@@ -142,14 +162,17 @@ fn table(all: &[Named]) {
 }
 
 fn judge(all: &[Named], starts: usize, draws: usize, seed: u64) {
-    println!("mission  users  N  slot_s  the plan's word   the plan   the judge   plan/judge   asked/allowed");
+    println!(
+        "mission  users  N  slot_s  the plan's word   the plan   the judge   plan/judge   asked/allowed"
+    );
     let (mut worst, mut hardest) = (f64::INFINITY, 0.0f64);
     for (index, named) in all.iter().enumerate() {
         let Superframe { problems, service } = &named.mission;
         let plan = joint(named);
         let rates_rad_s = rates_rad_s(&named.router);
         let judge = Judge::of_turning(&named.mission, &named.router);
-        let ours: Vec<Configuration> = plan.slots.iter().map(|slot| Configuration::of(&slot.vehicles)).collect();
+        let ours: Vec<Configuration> =
+            plan.slots.iter().map(|slot| Configuration::of(&slot.vehicles)).collect();
         let theirs = judge.best(&ours, starts, seed ^ (index as u64) << 20);
         let paths = Paths::new(&named.mission, rates_rad_s);
         let seed = 0xfeed ^ index as u64;
@@ -166,20 +189,30 @@ fn judge(all: &[Named], starts: usize, draws: usize, seed: u64) {
                 .collect();
             let one_place = xs.iter().all(|x| x.position_m == xs[0].position_m);
             // Turns are between users at one place.
-            if one_place { paths.score(xs, &order, &turns, draws, seed) } else { judge.score(xs, draws, seed) }
+            if one_place {
+                paths.score(xs, &order, &turns, draws, seed)
+            } else {
+                judge.score(xs, draws, seed)
+            }
         });
         let best = best[0].max(best[1]);
         let found = paths.score_of(&plan.protected, draws, seed);
         let strain = strain(problems, &plan.protected, service.guard_s, rates_rad_s, 0.003);
         worst = worst.min(found / best);
         hardest = hardest.max(strain);
-        println!("{}  {said:15.3}  {found:9.3}  {best:10.3}  {:11.4}  {strain:14.9}", head(named), found / best);
+        println!(
+            "{}  {said:15.3}  {found:9.3}  {best:10.3}  {:11.4}  {strain:14.9}",
+            head(named),
+            found / best
+        );
     }
     println!("plan over the judge's best: least {worst:.4}; asked of a limit: at most {hardest:.9}");
 }
 
 fn times(all: &[Named]) {
-    println!("mission  users  N  slot_s  turns ms a slot  tolerances ms a slot  joint ms a slot   I deg  J deg   I m   J m  user dB");
+    println!(
+        "mission  users  N  slot_s  turns ms a slot  tolerances ms a slot  joint ms a slot   I deg  J deg   I m   J m  user dB"
+    );
     let mut most = 0.0f64;
     for named in all {
         let volume = by_volume(&named.mission, &named.router);
@@ -217,18 +250,27 @@ fn times(all: &[Named]) {
 
 fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let number = |name: &str, default: usize| {
+    let given = |name: &str| {
         let at = arguments.iter().position(|a| a == name);
-        at.and_then(|at| arguments.get(at + 1)).and_then(|v| v.parse().ok()).unwrap_or(default)
+        at.and_then(|at| arguments.get(at + 1))
     };
+    let number = |name: &str, default: usize| given(name).and_then(|v| v.parse().ok()).unwrap_or(default);
+    let [guard_s, turn_deg_s] = ["--guard", "--turn"].map(|name| given(name).and_then(|v| v.parse().ok()));
     let fairness =
         if arguments.iter().any(|a| a == "--max-min") { Fairness::MaxMin } else { Fairness::Slots };
     let (seed, first) = (number("--seed", 1) as u64, number("--first", 0));
-    let mut all: Vec<Named> =
-        (first..first + number("--missions", mission::COUNT)).map(|index| drawn(index, seed, fairness)).collect();
-    all.extend(demo().filter(|_| fairness == Fairness::Slots));
+    let mut all: Vec<Named> = (first..first + number("--missions", mission::COUNT))
+        .map(|index| drawn(index, seed, fairness, guard_s, turn_deg_s))
+        .collect();
+    let as_they_are = guard_s.is_none() && turn_deg_s.is_none();
+    all.extend(demo().filter(|_| fairness == Fairness::Slots && as_they_are));
     match arguments.first().map(String::as_str) {
-        Some("judge") => judge(&all, number("--starts", 60), number("--draws", 20_000).max(100), seed),
+        Some("judge") if as_they_are => {
+            judge(&all, number("--starts", 60), number("--draws", 20_000).max(100), seed)
+        }
+        Some("judge") => {
+            eprintln!("the judge knows no other guard and no other rate of turning than the missions'")
+        }
         Some("times") => times(&all),
         _ => table(&all),
     }

@@ -83,17 +83,13 @@ impl<'a> Paths<'a> {
 
     /// The silence between two paths.
     fn silence_s(&self, xs: &[Configuration; 2], ends: [&At; 2]) -> f64 {
-        let turn = |v: usize| {
-            turn_rad(&full(ends[0], v, &xs[0]), &full(ends[1], v, &xs[1])) / self.rates_rad_s[v]
-        };
+        let turn =
+            |v: usize| turn_rad(&full(ends[0], v, &xs[0]), &full(ends[1], v, &xs[1])) / self.rates_rad_s[v];
         turn(0).max(turn(1)).max(self.mission.service.guard_s)
     }
 
     fn standing(x: &Configuration) -> At {
-        At {
-            angles: [0, 1].map(|v: usize| [x.angles_rad[v][0], x.angles_rad[v][1]]),
-            power_w: x.power_w[1],
-        }
+        At { angles: [0, 1].map(|v: usize| [x.angles_rad[v][0], x.angles_rad[v][1]]), power_w: x.power_w[1] }
     }
 
     /// The best rate over a few powers of J, and that power.
@@ -102,7 +98,9 @@ impl<'a> Paths<'a> {
             let at = At { power_w: share * x.power_w[1], ..*at };
             (self.rate(user, &moved(x, &at)), at)
         });
-        tried.into_iter().fold((f64::NEG_INFINITY, *at), |best, other| if other.0 > best.0 { other } else { best })
+        tried
+            .into_iter()
+            .fold((f64::NEG_INFINITY, *at), |best, other| if other.0 > best.0 { other } else { best })
     }
 
     /// What is lost on the cheapest way to each pair of distances along straight lines towards the other user's attitudes,
@@ -248,7 +246,14 @@ impl<'a> Paths<'a> {
     }
 
     /// What standing configurations and changes deliver for each second of a superframe, bit/s/Hz, on fresh draws.
-    pub fn score(&self, xs: &[Configuration], order: &[usize], turns: &[Turn], draws: usize, seed: u64) -> f64 {
+    pub fn score(
+        &self,
+        xs: &[Configuration],
+        order: &[usize],
+        turns: &[Turn],
+        draws: usize,
+        seed: u64,
+    ) -> f64 {
         let service = &self.mission.service;
         let n = xs.len();
         let on_air_s = service.slot_s - service.guard_s;
@@ -296,7 +301,13 @@ fn seen(state: &State) -> Configuration {
 
 /// The largest of what a plan asks over what it may, over the rate of turning, the tilt while anybody is served, the power,
 /// and the guard over the silence: 1 and less keeps every limit. By the plan's states, `step_s` apart.
-pub fn strain(problems: &[Problem], plan: &Protected, guard_s: f64, rates_rad_s: [f64; 2], step_s: f64) -> f64 {
+pub fn strain(
+    problems: &[Problem],
+    plan: &Protected,
+    guard_s: f64,
+    rates_rad_s: [f64; 2],
+    step_s: f64,
+) -> f64 {
     let mut worst: f64 = 0.0;
     let mut last: Option<(f64, State)> = None;
     let steps = (plan.superframe_s / step_s) as usize;

@@ -39,7 +39,9 @@ pub enum PlanError {
     )]
     VolumeObjective,
     /// A static plan whose positions cannot be left for each other.
-    #[error("the pair finds no way from the positions of user {from} to those of user {to}, counted from 0; give others")]
+    #[error(
+        "the pair finds no way from the positions of user {from} to those of user {to}, counted from 0; give others"
+    )]
     NoTransit {
         /// Who is served before.
         from: usize,

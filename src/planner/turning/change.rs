@@ -169,7 +169,11 @@ impl<W: Ways> Change<'_, '_, W> {
             let (at, standing) = (self.offset(side, v), self.standing(side, v));
             [0, 1].map(|corner: usize| {
                 let given = [0, 1].map(|k: usize| standing[k] + UNIT_RAD * x[at + 2 * corner + k]);
-                if self.tilt_rad(v) > 0.0 { Held::new(given, self.tilt_rad(v)) } else { Held::new([0.0; 2], 0.0) }
+                if self.tilt_rad(v) > 0.0 {
+                    Held::new(given, self.tilt_rad(v))
+                } else {
+                    Held::new([0.0; 2], 0.0)
+                }
             })
         });
         let ramps = [0, 1].map(|v: usize| {
@@ -279,7 +283,13 @@ impl<W: Ways> Change<'_, '_, W> {
     }
 
     /// What the change costs, and the gradient.
-    fn value(&self, x: &[f64], (view, standing): (View, [f64; 2]), memory: &mut Memory, gradient: &mut [f64]) -> f64 {
+    fn value(
+        &self,
+        x: &[f64],
+        (view, standing): (View, [f64; 2]),
+        memory: &mut Memory,
+        gradient: &mut [f64],
+    ) -> f64 {
         gradient.fill(0.0);
         let sides = [self.side(x, 0), self.side(x, 1)];
         let (times, by) = self.times_s([&sides[0].ramps, &sides[1].ramps]);
@@ -384,7 +394,11 @@ impl<W: Ways> Change<'_, '_, W> {
     /// Ramps that fit into their user's time on the air.
     fn fitted(&self, side: usize, ramps: &[Ramp; 2]) -> [Ramp; 2] {
         let (lasts_s, longest_s) = (self.lasts_s(ramps), self.longest_s[side]);
-        if lasts_s <= longest_s { *ramps } else { ramps.map(|ramp| ramp.shrunk(longest_s / lasts_s * (1.0 - 1e-6))) }
+        if lasts_s <= longest_s {
+            *ramps
+        } else {
+            ramps.map(|ramp| ramp.shrunk(longest_s / lasts_s * (1.0 - 1e-6)))
+        }
     }
 
     /// What a change costs by the rates of its steps.
@@ -392,13 +406,19 @@ impl<W: Ways> Change<'_, '_, W> {
         let mut cost = self.price * changed.silence_s;
         for (side, steps) in changed.steps.iter().enumerate() {
             let standing = self.rate(side, FINE, &self.raws[side], memory, &mut [0.0; 14]);
-            cost += self.weights[side] * steps.iter().map(|step| step.lasts_s * (standing - step.rate)).sum::<f64>();
+            cost += self.weights[side]
+                * steps.iter().map(|step| step.lasts_s * (standing - step.rate)).sum::<f64>();
         }
         cost
     }
 
     /// A change by its ramps, on the grid that is flown. `powers_w` are where J's power is looked for, by node.
-    fn changed(&self, ramps: &[[Ramp; 2]; 2], powers_w: &[[Option<f64>; NODES.len()]; 2], memory: &mut Memory) -> Changed {
+    fn changed(
+        &self,
+        ramps: &[[Ramp; 2]; 2],
+        powers_w: &[[Option<f64>; NODES.len()]; 2],
+        memory: &mut Memory,
+    ) -> Changed {
         let (times, _) = self.times_s([&ramps[0], &ramps[1]]);
         let steps = [0, 1].map(|side: usize| self.steps(side, &ramps[side], &powers_w[side], memory));
         let silent = [0, 1].map(|side: usize| {
@@ -409,7 +429,13 @@ impl<W: Ways> Change<'_, '_, W> {
     }
 
     /// One side's ramp in steps, in order of time.
-    fn steps(&self, side: usize, ramps: &[Ramp; 2], powers_w: &[Option<f64>; NODES.len()], memory: &mut Memory) -> Vec<Step> {
+    fn steps(
+        &self,
+        side: usize,
+        ramps: &[Ramp; 2],
+        powers_w: &[Option<f64>; NODES.len()],
+        memory: &mut Memory,
+    ) -> Vec<Step> {
         let lasts_s = self.lasts_s(ramps);
         if lasts_s <= 0.0 {
             return Vec::new();
@@ -419,7 +445,8 @@ impl<W: Ways> Change<'_, '_, W> {
             .map(|k| {
                 // Counted from the silence.
                 let middle_s = step_s * (k as f64 + 0.5);
-                let near = self.power_near(middle_s / lasts_s, powers_w).unwrap_or(self.raws[side][VEHICLE + POWER]);
+                let near =
+                    self.power_near(middle_s / lasts_s, powers_w).unwrap_or(self.raws[side][VEHICLE + POWER]);
                 let power_w = self.best_power(side, &self.configuration(side, ramps, middle_s, near), memory);
                 let raw = self.configuration(side, ramps, middle_s, power_w);
                 let rate = self.rate(side, FINE, &raw, memory, &mut [0.0; 14]);
@@ -462,7 +489,8 @@ impl<W: Ways> Change<'_, '_, W> {
         // The golden section, in the logarithm.
         const GOLDEN: f64 = 0.618_033_988_749_894_8;
         let middle = libm::log(own_w / max_w);
-        let (mut low, mut high) = ((middle - POWER_REACH).clamp(floor, 0.0), (middle + POWER_REACH).clamp(floor, 0.0));
+        let (mut low, mut high) =
+            ((middle - POWER_REACH).clamp(floor, 0.0), (middle + POWER_REACH).clamp(floor, 0.0));
         let at = |log: f64| max_w * libm::exp(log);
         let mut inner = [high - GOLDEN * (high - low), low + GOLDEN * (high - low)];
         let mut values = inner.map(|log| value(at(log)));

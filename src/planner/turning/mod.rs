@@ -286,8 +286,11 @@ impl<'a, W: Ways> Job<'a, W> {
             self.case.rate(user, FINE, &raws[user], memory, &mut [0.0; 14]).max(0.0)
         });
         let poses = |user: usize| vehicles[user].map(|vehicle| vehicle.pose);
-        let ends: Vec<(usize, usize)> =
-            if order.len() > 1 { legs(order).collect() } else { order.iter().map(|user| (*user, *user)).collect() };
+        let ends: Vec<(usize, usize)> = if order.len() > 1 {
+            legs(order).collect()
+        } else {
+            order.iter().map(|user| (*user, *user)).collect()
+        };
         let mut silences_s = Vec::with_capacity(ends.len());
         for &(from, to) in &ends {
             let silence_s = self.case.ways.transit_s(&poses(from), &poses(to));

@@ -65,7 +65,10 @@ impl Ramp {
     #[must_use]
     pub fn shrunk(&self, factor: f64) -> Self {
         let [standing, corners @ ..] = self.points;
-        Self::new(standing, corners.map(|corner| [0, 1].map(|k: usize| standing[k] + factor * (corner[k] - standing[k]))))
+        Self::new(
+            standing,
+            corners.map(|corner| [0, 1].map(|k: usize| standing[k] + factor * (corner[k] - standing[k]))),
+        )
     }
 
     /// The leg so far back from the end, and the share of it that is back.
@@ -84,7 +87,8 @@ impl Ramp {
     #[must_use]
     pub fn at(&self, back_rad: f64) -> [f64; 2] {
         let Some((leg, share)) = self.locate(back_rad) else { return self.points[0] };
-        [0, 1].map(|k: usize| self.points[leg + 1][k] + share * (self.points[leg][k] - self.points[leg + 1][k]))
+        [0, 1]
+            .map(|k: usize| self.points[leg + 1][k] + share * (self.points[leg][k] - self.points[leg + 1][k]))
     }
 
     /// Carries a gradient by roll and pitch so far back to the corners, and returns it by the way back.
@@ -112,8 +116,8 @@ impl Ramp {
 
     /// Carries a gradient by the length to the corners.
     pub fn pull_length(&self, by: f64, out: &mut [[f64; 2]; CORNERS]) {
-        let [first, last] =
-            [0, 1].map(|leg: usize| minus(self.points[leg + 1], self.points[leg]).map(|c| c / self.lengths[leg]));
+        let [first, last] = [0, 1]
+            .map(|leg: usize| minus(self.points[leg + 1], self.points[leg]).map(|c| c / self.lengths[leg]));
         add(&mut out[0], by, first);
         add(&mut out[0], -by, last);
         add(&mut out[1], by, last);

@@ -31,9 +31,19 @@ fn problems(jitter_deg: f64) -> Vec<Problem> {
 }
 
 /// J's null on the user, I's axis as given.
-fn served(problem: &Problem, positions: [[f64; 3]; 2], roll_pitch: [f64; 2], power_w: f64) -> PerVehicle<VehiclePlan> {
+fn served(
+    problem: &Problem,
+    positions: [[f64; 3]; 2],
+    roll_pitch: [f64; 2],
+    power_w: f64,
+) -> PerVehicle<VehiclePlan> {
     let [i, j] = positions.map(Vector3::from);
-    let pose = |position_enu_m, [roll_rad, pitch_rad]: [f64; 2]| Pose { position_enu_m, roll_rad, pitch_rad, yaw_rad: 0.0 };
+    let pose = |position_enu_m, [roll_rad, pitch_rad]: [f64; 2]| Pose {
+        position_enu_m,
+        roll_rad,
+        pitch_rad,
+        yaw_rad: 0.0,
+    };
     let (roll, pitch) = pattern::canonical_angles(&(j - problem.user_enu_m));
     PerVehicle {
         i: VehiclePlan { pose: pose(i, roll_pitch), tx_power_w: problem.radio.max_power_w.i },
@@ -49,7 +59,12 @@ fn standing(problems: &[Problem], axes: [[f64; 2]; 3]) -> Vec<PerVehicle<Vehicle
 
 const AXES: [[f64; 2]; 3] = [[0.7, -0.4], [-0.6, 0.3], [0.2, 1.1]];
 
-fn turned(problems: &[Problem], vehicles: &[PerVehicle<VehiclePlan>], service: &Service, ways: &Plain) -> Protected {
+fn turned(
+    problems: &[Problem],
+    vehicles: &[PerVehicle<VehiclePlan>],
+    service: &Service,
+    ways: &Plain,
+) -> Protected {
     let slots_s = vec![service.slot_s; vehicles.len()];
     let standing = Standing { vehicles, slots_s: &slots_s, order: None };
     through(problems, &standing, service, ways, &Options::default(), None).unwrap()
@@ -82,19 +97,29 @@ fn check_limits(problems: &[Problem], plan: &Protected, service: &Service, ways:
         assert!(slot.silence_s >= service.guard_s);
         let (first, last) = (&slot.knots[0], slot.knots.last().unwrap());
         assert!((last.at_s - first.at_s - slot.on_air_s).abs() < 1e-9 && last.served.is_none());
-        assert!(slot.knots.windows(2).all(|pair| pair[0].at_s < pair[1].at_s && pair[0].served == Some(slot.user)));
+        assert!(
+            slot.knots
+                .windows(2)
+                .all(|pair| pair[0].at_s < pair[1].at_s && pair[0].served == Some(slot.user))
+        );
     }
 }
 
 /// What the same poses are worth without ramps, and in silence between slots, bit for each second.
-fn static_bits_s(problems: &[Problem], vehicles: &[PerVehicle<VehiclePlan>], service: &Service, ways: &Plain) -> f64 {
+fn static_bits_s(
+    problems: &[Problem],
+    vehicles: &[PerVehicle<VehiclePlan>],
+    service: &Service,
+    ways: &Plain,
+) -> f64 {
     let options = EvaluateOptions { samples: 8192, ..EvaluateOptions::default() };
     let n = vehicles.len();
     let poses = |k: usize| vehicles[k % n].map(|vehicle| vehicle.pose);
     let mut length_s = n as f64 * (service.slot_s + service.settle_s);
     let mut bits = 0.0;
     for (k, (problem, at)) in problems.iter().zip(vehicles).enumerate() {
-        bits += (service.slot_s - service.guard_s) * evaluate(problem, at, &options).unwrap().secrecy_rate_bps;
+        bits +=
+            (service.slot_s - service.guard_s) * evaluate(problem, at, &options).unwrap().secrecy_rate_bps;
         length_s += ways.transit_s(&poses(k), &poses(k + 1)).unwrap();
     }
     bits / length_s
@@ -139,7 +164,8 @@ proptest! {
             turning.transit_s(&poses(k), &poses(k + 1)).unwrap()
         }).sum();
         let rates: f64 = plan.slots.iter().map(|slot| {
-            slot.knots.iter().map(|knot| knot.rate_bps).fold(0.0, f64::max)
+            let stands = |knot: &&Knot| knot.vehicles == vehicles[slot.user];
+            slot.knots.iter().find(stands).unwrap().rate_bps
         }).sum();
         let without = (slot_s - guard_s) * rates / (3.0 * (slot_s - guard_s) + silent);
         prop_assert!(plan.volume_bits() / plan.superframe_s >= without * (1.0 - 1e-9));
@@ -182,7 +208,8 @@ fn val_the_gradient_of_a_change_is_that_of_central_differences() {
 fn val_two_users_who_mirror_each_other_by_brute_force() {
     let mut problem = Problem::paper([[0.0, 250.0], [0.0, -250.0]], 0.5, 2f64.to_radians());
     problem.vehicles.i.airframe = Airframe::Conventional;
-    let problems = [-80.0, 80.0].map(|y| Problem { user_enu_m: Vector3::new(0.0, y, 0.0), ..problem.clone() });
+    let problems =
+        [-80.0, 80.0].map(|y| Problem { user_enu_m: Vector3::new(0.0, y, 0.0), ..problem.clone() });
     let place = [[0.0, 0.0, 80.0], [-40.0, 0.0, 100.0]];
     let vehicles: Vec<_> = problems.iter().map(|problem| served(problem, place, [0.0; 2], 0.01)).collect();
     let ways = Plain { turn_rate_rad_s: 0.5, ..Plain::default() };
@@ -206,9 +233,8 @@ fn val_two_users_who_mirror_each_other_by_brute_force() {
     };
     // The standing power is what it is.
     let still = evaluate(&problems[0], &vehicles[0], &options).unwrap().secrecy_rate_bps;
-    let turn = Course::Shortest
-        .angle_rad(&ways::angles(&vehicles[0].j.pose), &ways::angles(&vehicles[1].j.pose))
-        .0;
+    let turn =
+        Course::Shortest.angle_rad(&ways::angles(&vehicles[0].j.pose), &ways::angles(&vehicles[1].j.pose)).0;
     let step = 0.01;
     let (mut lost, mut best) = (0.0, 0.0f64);
     for k in 0..60 {
@@ -321,17 +347,22 @@ fn spec_one_user_alone_has_its_guard() {
 
 #[test]
 fn val_volumes_are_those_of_the_evaluator_along_the_path() {
-    let (problems, ways) = (problems(2.0), Plain { turn_rate_rad_s: 0.5, ..Plain::default() });
-    let plan = turned(&problems, &standing(&problems, AXES), &SERVICE, &ways);
+    let (problems, ways) = (problems(2.0), Plain { turn_rate_rad_s: 0.4, ..Plain::default() });
+    let service = Service { guard_s: 0.5, ..SERVICE };
     let options = EvaluateOptions { samples: 4096, ..EvaluateOptions::default() };
+    let known = volume::plan(&problems, &service, &ways, &Options::default()).unwrap();
+    let vehicles: Vec<_> = known.slots.iter().map(|slot| slot.vehicles).collect();
+    let plan = turned(&problems, &vehicles, &service, &ways);
+    assert!(plan.slots.iter().any(|slot| slot.knots.len() > 2), "no ramp, and nothing is shown");
     for slot in &plan.slots {
         let mut bits = 0.0;
         for pair in slot.knots.windows(2) {
             let lasts_s = pair[1].at_s - pair[0].at_s;
-            let parts = if pair[0].vehicles == pair[1].vehicles { 1 } else { 4 };
+            let parts = if pair[0].vehicles == vehicles[slot.user] { 1 } else { 4 };
             for part in 0..parts {
-                let state = plan.at(pair[0].at_s + lasts_s * (f64::from(part) + 0.5) / f64::from(parts)).unwrap();
-                let vehicles = PerVehicle::from_fn(|role| {
+                let share = (f64::from(part) + 0.5) / f64::from(parts);
+                let state = plan.at(pair[0].at_s + lasts_s * share).unwrap();
+                let at = PerVehicle::from_fn(|role| {
                     let (roll_rad, pitch_rad, yaw_rad) = state.attitudes[role].euler();
                     let position_enu_m = state.positions_enu_m[role];
                     VehiclePlan {
@@ -339,11 +370,11 @@ fn val_volumes_are_those_of_the_evaluator_along_the_path() {
                         tx_power_w: state.tx_powers_w[role],
                     }
                 });
-                let rate = evaluate(&problems[slot.user], &vehicles, &options).unwrap().secrecy_rate_bps;
+                let rate = evaluate(&problems[slot.user], &at, &options).unwrap().secrecy_rate_bps;
                 bits += rate * lasts_s / f64::from(parts);
             }
         }
-        assert!((slot.volume_bits / bits - 1.0).abs() < 4e-3, "{} {bits}", slot.volume_bits);
+        assert!((slot.volume_bits / bits - 1.0).abs() < 3e-3, "{} {bits}", slot.volume_bits);
     }
 }
 
@@ -375,7 +406,11 @@ fn val_an_error_of_the_tolerance_costs_its_share() {
                     let mut vehicles = knot.vehicles;
                     let pose = &mut vehicles[role].pose;
                     let wrong = pose.attitude().rotation()
-                        * nalgebra::UnitQuaternion::from_scaled_axis(Vector3::new(size * cos, size * sin, 0.0));
+                        * nalgebra::UnitQuaternion::from_scaled_axis(Vector3::new(
+                            size * cos,
+                            size * sin,
+                            0.0,
+                        ));
                     (pose.roll_rad, pose.pitch_rad, pose.yaw_rad) = wrong.euler_angles();
                     rate(&vehicles)
                 })

@@ -78,12 +78,7 @@ pub fn of(setup: &Setup, raw: &Raw, share: f64, mut rate: impl FnMut(&Raw) -> f6
 }
 
 /// The least size, in any direction of a star, at which a rate falls to `least`, and the direction.
-fn smallest<D: Copy>(
-    star: &[D],
-    largest: f64,
-    least: f64,
-    mut rate: impl FnMut(D, f64) -> f64,
-) -> (f64, D) {
+fn smallest<D: Copy>(star: &[D], largest: f64, least: f64, mut rate: impl FnMut(D, f64) -> f64) -> (f64, D) {
     let mut worst_at = |size: f64| {
         let rated = star.iter().map(|d| (rate(*d, size), *d));
         rated.fold((f64::INFINITY, star[0]), |known, other| if other.0 < known.0 { other } else { known })
@@ -108,7 +103,8 @@ fn smallest<D: Copy>(
         }
         outside = inside;
         let rated = star.iter().map(|d| (rate(*d, inside), *d));
-        let worst = rated.fold((f64::INFINITY, star[0]), |known, other| if other.0 < known.0 { other } else { known });
+        let worst = rated
+            .fold((f64::INFINITY, star[0]), |known, other| if other.0 < known.0 { other } else { known });
         if worst.0 > least {
             break;
         }
@@ -125,7 +121,8 @@ fn directions() -> Vec<[f64; 3]> {
         axis[k / 2] = if k % 2 == 0 { 1.0 } else { -1.0 };
         axis
     });
-    let diagonals = (0..8).map(|k: usize| [0, 1, 2].map(|axis: usize| if k >> axis & 1 == 0 { third } else { -third }));
+    let diagonals =
+        (0..8).map(|k: usize| [0, 1, 2].map(|axis: usize| if k >> axis & 1 == 0 { third } else { -third }));
     axes.chain(diagonals).collect()
 }
 
@@ -178,9 +175,10 @@ fn user_sinr(setup: &Setup, raw: &Raw) -> f64 {
         let antenna = &problem.antennas[role];
         let position_enu_m = Vector3::new(raw[at], raw[at + 1], raw[at + 2]);
         let path = problem.user_enu_m - position_enu_m;
-        let gain = mean_over_jitter(setup, [raw[at + ANGLES], raw[at + ANGLES + 1], raw[at + ANGLES + 2]], |axis| {
-            antenna.gain(&path, axis)
-        });
+        let gain =
+            mean_over_jitter(setup, [raw[at + ANGLES], raw[at + ANGLES + 1], raw[at + ANGLES + 2]], |axis| {
+                antenna.gain(&path, axis)
+            });
         let gain = problem.fading.user.mean_gain(gain, antenna.mean());
         let from = Transmitter { position_enu_m, axis: Vector3::z(), tx_power_w: raw[at + POWER], antenna };
         link::power_at_gain_w(&from, &problem.user_enu_m, gain, problem.radio.reference_gain)
