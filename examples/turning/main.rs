@@ -10,8 +10,8 @@
 //! bit/s/Hz over the superframe, silence and transits included. `judge` lets many random starts of a plain local search choose
 //! poses, and a dense dynamic programme with random bends the attitudes between them, and prints the plan over the judge's
 //! best, both on draws that neither has seen, and the largest of what the plan asks of a limit; the judge shares no code with
-//! the planner. `times` prints what one core takes for each slot, and how wrong poses may be. `--guard` and `--turn` are other guard
-//! times and rates of turning than the missions' 1 s and 45 deg/s; the judge knows no others than these.
+//! the planner. `times` prints what one core takes for each slot, and how wrong poses may be. `--guard` and `--turn` are other
+//! guard times and rates of turning than the missions' 1 s and 45 deg/s.
 
 // A measuring program: it reads the clock, and what it cannot plan may stop it.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::disallowed_methods)]
@@ -262,15 +262,16 @@ fn main() {
     let mut all: Vec<Named> = (first..first + number("--missions", mission::COUNT))
         .map(|index| drawn(index, seed, fairness, guard_s, turn_deg_s))
         .collect();
+    let judged = arguments.first().is_some_and(|kind| kind == "judge");
+    if judged && fairness != Fairness::Slots {
+        eprintln!("turning judge: it weighs the sum of what all users get; leave --max-min out");
+        std::process::exit(2);
+    }
+    // The judge knows square areas alone.
     let as_they_are = guard_s.is_none() && turn_deg_s.is_none();
-    all.extend(demo().filter(|_| fairness == Fairness::Slots && as_they_are));
+    all.extend(demo().filter(|_| fairness == Fairness::Slots && as_they_are && !judged));
     match arguments.first().map(String::as_str) {
-        Some("judge") if as_they_are => {
-            judge(&all, number("--starts", 60), number("--draws", 20_000).max(100), seed)
-        }
-        Some("judge") => {
-            eprintln!("the judge knows no other guard and no other rate of turning than the missions'")
-        }
+        Some("judge") => judge(&all, number("--starts", 60), number("--draws", 20_000).max(100), seed),
         Some("times") => times(&all),
         _ => table(&all),
     }

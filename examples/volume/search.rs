@@ -10,6 +10,7 @@ use nalgebra::{DMatrix, DVector};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use veilwing::planner::volume::{Fairness, Ways};
+use veilwing::role::Role;
 use veilwing::schedule::transit::Router;
 
 use crate::mission::{Superframe, limits};
@@ -30,6 +31,8 @@ pub struct Judge<'a> {
     looks: [Vec<Look>; 2],
     /// Whether users at one place follow each other as soon as the guard has passed and both have turned.
     turning: bool,
+    /// Of either vehicle.
+    turn_rate_rad_s: f64,
 }
 
 fn squeeze(t: f64, [low, high]: [f64; 2]) -> f64 {
@@ -77,7 +80,7 @@ fn along(d: [f64; 3]) -> [f64; 2] {
     [(-up * d[1]).atan2(d[0].hypot(d[2])), (up * d[0]).atan2(up * d[2])]
 }
 
-fn transit_s(a: &Configuration, b: &Configuration) -> f64 {
+fn transit_s(a: &Configuration, b: &Configuration, turn_rate_rad_s: f64) -> f64 {
     let limits = limits().i;
     (0..2)
         .map(|v| {
@@ -88,7 +91,7 @@ fn transit_s(a: &Configuration, b: &Configuration) -> f64 {
             } else {
                 0.0
             };
-            ride.max(turn_rad(&a.angles_rad[v], &b.angles_rad[v]) / limits.tilt_rate_rad_s)
+            ride.max(turn_rad(&a.angles_rad[v], &b.angles_rad[v]) / turn_rate_rad_s)
         })
         .fold(0.0, f64::max)
 }
@@ -104,7 +107,8 @@ impl<'a> Judge<'a> {
                 .collect()
         };
         let looks = [look(96, 1), look(1024, 2)];
-        Self { mission, looks, worlds, router, turning: false }
+        let turn_rate_rad_s = router.turn_rate_rad_s(Role::I);
+        Self { mission, looks, worlds, router, turning: false, turn_rate_rad_s }
     }
 
     /// A judge of plans whose turns at one place cost no more than the guard or the turn.
@@ -116,7 +120,7 @@ impl<'a> Judge<'a> {
     /// What lies between two slots beside the guard.
     fn between_s(&self, a: &Configuration, b: &Configuration) -> f64 {
         let service = &self.mission.service;
-        let transit_s = transit_s(a, b);
+        let transit_s = transit_s(a, b, self.turn_rate_rad_s);
         if self.turning && a.position_m == b.position_m {
             (transit_s - service.guard_s).max(0.0)
         } else {

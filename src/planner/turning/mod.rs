@@ -23,8 +23,9 @@
 //! ```
 //!
 //! each turn being what is left of it between the ramps' ends. Without ramps that is never more than the volume plan's
-//! `sum of slots + users * settling + sum of transits`, and rates are the same: the volume for each second is never below the static
-//! plan's.
+//! `sum of slots + users * settling + sum of transits`, and rates are the same: the volume for each second is never below the
+//! static plan's. (A vehicle whose tilt is limited turns its angles evenly in the silence, where a transit takes the shortest
+//! rotation through any tilt: it may lose by that, where neither guard nor settling makes up for it.)
 //!
 //! At each knot a plan can say how wrong poses may be there (`tolerance`). Deterministic, like all plans, whatever the number of
 //! threads.
@@ -124,10 +125,9 @@ pub fn plan(
 ) -> Result<Joint, PlanError> {
     volume::check(problems, options)?;
     let setups: Vec<Setup> = problems.iter().map(Setup::new).collect::<Result<_, _>>()?;
-    let Some(first) = setups.first() else {
-        let protected = Protected { slots: Vec::new(), superframe_s: 0.0 };
-        return Ok(Joint { slots: Vec::new(), slots_s: Vec::new(), protected, is_static: true });
-    };
+    let nothing = Protected { slots: Vec::new(), superframe_s: 0.0 };
+    let empty = Joint { slots: Vec::new(), slots_s: Vec::new(), protected: nothing.clone(), is_static: true };
+    let Some(first) = setups.first() else { return Ok(empty) };
     let turning =
         Turning { ways, guard_s: service.guard_s, settle_s: service.settle_s, tilt_rad: first.tilt_rad };
     let air = on_air(service);
@@ -160,19 +160,13 @@ pub fn plan(
         let worth = job.worth(&turns, &on_air_s);
         if best.as_ref().is_none_or(|(known, ..)| worth > *known) {
             let slots_s = on_air_s.iter().map(|s| s + turning.guard_s).collect();
-            let protected = Protected { slots: Vec::new(), superframe_s: 0.0 };
+            let protected = nothing.clone();
             best = Some((worth, Joint { slots, slots_s, protected, is_static }, turns));
         }
     }
-    match (best, refused) {
-        (Some((_, joint, turns)), _) => {
-            let on_air_s: Vec<f64> = joint.slots_s.iter().map(|s| s - turning.guard_s).collect();
-            Ok(Joint { protected: job.protected(&turns, &on_air_s, share, options), ..joint })
-        }
-        (None, Some(error)) => Err(error),
-        // There is always the static plan.
-        (None, None) => Err(PlanError::VolumeMethod),
-    }
+    let Some((_, joint, turns)) = best else { return refused.map_or(Ok(empty), Err) };
+    let on_air_s: Vec<f64> = joint.slots_s.iter().map(|s| s - turning.guard_s).collect();
+    Ok(Joint { protected: job.protected(&turns, &on_air_s, share, options), ..joint })
 }
 
 /// A superframe's users and how they are served.
@@ -369,6 +363,8 @@ impl<'a, W: Ways> Job<'a, W> {
             let raw = &turns.raws[user];
             let knot = |at_s: f64, step: &Step, served: bool| {
                 let mut vehicles = self.vehicles(raw, &step.angles, step.power_w);
+                // Nobody radiates for a user whom no poses serve.
+                let served = served && raw[POWER] > 0.0;
                 if !served {
                     vehicles.i.tx_power_w = 0.0;
                     vehicles.j.tx_power_w = 0.0;

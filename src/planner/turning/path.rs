@@ -87,7 +87,8 @@ impl Protected {
     /// The share of the time in which somebody is served.
     #[must_use]
     pub fn share_on_air(&self) -> f64 {
-        let on_air_s: f64 = self.slots.iter().map(|slot| slot.on_air_s).sum();
+        let served = |slot: &&Slot| slot.knots.iter().any(|knot| knot.served.is_some());
+        let on_air_s: f64 = self.slots.iter().filter(served).map(|slot| slot.on_air_s).sum();
         if self.superframe_s > 0.0 { on_air_s / self.superframe_s } else { 0.0 }
     }
 

@@ -70,28 +70,39 @@ fn turned(
     through(problems, &standing, service, ways, &Options::default(), None).unwrap()
 }
 
+/// Nobody turns faster than it can, between any two instants.
+fn check_limits_of_turning(plan: &Protected, ways: &Plain) {
+    let step_s = 0.002;
+    let mut before: Option<State> = None;
+    for k in 0..=(plan.superframe_s / step_s) as usize + 3 {
+        let state = plan.at(k as f64 * step_s).unwrap();
+        if let Some(before) = before {
+            for role in Role::BOTH {
+                let angle = before.attitudes[role].angle_to(&state.attitudes[role]);
+                assert!(angle <= ways.turn_rate_rad_s * step_s * (1.0 + 1e-4) + 1e-7, "{role:?} {k} {angle}");
+            }
+        }
+        before = Some(state);
+    }
+}
+
 /// Every limit, at instants so close together that nothing slips through.
 fn check_limits(problems: &[Problem], plan: &Protected, service: &Service, ways: &Plain) {
     let tilt = |role: Role| match problems[0].vehicles[role].airframe {
         Airframe::Omnidirectional => problems[0].vehicles[role].max_tilt_rad,
         Airframe::Conventional => 0.0,
     };
+    check_limits_of_turning(plan, ways);
     let step_s = 0.002;
-    let mut before: Option<State> = None;
     for k in 0..=(plan.superframe_s / step_s) as usize + 3 {
         let state = plan.at(k as f64 * step_s).unwrap();
         for role in Role::BOTH {
-            if let Some(before) = before {
-                let angle = before.attitudes[role].angle_to(&state.attitudes[role]);
-                assert!(angle <= ways.turn_rate_rad_s * step_s * (1.0 + 1e-4) + 1e-7, "{role:?} {k} {angle}");
-            }
             if tilt(role) < std::f64::consts::FRAC_PI_2 {
                 assert!(state.attitudes[role].antenna_axis().z >= tilt(role).cos() - 1e-9, "{role:?} at {k}");
             }
             let most_w = state.served.map_or(0.0, |user| problems[user].radio.max_power_w[role]);
             assert!((0.0..=most_w).contains(&state.tx_powers_w[role]));
         }
-        before = Some(state);
     }
     for slot in &plan.slots {
         assert!(slot.silence_s >= service.guard_s);
@@ -334,6 +345,26 @@ fn spec_powers_are_those_that_the_transmitter_can_give() {
         assert!(power_w == 0.0 || levels.contains(&power_w), "{power_w}");
         assert_eq!(knot.served.is_some(), knot.vehicles.i.tx_power_w > 0.0);
     }
+}
+
+#[test]
+fn spec_a_user_whom_nobody_can_serve_is_passed_in_silence() {
+    let (problems, ways) = (problems(2.0), Plain { turn_rate_rad_s: 0.4, ..Plain::default() });
+    let mut vehicles = standing(&problems, AXES);
+    let all = turned(&problems, &vehicles, &SERVICE, &ways);
+    // As the planner leaves them where no rate is positive.
+    (vehicles[1].i.tx_power_w, vehicles[1].j.tx_power_w) = (0.0, 0.0);
+    let plan = turned(&problems, &vehicles, &SERVICE, &ways);
+    assert!(plan.slots[1].volume_bits.abs() < 1e-9 && plan.slots[1].on_air_s == 9.0);
+    assert!(plan.slots[1].knots.iter().all(|knot| knot.served.is_none()));
+    assert!(
+        plan.slots[1].knots.iter().all(|knot| knot.vehicles.i.tx_power_w + knot.vehicles.j.tx_power_w == 0.0)
+    );
+    // Its slot is as good as silence to turn in.
+    for slot in [0, 1] {
+        assert!(plan.slots[slot].silence_s <= all.slots[slot].silence_s + 1e-9);
+    }
+    check_limits_of_turning(&plan, &ways);
 }
 
 #[test]

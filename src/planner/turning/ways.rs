@@ -74,3 +74,67 @@ impl<W: Ways> Ways for Turning<'_, W> {
         self.guard_s + self.settle_s
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::expectation::kernel::Raw;
+    use super::super::super::volume::testing::Plain;
+    use super::super::super::volume::ways::{largest_s, smoothed};
+    use super::*;
+
+    const A: Raw = [5.0, 3.0, 80.0, 0.8, -0.3, 0.0, 0.5, 90.0, -210.0, 80.0, 1.1, 0.8, 0.0, 0.006];
+
+    #[test]
+    fn val_a_leg_is_the_guard_or_the_turn_or_the_way_and_all_beside_it() {
+        let ways = Plain::default();
+        let turning = Turning { ways: &ways, guard_s: 1.0, settle_s: 2.0, tilt_rad: [2.0; 2] };
+        let mut near = A;
+        near[3] += 0.4;
+        let mut far = A;
+        far[3] -= 1.6;
+        let mut elsewhere = near;
+        elsewhere[0] += 40.0;
+        for (to, expected) in [(A, 1.0), (near, 1.0), (far, 2.0), (elsewhere, 1.0 + 2.0 + 5.0)] {
+            let largest = largest_s(&turning, &A, &to);
+            assert!((largest - expected).abs() < 1e-12, "{largest} {expected}");
+            let smooth = smoothed(&turning, &A, &to, 12.0).time_s;
+            assert!(smooth >= largest && smooth <= 5f64.powf(1.0 / 12.0) * largest);
+            let numeric = |k: usize| {
+                let at = |step: f64| {
+                    let mut moved = to;
+                    moved[k] += step;
+                    smoothed(&turning, &A, &moved, 12.0).time_s
+                };
+                (at(1e-6) - at(-1e-6)) / 2e-6
+            };
+            let by = smoothed(&turning, &A, &to, 12.0).by[1];
+            assert!(to == A || (by[3] - numeric(3)).abs() < 1e-6, "{by:?} {}", numeric(3));
+        }
+        let pose = |raw: &Raw, at: usize| Pose {
+            position_enu_m: Vector3::new(raw[at], raw[at + 1], raw[at + 2]),
+            roll_rad: raw[at + 3],
+            pitch_rad: raw[at + 4],
+            yaw_rad: raw[at + 5],
+        };
+        let poses = |raw: &Raw| PerVehicle { i: pose(raw, 0), j: pose(raw, 7) };
+        for to in [A, near, far, elsewhere] {
+            let flown = turning.transit_s(&poses(&A), &poses(&to)).unwrap();
+            assert!((flown - largest_s(&turning, &A, &to)).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn val_a_slot_is_its_time_on_the_air() {
+        let service = Service {
+            slot_s: 10.0,
+            guard_s: 1.0,
+            settle_s: 2.0,
+            slot_limits_s: [5.0, 20.0],
+            fairness: super::super::Fairness::MaxMin,
+            may_reorder: true,
+        };
+        let air = on_air(&service);
+        assert_eq!((air.slot_s, air.guard_s, air.settle_s, air.slot_limits_s), (9.0, 0.0, 0.0, [4.0, 19.0]));
+        assert!(air.may_reorder);
+    }
+}
