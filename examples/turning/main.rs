@@ -19,6 +19,7 @@
 #[path = "../volume/mission.rs"]
 mod mission;
 mod paths;
+#[allow(dead_code)]
 #[path = "../volume/plans.rs"]
 mod plans;
 #[allow(dead_code)]
