@@ -17,10 +17,9 @@ use crate::mission::Superframe;
 use crate::search::turn_rad;
 use crate::world::{Configuration, Look, World};
 
-/// Time between attitudes of a path, in seconds.
-const STEP_S: f64 = 0.02;
-/// Longest path in steps.
+/// Longest path in steps, and what part of the whole turn that is.
 const LONGEST: usize = 24;
+const PART: f64 = 0.6;
 /// Powers of J that are tried at an attitude, over the standing one.
 const POWERS: [f64; 6] = [1.0, 0.6, 0.35, 0.2, 0.08, 0.02];
 /// Random changes of a pair of paths, and starts of them.
@@ -43,6 +42,8 @@ type Side = Vec<At>;
 pub struct Turn {
     sides: [Side; 2],
     silence_s: f64,
+    /// Time between attitudes of a path, in seconds.
+    step_s: f64,
 }
 
 pub struct Paths<'a> {
@@ -105,14 +106,20 @@ impl<'a> Paths<'a> {
 
     /// What is lost on the cheapest way to each pair of distances along straight lines towards the other user's attitudes,
     /// and that way.
-    fn table(&self, user: usize, x: &Configuration, to: &Configuration) -> Vec<Vec<(f64, Side)>> {
+    fn table(
+        &self,
+        user: usize,
+        x: &Configuration,
+        to: &Configuration,
+        step_s: f64,
+    ) -> Vec<Vec<(f64, Side)>> {
         let from = Self::standing(x);
         let goal = Self::standing(to);
         let standing = self.rate(user, x);
         let along = |v: usize, k: usize| {
             let (a, b) = (from.angles[v], goal.angles[v]);
             let length = (b[0] - a[0]).hypot(b[1] - a[1]).max(1e-9);
-            let share = (k as f64 * STEP_S * self.rates_rad_s[v] / length).min(1.0);
+            let share = (k as f64 * step_s * self.rates_rad_s[v] / length).min(1.0);
             [a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])]
         };
         let mut table: Vec<Vec<(f64, Side)>> = Vec::new();
@@ -125,7 +132,7 @@ impl<'a> Paths<'a> {
                 }
                 let at = At { angles: [along(0, i), along(1, j)], power_w: from.power_w };
                 let (rate, at) = self.best_rate(user, x, &at);
-                let lost = STEP_S * (standing - rate).max(0.0);
+                let lost = step_s * (standing - rate).max(0.0);
                 let mut before: Option<&(f64, Side)> = None;
                 let diagonal = if i > 0 && j > 0 { Some(&table[i - 1][j - 1]) } else { None };
                 let up = if i > 0 { Some(&table[i - 1][j]) } else { None };
@@ -149,7 +156,7 @@ impl<'a> Paths<'a> {
         let lost: f64 = (0..2)
             .map(|side| {
                 let standing = self.rate(users[side], &xs[side]);
-                let of = |at: &At| STEP_S * (standing - self.rate(users[side], &moved(&xs[side], at)));
+                let of = |at: &At| turn.step_s * (standing - self.rate(users[side], &moved(&xs[side], at)));
                 turn.sides[side].iter().map(of).sum::<f64>()
             })
             .sum();
@@ -158,14 +165,17 @@ impl<'a> Paths<'a> {
 
     /// The best change of the user that is found, a second of the superframe being worth `price`.
     pub fn best(&self, users: [usize; 2], xs: &[Configuration; 2], price: f64, seed: u64) -> Turn {
-        let still = Turn {
+        let mut still = Turn {
+            step_s: 0.0,
             sides: [0, 1].map(|side: usize| vec![Self::standing(&xs[side])]),
             silence_s: self.silence_s(xs, [&Self::standing(&xs[0]), &Self::standing(&xs[1])]),
         };
         if still.silence_s <= self.mission.service.guard_s {
             return still;
         }
-        let tables = [0, 1].map(|side: usize| self.table(users[side], &xs[side], &xs[1 - side]));
+        let step_s = PART * still.silence_s / LONGEST as f64;
+        still.step_s = step_s;
+        let tables = [0, 1].map(|side: usize| self.table(users[side], &xs[side], &xs[1 - side], step_s));
         let cells = |side: usize| tables[side].iter().flatten().collect::<Vec<_>>();
         let (before, after) = (cells(0), cells(1));
         let mut best = (price * still.silence_s, 0, 0);
@@ -181,14 +191,13 @@ impl<'a> Paths<'a> {
             }
         }
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        let begun = Turn { sides: [before[best.1].1.clone(), after[best.2].1.clone()], silence_s: 0.0 };
-        let begun = self.timed(xs, begun.sides);
+        let begun = self.timed(xs, [before[best.1].1.clone(), after[best.2].1.clone()], step_s);
         let mut found = (self.cost(users, xs, price, &begun), begun);
         for start in 0..STARTS {
             let mut at = (found.0, [found.1.sides[0].clone(), found.1.sides[1].clone()]);
             let mut size = if start == 0 { 0.05 } else { 0.2 };
             for _ in 0..CHANGES / STARTS {
-                let turn = self.timed(xs, self.bent(xs, &at.1, size, &mut rng));
+                let turn = self.timed(xs, self.bent(xs, &at.1, (size, step_s), &mut rng), step_s);
                 let cost = self.cost(users, xs, price, &turn);
                 if cost < at.0 {
                     at = (cost, turn.sides);
@@ -198,19 +207,25 @@ impl<'a> Paths<'a> {
                 }
             }
             if at.0 < found.0 {
-                found = (at.0, self.timed(xs, at.1));
+                found = (at.0, self.timed(xs, at.1, step_s));
             }
         }
         found.1
     }
 
-    fn timed(&self, xs: &[Configuration; 2], sides: [Side; 2]) -> Turn {
+    fn timed(&self, xs: &[Configuration; 2], sides: [Side; 2], step_s: f64) -> Turn {
         let silence_s = self.silence_s(xs, [&sides[0][0], &sides[1][0]]);
-        Turn { sides, silence_s }
+        Turn { sides, silence_s, step_s }
     }
 
     /// A random change of one vehicle's path on one side, drawn back to what the vehicle can turn.
-    fn bent(&self, xs: &[Configuration; 2], sides: &[Side; 2], size: f64, rng: &mut ChaCha8Rng) -> [Side; 2] {
+    fn bent(
+        &self,
+        xs: &[Configuration; 2],
+        sides: &[Side; 2],
+        (size, step_s): (f64, f64),
+        rng: &mut ChaCha8Rng,
+    ) -> [Side; 2] {
         let mut sides = [sides[0].clone(), sides[1].clone()];
         let side = rng.random_range(0..2usize);
         let standing = Self::standing(&xs[side]);
@@ -235,7 +250,7 @@ impl<'a> Paths<'a> {
             for v in 0..2 {
                 let way = [0, 1].map(|c: usize| at.angles[v][c] - last.angles[v][c]);
                 let length = way[0].hypot(way[1]);
-                let most = self.rates_rad_s[v] * STEP_S;
+                let most = self.rates_rad_s[v] * step_s;
                 if length > most {
                     at.angles[v] = [0, 1].map(|c: usize| last.angles[v][c] + way[c] * most / length);
                 }
@@ -259,13 +274,13 @@ impl<'a> Paths<'a> {
         let on_air_s = service.slot_s - service.guard_s;
         let mut volume = 0.0;
         for (place, &user) in order.iter().enumerate() {
-            let rate = |x: &Configuration, salt: u64| self.worlds[user].score(x, draws, seed ^ salt << 32);
-            let standing = rate(&xs[user], 0);
+            let rate = |x: &Configuration| self.worlds[user].score(x, draws, seed);
+            let standing = rate(&xs[user]);
             volume += on_air_s * standing;
-            let before = &turns[(place + n - 1) % n].sides[1];
-            let after = &turns[place].sides[0];
-            for at in before.iter().chain(after) {
-                volume -= STEP_S * (standing - rate(&moved(&xs[user], at), 0));
+            for (turn, side) in [(&turns[(place + n - 1) % n], 1), (&turns[place], 0)] {
+                for at in &turn.sides[side] {
+                    volume -= turn.step_s * (standing - rate(&moved(&xs[user], at)));
+                }
             }
         }
         let silence_s: f64 = turns.iter().map(|turn| turn.silence_s).sum();
