@@ -239,8 +239,8 @@ impl<'a> Paths<'a> {
         let louder = if rng.random_range(0..3) == 0 { rng.random_range(-1.0f64..1.0) } else { 0.0 };
         for (k, at) in path.iter_mut().enumerate() {
             let bump = (-((k as f64 - centre) / width).powi(2)).exp();
-            for c in 0..2 {
-                at.angles[v][c] = (at.angles[v][c] + bump * by[c]).clamp(-FRAC_PI_2, FRAC_PI_2);
+            for (angle, by) in at.angles[v].iter_mut().zip(by) {
+                *angle = (*angle + bump * by).clamp(-FRAC_PI_2, FRAC_PI_2);
             }
             at.power_w = (at.power_w * (bump * louder).exp()).min(self.worlds[0].most_w[1]);
         }
