@@ -15,81 +15,17 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::disallowed_methods)]
 
 mod mission;
+mod plans;
 mod search;
 #[allow(dead_code)]
 #[path = "../judge/world.rs"]
 mod world;
 
-use std::time::{Duration, Instant};
-
-use mission::Superframe;
+use plans::{Planned, by_rate, by_volume, stated};
 use search::Judge;
-use veilwing::geo::Pose;
-use veilwing::planner::plan::{SlotPlan, VehiclePlan};
-use veilwing::planner::volume::{self, Fairness};
-use veilwing::planner::{Options, plan_slot};
-use veilwing::role::PerVehicle;
-use veilwing::schedule::order::Order;
-use veilwing::schedule::table::Timing;
+use veilwing::planner::volume::Fairness;
 use veilwing::schedule::transit::Router;
-use veilwing::schedule::ways;
 use world::Configuration;
-
-/// A plan's slots, and what it took.
-struct Planned {
-    vehicles: Vec<PerVehicle<VehiclePlan>>,
-    slots: Vec<SlotPlan>,
-    slots_s: Vec<f64>,
-    took_ms: f64,
-}
-
-fn poses(vehicles: &PerVehicle<VehiclePlan>) -> PerVehicle<Pose> {
-    vehicles.map(|vehicle| vehicle.pose)
-}
-
-fn by_volume(mission: &Superframe, router: &Router) -> Planned {
-    let begun = Instant::now();
-    let found = volume::plan(&mission.problems, &mission.service, router, &Options::default()).unwrap();
-    let took_ms = 1e3 * begun.elapsed().as_secs_f64();
-    Planned {
-        vehicles: found.slots.iter().map(|slot| slot.vehicles).collect(),
-        slots: found.slots,
-        slots_s: found.slots_s,
-        took_ms,
-    }
-}
-
-fn by_rate(mission: &Superframe) -> Planned {
-    let begun = Instant::now();
-    let slots: Vec<SlotPlan> =
-        mission.problems.iter().map(|problem| plan_slot(problem, &Options::default()).unwrap()).collect();
-    let took_ms = 1e3 * begun.elapsed().as_secs_f64();
-    let slots_s = vec![mission.service.slot_s; slots.len()];
-    Planned { vehicles: slots.iter().map(|slot| slot.vehicles).collect(), slots, slots_s, took_ms }
-}
-
-/// What the schedule's own table makes of a plan, by the plan's own rates, bit/s/Hz over the superframe: the sum, or with the
-/// least-served user first the least.
-fn stated(mission: &Superframe, router: &Router, plan: &Planned) -> f64 {
-    let service = &mission.service;
-    let timing = Timing {
-        settle: Duration::from_secs_f64(service.settle_s),
-        ..Timing::new(Duration::from_secs_f64(service.slot_s), Duration::from_secs_f64(service.guard_s), 1)
-    };
-    let users: Vec<_> = plan.vehicles.iter().map(poses).collect();
-    let lengths: Vec<_> = plan.slots_s.iter().map(|s| Duration::from_secs_f64(*s)).collect();
-    let order = if service.may_reorder { Order::Shortest } else { Order::Listed };
-    let length = ways::superframe(router, &users, &lengths, &timing, order).unwrap();
-    let volumes = plan.slots.iter().zip(&plan.slots_s).zip(&mission.problems);
-    let volumes = volumes.map(|((slot, slot_s), problem)| {
-        (slot_s - service.guard_s) * slot.secrecy_rate_bps / problem.radio.bandwidth_hz
-    });
-    let volume = match service.fairness {
-        Fairness::Slots => volumes.sum(),
-        Fairness::MaxMin => volumes.fold(f64::INFINITY, f64::min),
-    };
-    volume / length.as_secs_f64()
-}
 
 /// How many positions I and J have.
 fn places(plan: &Planned) -> [usize; 2] {

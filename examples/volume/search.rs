@@ -10,6 +10,7 @@ use nalgebra::{DMatrix, DVector};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use veilwing::planner::volume::{Fairness, Ways};
+use veilwing::role::Role;
 use veilwing::schedule::transit::Router;
 
 use crate::mission::{Superframe, limits};
@@ -28,6 +29,10 @@ pub struct Judge<'a> {
     worlds: Vec<World>,
     router: &'a Router,
     looks: [Vec<Look>; 2],
+    /// Whether users at one place follow each other as soon as the guard has passed and both have turned.
+    turning: bool,
+    /// Of either vehicle.
+    turn_rate_rad_s: f64,
 }
 
 fn squeeze(t: f64, [low, high]: [f64; 2]) -> f64 {
@@ -55,7 +60,7 @@ fn ride_s(distance: f64, speed: f64) -> f64 {
 }
 
 /// The angle between two attitudes, by the trace of the rotation between them.
-fn turn_rad(a: &[f64; 3], b: &[f64; 3]) -> f64 {
+pub fn turn_rad(a: &[f64; 3], b: &[f64; 3]) -> f64 {
     let matrix =
         |[roll, pitch, yaw]: &[f64; 3]| *nalgebra::Rotation3::from_euler_angles(*roll, *pitch, *yaw).matrix();
     let trace = (matrix(a).transpose() * matrix(b)).trace();
@@ -75,7 +80,7 @@ fn along(d: [f64; 3]) -> [f64; 2] {
     [(-up * d[1]).atan2(d[0].hypot(d[2])), (up * d[0]).atan2(up * d[2])]
 }
 
-fn transit_s(a: &Configuration, b: &Configuration) -> f64 {
+fn transit_s(a: &Configuration, b: &Configuration, turn_rate_rad_s: f64) -> f64 {
     let limits = limits().i;
     (0..2)
         .map(|v| {
@@ -86,7 +91,7 @@ fn transit_s(a: &Configuration, b: &Configuration) -> f64 {
             } else {
                 0.0
             };
-            ride.max(turn_rad(&a.angles_rad[v], &b.angles_rad[v]) / limits.tilt_rate_rad_s)
+            ride.max(turn_rad(&a.angles_rad[v], &b.angles_rad[v]) / turn_rate_rad_s)
         })
         .fold(0.0, f64::max)
 }
@@ -102,15 +107,33 @@ impl<'a> Judge<'a> {
                 .collect()
         };
         let looks = [look(96, 1), look(1024, 2)];
-        Self { mission, looks, worlds, router }
+        let turn_rate_rad_s = router.turn_rate_rad_s(Role::I);
+        Self { mission, looks, worlds, router, turning: false, turn_rate_rad_s }
     }
 
-    fn order(&self, xs: &[Configuration]) -> Vec<usize> {
+    /// A judge of plans whose turns at one place cost no more than the guard or the turn.
+    #[allow(dead_code)]
+    pub fn of_turning(mission: &'a Superframe, router: &'a Router) -> Self {
+        Self { turning: true, ..Self::new(mission, router) }
+    }
+
+    /// What lies between two slots beside the guard.
+    fn between_s(&self, a: &Configuration, b: &Configuration) -> f64 {
+        let service = &self.mission.service;
+        let transit_s = transit_s(a, b, self.turn_rate_rad_s);
+        if self.turning && a.position_m == b.position_m {
+            (transit_s - service.guard_s).max(0.0)
+        } else {
+            transit_s + service.settle_s
+        }
+    }
+
+    pub fn order(&self, xs: &[Configuration]) -> Vec<usize> {
         let n = xs.len();
         if !self.mission.service.may_reorder || n < 4 {
             return (0..n).collect();
         }
-        let between: Vec<f64> = xs.iter().flat_map(|a| xs.iter().map(|b| transit_s(a, b))).collect();
+        let between: Vec<f64> = xs.iter().flat_map(|a| xs.iter().map(|b| self.between_s(a, b))).collect();
         self.router.shortest(n, &between)
     }
 
@@ -118,8 +141,7 @@ impl<'a> Judge<'a> {
     fn worth(&self, rates: &[f64], xs: &[Configuration], order: &[usize]) -> f64 {
         let service = &self.mission.service;
         let n = xs.len();
-        let transits: f64 = (0..n).map(|k| transit_s(&xs[order[k]], &xs[order[(k + 1) % n]])).sum();
-        let fixed = n as f64 * service.settle_s + transits;
+        let fixed: f64 = (0..n).map(|k| self.between_s(&xs[order[k]], &xs[order[(k + 1) % n]])).sum();
         match service.fairness {
             Fairness::Slots => {
                 (service.slot_s - service.guard_s) * rates.iter().sum::<f64>()

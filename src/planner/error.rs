@@ -38,6 +38,16 @@ pub enum PlanError {
         "a volume is planned for the mean over what stays wrong during a slot, or with nothing wrong: set planner.objective = \"mean\" or \"nominal\", or planner.optimise = \"rate\""
     )]
     VolumeObjective,
+    /// A static plan whose positions cannot be left for each other.
+    #[error(
+        "the pair finds no way from the positions of user {from} to those of user {to}, counted from 0; give others"
+    )]
+    NoTransit {
+        /// Who is served before.
+        from: usize,
+        /// Who is served afterwards.
+        to: usize,
+    },
     /// The geofence has no interior.
     #[error(
         "the area of {vertices} vertices has no interior or crosses itself; give the corners of a simple polygon in order"

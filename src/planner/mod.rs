@@ -31,6 +31,7 @@ mod setup;
 pub mod slots;
 mod solver;
 mod starts;
+pub mod turning;
 mod variables;
 pub mod volume;
 mod worst;

@@ -17,16 +17,16 @@
 //! ways from the start and home do not: a plan is made before anybody knows where the vehicles will stand.
 
 mod layout;
-mod objective;
+pub(super) mod objective;
 mod place;
 mod search;
-mod shares;
+pub(super) mod shares;
 mod table;
 #[cfg(test)]
-mod testing;
+pub(super) mod testing;
 #[cfg(test)]
 mod tests;
-mod ways;
+pub(super) mod ways;
 
 pub use ways::Ways;
 
@@ -94,10 +94,39 @@ pub fn plan(
     ways: &impl Ways,
     options: &Options,
 ) -> Result<Superframe, PlanError> {
+    let mut best: Option<Choice> = None;
+    for choice in choices(problems, service, ways, options)? {
+        if best.as_ref().is_none_or(|known| choice.worth > known.worth) {
+            best = Some(choice);
+        }
+    }
+    let slots = best.map(|choice| choice.slots).unwrap_or_default();
+    let rates: Vec<f64> = slots.iter().zip(problems).map(|(slot, problem)| nats(slot, problem)).collect();
+    let slots_s = lengths_s(service, &slots, &rates);
+    Ok(Superframe { slots, slots_s })
+}
+
+/// One of a search's best candidates, scored.
+pub(super) struct Choice {
+    /// By user.
+    pub slots: Vec<SlotPlan>,
+    /// In which order they are served.
+    pub order: Vec<usize>,
+    /// What it is worth by the ways that are flown, nats per hertz and second.
+    pub worth: f64,
+}
+
+/// The best candidates of the search.
+pub(super) fn choices(
+    problems: &[Problem],
+    service: &Service,
+    ways: &impl Ways,
+    options: &Options,
+) -> Result<Vec<Choice>, PlanError> {
     check(problems, options)?;
     let setups: Vec<Setup> = problems.iter().map(Setup::new).collect::<Result<_, _>>()?;
     if setups.is_empty() {
-        return Ok(Superframe { slots: Vec::new(), slots_s: Vec::new() });
+        return Ok(Vec::new());
     }
     let plans: Vec<Vec<slot_search::Rough>> =
         setups.iter().map(|setup| slot_search::rough(setup, options)).collect();
@@ -116,8 +145,7 @@ pub fn plan(
     let own: Vec<Vec<Raw>> = plans.iter().map(|plans| plans.iter().map(|plan| plan.raw).collect()).collect();
     let mut candidates = search::candidates(&case, &own, options.seed, options.threads);
     candidates.truncate(TIMED);
-    let mut best: Option<(f64, Vec<SlotPlan>)> = None;
-    for candidate in candidates {
+    let scored = candidates.into_iter().map(|candidate| {
         let found = |raw: &Raw| Found { raw: *raw, converged: candidate.converged };
         let slots: Vec<SlotPlan> = setups
             .iter()
@@ -130,16 +158,17 @@ pub fn plan(
             legs(&candidate.order).map(|(from, to)| ways.transit_s(&poses(from), &poses(to))).sum();
         // What cannot be flown is worth nothing: the slot table says why.
         let worth = transits_s.map_or(0.0, |transits_s| case.worth_of(&rates, transits_s));
-        if best.as_ref().is_none_or(|(known, _)| worth > *known) {
-            best = Some((worth, slots));
-        }
-    }
-    let slots = best.map(|(_, slots)| slots).unwrap_or_default();
-    let rates: Vec<f64> = slots.iter().zip(problems).map(|(slot, problem)| nats(slot, problem)).collect();
+        Choice { slots, order: candidate.order, worth }
+    });
+    Ok(scored.collect())
+}
+
+/// The lengths of slots with these rates, in nats per hertz.
+pub(super) fn lengths_s(service: &Service, slots: &[SlotPlan], rates: &[f64]) -> Vec<f64> {
     let served: Vec<bool> = slots.iter().map(|slot| slot.status != Status::NoPositiveRate).collect();
-    let shared = shares::shares(service, &rates, &served);
+    let shared = shares::shares(service, rates, &served);
     let [shortest_s, longest_s] = service.slot_limits_s;
-    let slots_s = match service.fairness {
+    match service.fairness {
         Fairness::Slots => shared.slots_s,
         // Down, so that together they are no longer than they may be.
         Fairness::MaxMin => shared
@@ -147,24 +176,23 @@ pub fn plan(
             .into_iter()
             .map(|slot_s| ((slot_s / SLOT_GRID_S).floor() * SLOT_GRID_S).clamp(shortest_s, longest_s))
             .collect(),
-    };
-    Ok(Superframe { slots, slots_s })
+    }
 }
 
 /// A slot's rate in nats per hertz.
-fn nats(slot: &SlotPlan, problem: &Problem) -> f64 {
+pub(super) fn nats(slot: &SlotPlan, problem: &Problem) -> f64 {
     slot.secrecy_rate_bps * std::f64::consts::LN_2 / problem.radio.bandwidth_hz
 }
 
 /// The sample sets of a user, the coarsest first.
-fn samples(setup: &Setup, options: &Options) -> [Samples; 4] {
+pub(super) fn samples(setup: &Setup, options: &Options) -> [Samples; 4] {
     let all = slot_search::samples(setup, options);
     let sizes = if setup.heeds_uncertainty() { RESOLUTIONS_OF_ERRORS } else { RESOLUTIONS };
     sizes.map(|count| all.first(count))
 }
 
 /// Refuses what knows nothing of volume.
-fn check(problems: &[Problem], options: &Options) -> Result<(), PlanError> {
+pub(super) fn check(problems: &[Problem], options: &Options) -> Result<(), PlanError> {
     if options.method != Method::Veilwing {
         return Err(PlanError::VolumeMethod);
     }

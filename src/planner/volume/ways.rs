@@ -24,6 +24,27 @@ pub trait Ways: Sync {
     /// The order of all users that makes a superframe shortest, by the time between any two: row-major (from, to), in
     /// seconds. The first is user 0: a superframe has no beginning.
     fn shortest(&self, users: usize, between_s: &[f64]) -> Vec<usize>;
+
+    /// The least time between two slots that are served from the same positions, in seconds: a turn that takes no longer costs
+    /// nothing.
+    fn least_s(&self) -> f64 {
+        0.0
+    }
+
+    /// What a way between different positions takes beside the flight, in seconds.
+    fn beside_s(&self) -> f64 {
+        0.0
+    }
+}
+
+/// Whether two configurations have both positions in common, to the last bit.
+pub fn is_same_place(a: &Raw, b: &Raw) -> bool {
+    [0, VEHICLE].iter().all(|at| (0..3).all(|k| a[at + k].to_bits() == b[at + k].to_bits()))
+}
+
+/// The least time of a leg, and what it takes beside the flight.
+fn fixed_s(ways: &impl Ways, from: &Raw, to: &Raw) -> [f64; 2] {
+    if is_same_place(from, to) { [ways.least_s(), 0.0] } else { [0.0, ways.beside_s()] }
 }
 
 /// The angle between the attitudes of two vehicles, roll, pitch and yaw, and how it changes with either.
@@ -61,9 +82,10 @@ pub struct Smoothed {
 }
 
 /// The larger of all times that a transit takes, smoothed to a norm of this power: never less than the largest, and at most
-/// `4^(1/power)` times it. Without slopes where nobody asks for them.
+/// `5^(1/power)` times it. Without slopes where nobody asks for them.
 pub fn smoothed(ways: &impl Ways, from: &Raw, to: &Raw, power: f64) -> Smoothed {
-    let mut times = [0.0; 4];
+    let [least_s, beside_s] = fixed_s(ways, from, to);
+    let mut times = [0.0, 0.0, 0.0, 0.0, least_s];
     let mut moves = [Vector3::zeros(); 2];
     let mut turns = [[[0.0; 3]; 2]; 2];
     for (v, role) in Role::BOTH.into_iter().enumerate() {
@@ -79,7 +101,7 @@ pub fn smoothed(ways: &impl Ways, from: &Raw, to: &Raw, power: f64) -> Smoothed 
     let largest = times.iter().fold(0.0, |a: f64, b| a.max(*b));
     let mut by = [[0.0; 14]; 2];
     if largest <= 0.0 {
-        return Smoothed { time_s: 0.0, by };
+        return Smoothed { time_s: beside_s, by };
     }
     let sum: f64 = times.iter().map(|t| libm::pow(t / largest, power)).sum();
     let time_s = largest * libm::pow(sum, 1.0 / power);
@@ -94,12 +116,12 @@ pub fn smoothed(ways: &impl Ways, from: &Raw, to: &Raw, power: f64) -> Smoothed 
             by[1][at + ANGLES + k] = turn_share * turns[v][1][k];
         }
     }
-    Smoothed { time_s, by }
+    Smoothed { time_s: time_s + beside_s, by }
 }
 
 /// The largest of the times of straight ways and turns, in seconds.
 pub fn largest_s(ways: &impl Ways, from: &Raw, to: &Raw) -> f64 {
-    let mut largest: f64 = 0.0;
+    let [mut largest, beside_s] = fixed_s(ways, from, to);
     for (v, role) in Role::BOTH.into_iter().enumerate() {
         let at = v * VEHICLE;
         let by_m = Vector3::from_fn(|k, _| to[at + k] - from[at + k]);
@@ -107,7 +129,7 @@ pub fn largest_s(ways: &impl Ways, from: &Raw, to: &Raw) -> f64 {
         let turn_s = turn_rad(&from[angles.clone()], &to[angles]).0 / ways.turn_rate_rad_s(role);
         largest = largest.max(ways.straight_s(role, &by_m).0).max(turn_s);
     }
-    largest
+    largest + beside_s
 }
 
 #[cfg(test)]
