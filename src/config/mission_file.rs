@@ -2,16 +2,18 @@
 
 use nalgebra::Vector2;
 
+use super::area_file::AreaFile;
 use super::draft::{
-    Emission, JitterDraft, MissionDraft, NodeDraft, Optimise, PlannedVehicleDraft, PlannerSettings,
-    RadioDraft, Tdma,
+    Emission, JitterDraft, MissionDraft, NoFlyDraft, NodeDraft, Optimise, PlannedVehicleDraft,
+    PlannerSettings, RadioDraft, Tdma,
 };
-use super::kind::{Choice, Each, Flag, Integer, List, Moment, Number, Numbers, Period, Text};
+use super::kind::{Choice, Each, FieldFile, Flag, Integer, List, Moment, Number, Numbers, Period, Text};
 use super::link_file;
 use super::reader::Section;
 use crate::geo::{Enu, Geodetic};
 use crate::planner::problem::{Airframe, Airspace, JitterAxes, JitterModel, Method, Objective};
 use crate::planner::volume::Fairness;
+use crate::role::{PerVehicle, Role};
 use crate::schedule::order::Order;
 
 /// How far from the origin anything may be, in metres: beyond, the mission's plane is no plane.
@@ -46,13 +48,44 @@ pub(super) fn describe(s: &mut Section<'_, '_>, draft: &mut MissionDraft) {
         emission,
     );
     s.table("radio", "The link budget, the same for every link.", |s| radio(s, &mut draft.radio));
+    let mut homes = PerVehicle::default();
     s.table("airspace", "Where the vehicles may be.", |s| {
         airspace(s, &mut draft.airspace, &mut draft.area_lat_lon, &mut draft.airspace_max_tilt_deg);
+        let sentence = "The area, its no-fly areas and homes that are not given here, from a QGroundControl plan or a GeoJSON file, by its \
+                        path from this file.";
+        let field = s.set_file("area_file", sentence, FieldFile { directory: s.directory() });
+        s.set_tables(
+            "no_fly",
+            "A part of the area in which no vehicle may be.",
+            0,
+            &mut draft.no_fly,
+            |index| NoFlyDraft { name: format!("no-fly-{}", index + 1), ..NoFlyDraft::default() },
+            no_fly,
+        );
+        s.alternatives(&[&["area_enu_m"], &["area_lat_lon"], &["area_file"]], false);
+        if let Some(field) = field {
+            homes = drawn(s, draft, field);
+        }
     });
     s.table("vehicles", "What must be known of each vehicle to plan for it.", |s| {
         s.table("i", "Vehicle I, the information transmitter.", |s| vehicle(s, &mut draft.vehicles.i));
         s.table("j", "Vehicle J, the friendly jammer.", |s| vehicle(s, &mut draft.vehicles.j));
     });
+    for role in Role::BOTH {
+        let vehicle = &mut draft.vehicles[role];
+        if let Some((home, up_m)) = homes[role]
+            && vehicle.home_enu_m.is_none()
+            && vehicle.home_lat_lon.is_none()
+        {
+            let path = |key: &str| format!("vehicles.{}.{key}", role.key());
+            s.record_of_file(AREA_FILE, &path("home_lat_lon"), &LAT_LON, &home);
+            vehicle.home_lat_lon = Some(home);
+            if let Some(up_m) = up_m {
+                s.record_of_file(AREA_FILE, &path("home_alt_m"), &HEIGHT, &up_m);
+                vehicle.home_alt_m = Some(up_m);
+            }
+        }
+    }
     s.table("jitter", "How steadily the vehicles hold their attitude.", |s| jitter(s, &mut draft.jitter));
     link_file::describe(s, draft);
     s.table("tdma", "The slot table: one user a slot.", |s| tdma(s, &mut draft.tdma));
@@ -66,6 +99,36 @@ pub(super) fn describe(s: &mut Section<'_, '_>, draft: &mut MissionDraft) {
         node,
     );
     s.table("planner", "How each slot's poses and powers are found.", |s| planner(s, &mut draft.planner));
+}
+
+const AREA_FILE: &str = "airspace.area_file";
+const LAT_LON: Numbers<2> = Numbers([("latitude", latitude()), ("longitude", longitude())]);
+
+/// Takes what a file says of the field as if the mission said it, its no-fly areas after the mission's own; gives the homes.
+fn drawn(
+    s: &mut Section<'_, '_>,
+    draft: &mut MissionDraft,
+    field: AreaFile,
+) -> PerVehicle<Option<([f64; 2], Option<f64>)>> {
+    const FILE: &str = "area_file";
+    if !s.given("area_enu_m") && !s.given("area_lat_lon") {
+        s.record_of_file(FILE, "area_lat_lon", &corners_lat_lon(), &field.area);
+        draft.area_lat_lon = Some(field.area);
+    }
+    for area in field.no_fly {
+        let path = |key: &str| format!("no_fly[{}].{key}", draft.no_fly.len());
+        s.record_of_file(FILE, &path("name"), &NAME, &area.name);
+        if let Some(corners) = &area.area_lat_lon {
+            s.record_of_file(FILE, &path("area_lat_lon"), &corners_lat_lon(), corners);
+        }
+        for (key, height) in [("floor_m", area.floor_m), ("ceiling_m", area.ceiling_m)] {
+            if let Some(height_m) = height {
+                s.record_of_file(FILE, &path(key), &HEIGHT, &height_m);
+            }
+        }
+        draft.no_fly.push(area);
+    }
+    field.homes
 }
 
 fn identity(s: &mut Section<'_, '_>, draft: &mut MissionDraft) {
@@ -185,25 +248,21 @@ fn airspace(
         Numbers([("lowest", HEIGHT), ("highest", HEIGHT)]),
         &mut airspace.altitude_m,
     );
+    let (east_north, lat_lon) = (corners_enu(), corners_lat_lon());
     let mut area: Vec<[f64; 2]> = airspace.area_enu_m.iter().map(|corner| (*corner).into()).collect();
     s.set(
         "area_enu_m",
         "Corners [east, north] of the area that binds the vehicles, in order, the last joining the first. Nodes may lie outside.",
-        List { each: Numbers([("east", HORIZONTAL), ("north", HORIZONTAL)]), at_least: 3, at_most: 1000 },
+        east_north,
         &mut area,
     );
     airspace.area_enu_m = area.into_iter().map(Vector2::from).collect();
     s.set_optional(
         "area_lat_lon",
         "The same by [latitude, longitude], north and east positive, instead of area_enu_m.",
-        List {
-            each: Numbers([("latitude", latitude()), ("longitude", longitude())]),
-            at_least: 3,
-            at_most: 1000,
-        },
+        lat_lon,
         area_lat_lon,
     );
-    s.alternatives(&[&["area_enu_m"], &["area_lat_lon"]], false);
     s.set(
         "min_separation_m",
         "Least distance between the vehicles.",
@@ -211,6 +270,43 @@ fn airspace(
         &mut airspace.min_separation_m,
     );
     s.set("max_tilt_deg", "Largest tilt of either vehicle from level.", TILT, max_tilt_deg);
+}
+
+fn corners_enu() -> List<Numbers<2>> {
+    List { each: Numbers([("east", HORIZONTAL), ("north", HORIZONTAL)]), at_least: 3, at_most: 1000 }
+}
+
+fn corners_lat_lon() -> List<Numbers<2>> {
+    List { each: Numbers([("latitude", latitude()), ("longitude", longitude())]), at_least: 3, at_most: 1000 }
+}
+
+fn no_fly(s: &mut Section<'_, '_>, area: &mut NoFlyDraft) {
+    s.set("name", "Unique name. By default no-fly- and the number in the list.", NAME, &mut area.name);
+    s.set_optional(
+        "area_enu_m",
+        "Its corners [east, north], in order, the last joining the first; they may lie outside the airspace's area.",
+        corners_enu(),
+        &mut area.area_enu_m,
+    );
+    s.set_optional(
+        "area_lat_lon",
+        "The same by [latitude, longitude], north and east positive, instead of area_enu_m.",
+        corners_lat_lon(),
+        &mut area.area_lat_lon,
+    );
+    s.alternatives(&[&["area_enu_m"], &["area_lat_lon"]], true);
+    s.set_optional(
+        "floor_m",
+        "From this altitude above the mission origin on it is forbidden; without it from the ground.",
+        HEIGHT,
+        &mut area.floor_m,
+    );
+    s.set_optional(
+        "ceiling_m",
+        "Up to this altitude above the mission origin it is forbidden; without it to the sky.",
+        HEIGHT,
+        &mut area.ceiling_m,
+    );
 }
 
 fn vehicle(s: &mut Section<'_, '_>, vehicle: &mut PlannedVehicleDraft) {
