@@ -14,12 +14,13 @@ use std::time::Duration;
 use nalgebra::{Vector2, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use veilwing::config::{Mission, MissionDraft, NoFlyDraft};
+use veilwing::config::{METHODS, Mission, MissionDraft, NoFlyDraft, Optimise};
 use veilwing::desk::simulation::{
     Flight, Given, Observer, Path as LinkPath, Scenario, Setup, Witness, vehicle_draft, world_config,
 };
 use veilwing::geo::Enu;
-use veilwing::planner::problem::{NoFly, Problem};
+use veilwing::mission::Outcome;
+use veilwing::planner::problem::{NoFly, Objective, Problem, Uncertainty};
 use veilwing::planner::slots::Plan;
 use veilwing::planner::{Options, plan_slot};
 use veilwing::planning::{self, maps::Map};
@@ -76,7 +77,8 @@ fn obstructed() -> (Mission, Plan, Plan) {
 #[test]
 fn spec_areas_are_in_the_digest_one_by_one_by_text_and_by_value() {
     let text = std::fs::read_to_string("tests/flight/yard.toml").unwrap();
-    let area = "[[airspace.no_fly]]\nname = \"mast\"\narea_enu_m = [[20, 20], [25, 20], [25, 25]]\nceiling_m = 15\n";
+    let area =
+        "[[airspace.no_fly]]\nname = \"mast\"\narea_enu_m = [[20, 20], [25, 20], [25, 25]]\nceiling_m = 15\n";
     let bare = Mission::parse("m.toml", &text).unwrap();
     let with = |area: &str| Mission::parse("m.toml", &format!("{text}{area}")).unwrap();
     let read = with(area);
@@ -161,8 +163,8 @@ impl Observer for Deepest<'_> {
 
 impl Witness for Deepest<'_> {}
 
-/// A flight by `mission` and `plan` in a world that has areas of its own.
-fn flown_over(mission: &Mission, plan: &Plan, areas: Vec<NoFlyConfig>) -> Vec<veilwing_sitl::Violation> {
+/// A flight by `mission` and `plan`, about to begin, in a world that has these areas.
+fn flight_over(mission: &Mission, plan: &Plan, areas: Vec<NoFlyConfig>) -> Flight {
     let mut config = world_config(mission, plan).unwrap();
     config.airspace.no_fly = areas;
     let given = PerVehicle::from_fn(|role| {
@@ -171,12 +173,67 @@ fn flown_over(mission: &Mission, plan: &Plan, areas: Vec<NoFlyConfig>) -> Vec<ve
     });
     let setup =
         Setup { given, start_unasked: true, autopilot: LinkPath::GOOD, pair: LinkPath::GOOD, seed: 5 };
-    let mut flight = Flight::new(World::new(config).unwrap(), setup);
-    let end = Duration::from_secs(300);
-    while flight.now() < end && Role::BOTH.into_iter().any(|role| flight.outcomes[role].is_none()) {
-        flight.step(end, &mut ()).unwrap();
+    Flight::new(World::new(config).unwrap(), setup)
+}
+
+const END: Duration = Duration::from_secs(400);
+
+/// Flies on until both companions have ended, or as long as `goes_on`.
+fn fly(flight: &mut Flight, observer: &mut impl Observer, goes_on: impl Fn(&Flight) -> bool) {
+    let flies = |flight: &Flight| Role::BOTH.into_iter().any(|role| flight.outcomes[role].is_none());
+    while flight.now() < END && flies(flight) && goes_on(flight) {
+        flight.step(END, observer).unwrap();
     }
+}
+
+/// What a flight in a world that has areas of its own breaks.
+fn flown_over(mission: &Mission, plan: &Plan, areas: Vec<NoFlyConfig>) -> Vec<veilwing_sitl::Violation> {
+    let mut flight = flight_over(mission, plan, areas);
+    fly(&mut flight, &mut (), |_| true);
     flight.world.report().violations
+}
+
+#[test]
+fn spec_after_an_abort_both_come_home_round_the_areas_in_their_way() {
+    let bare = yard();
+    let ideal = planning::plan(&bare).unwrap();
+    let homes = bare.vehicles.map(|vehicle| vehicle.home_enu_m.unwrap());
+    let middle = |role: Role| (poses(&ideal, role)[0].xy() + homes[role].xy()) / 2.0;
+    let mission = bare
+        .changed(|draft| {
+            draft.no_fly =
+                vec![pillar("I's way", middle(Role::I), 3.0), pillar("J's way", middle(Role::J), 3.0)];
+        })
+        .unwrap();
+    let plan = planning::plan(&mission).unwrap();
+    let areas = &mission.airspace.no_fly;
+    let router = Router::new(&mission.airspace, &mission.transit_limits()).unwrap();
+    for role in Role::BOTH {
+        let at = poses(&plan, role)[0];
+        assert!(
+            !router.crossed_straight_home(&at, &homes[role], [at.z, 30.0]).is_empty(),
+            "{role}: nothing in the way"
+        );
+    }
+    let of_world = world_config(&mission, &plan).unwrap().airspace.no_fly;
+    assert_eq!(of_world.len(), 2);
+    let mut flight = flight_over(&mission, &plan, of_world);
+    let mut deepest = Deepest { areas, metres: 0.0 };
+    fly(&mut flight, &mut deepest, |flight| flight.radiating() != [true; 2]);
+    assert_eq!(flight.radiating(), [true; 2]);
+    for role in Role::BOTH {
+        flight.set_pair_path(role, LinkPath::CUT);
+    }
+    fly(&mut flight, &mut deepest, |_| true);
+    for role in Role::BOTH {
+        let outcome = flight.outcomes[role].clone().expect("an end");
+        assert_ne!(outcome, Outcome::Completed, "{role}");
+        let vehicle = &flight.world.snapshot().vehicles[usize::from(role == Role::J)];
+        let off_m = (Vector3::from(vehicle.position_enu_m) - homes[role]).xy().norm();
+        assert!(vehicle.landed && off_m < 2.0, "{role}: {vehicle:?}");
+    }
+    assert!(deepest.metres < 1.0, "{} m", deepest.metres);
+    assert_eq!(flight.world.report().violations, []);
 }
 
 #[test]
@@ -420,6 +477,40 @@ fn val_the_plan_beside_areas_is_as_good_as_that_of_a_dense_search_that_throws_aw
     }
     // A judge that finds nothing judges nothing.
     assert!(weakest > -0.3, "the judge's search is too weak: {weakest}");
+}
+
+#[test]
+fn spec_every_method_every_objective_and_a_plan_for_volume_keep_out_of_the_areas() {
+    let keeps_out = |problem: &Problem, options: &Options, what: &str| {
+        let plan = plan_slot(problem, options).unwrap();
+        for role in Role::BOTH {
+            let at = plan.vehicles[role].pose.position_enu_m;
+            let areas = &problem.airspace.no_fly;
+            assert!(areas.iter().all(|area| !Judge::is_inside(area, &at)), "{what} {role} {at}");
+        }
+    };
+    for seed in [1, 2] {
+        let problem = hindered(seed);
+        for (name, method) in METHODS {
+            keeps_out(&problem, &Options { method: *method, ..Options::default() }, name);
+        }
+        let mut jittered = problem.clone();
+        jittered.jitter.std_rad = 2f64.to_radians();
+        keeps_out(&jittered, &Options::default(), "under jitter");
+        for eavesdropper in &mut jittered.eavesdroppers {
+            eavesdropper.uncertainty = Uncertainty::Disc { radius_m: 20.0 };
+        }
+        jittered.objective = Objective::WorstCase;
+        keeps_out(&jittered, &Options::default(), "in the worst case");
+    }
+    let (mission, ..) = obstructed();
+    let volume = mission.changed(|draft| draft.planner.optimise = Optimise::Volume).unwrap();
+    let plan = planning::plan(&volume).unwrap();
+    for role in Role::BOTH {
+        for at in poses(&plan, role) {
+            assert!(volume.airspace.no_fly.iter().all(|area| area.depth_m(&at) == 0.0), "{role} {at}");
+        }
+    }
 }
 
 // ---- files that others draw --------------------------------------------------------------------------------------

@@ -512,18 +512,18 @@ fn spec_a_vehicle_inside_a_no_fly_area_breaks_f1_and_over_it_under_it_and_beside
     for (corners, floor_m, ceiling_m) in [
         (square(-20.0, 15.0), None, Some(26.0)),
         (square(-20.0, 15.0), Some(34.0), None),
-        // Its side a metre away, and its notch about the pose.
-        (square(-26.5, 15.0), None, None),
+        // Its side a metre and a half away, and its notch about the pose and the way there.
+        (square(-13.5, 15.0), None, None),
         (
             vec![
-                [-40.0, 5.0],
-                [-10.0, 5.0],
+                [-30.0, 0.0],
+                [-10.0, 0.0],
                 [-10.0, 25.0],
-                [-15.0, 25.0],
-                [-15.0, 10.0],
-                [-25.0, 10.0],
-                [-25.0, 25.0],
-                [-40.0, 25.0],
+                [-30.0, 25.0],
+                [-30.0, 20.0],
+                [-15.0, 20.0],
+                [-15.0, 6.0],
+                [-30.0, 6.0],
             ],
             None,
             None,

@@ -154,9 +154,10 @@ impl<'c, 'd> Section<'c, 'd> {
         value
     }
 
-    /// Records a setting that was read from the file that `file` names: errors about it point there.
+    /// Records a setting that was read from the file that the setting `file` names, by its whole path: errors about it point
+    /// there. In its turn: a digest is over the settings in the order of their declarations.
     pub(crate) fn record_of_file<K: Kind>(&mut self, file: &str, path: &str, kind: &K, value: &K::Out) {
-        let (span, path) = (self.document.at(&self.path_of(file)), self.path_of(path));
+        let (span, path) = (self.document.at(file), self.path_of(path));
         self.document.place(&path, span.clone());
         if let Some(clause) = kind.fault(value) {
             self.refuse(&path, span, format!("`{path}` {clause}"), format!("give {}", kind.expected()));

@@ -376,3 +376,111 @@ fn sort(levels_m: &mut Vec<f64>) {
     levels_m.sort_by(f64::total_cmp);
     levels_m.dedup();
 }
+
+#[cfg(test)]
+mod tests {
+    use rand::RngExt;
+
+    use super::*;
+    use crate::schedule::route::Corridor;
+    use crate::schedule::testing::{self, star};
+
+    /// A corridor from 20 to 120 m with random areas in a random fence.
+    fn corridor(rng: &mut rand_chacha::ChaCha8Rng) -> Option<(Corridor, Airspace)> {
+        let area = |rng: &mut rand_chacha::ChaCha8Rng, k: usize| {
+            let centre = Vector2::new(rng.random_range(-60.0..60.0), rng.random_range(-60.0..60.0));
+            let mut height = |part: f64| rng.random_bool(part).then(|| rng.random_range(0.0..140.0));
+            let (mut floor_m, mut ceiling_m) = (height(0.4), height(0.6));
+            if let (Some(low), Some(high)) = (&mut floor_m, &mut ceiling_m)
+                && low > high
+            {
+                std::mem::swap(low, high);
+            }
+            let area_enu_m = star(rng, 30.0).into_iter().map(|corner| centre + corner).collect();
+            NoFly { name: format!("area {k}"), area_enu_m, floor_m, ceiling_m }
+        };
+        let count = rng.random_range(1..5);
+        let airspace = Airspace {
+            altitude_m: [20.0, 120.0],
+            area_enu_m: star(rng, 150.0),
+            no_fly: (0..count).map(|k| area(rng, k)).collect(),
+            min_separation_m: 5.0,
+        };
+        let fence = Geofence::new(&airspace.area_enu_m).ok()?;
+        let no_fly = NoFlyAreas::new(&airspace).ok()?;
+        Some((Corridor { fence, altitude_m: airspace.altitude_m, no_fly }, airspace))
+    }
+
+    #[test]
+    fn prop_ways_between_allowed_places_stay_out_of_random_areas_and_inside_random_fences() {
+        let mut rng = testing::rng(8);
+        let (mut straight, mut past, mut none) = (0, 0, 0);
+        for _ in 0..400 {
+            let Some((corridor, airspace)) = corridor(&mut rng) else { continue };
+            let mut place = || {
+                let at = testing::inside(&mut rng, &corridor.fence, 150.0);
+                corridor.entry(&lifted(at, rng.random_range(20.0..120.0)))
+            };
+            let (from, to) = (place(), place());
+            let Some(path) = corridor.direct(&from, &to) else {
+                none += 1;
+                continue;
+            };
+            assert_eq!((path[0], path[path.len() - 1]), (from, to));
+            for w in path.windows(2) {
+                for k in 0..=400 {
+                    let at = w[0] + (w[1] - w[0]) * (f64::from(k) / 400.0);
+                    assert!(corridor.fence.project(at.xy()) == at.xy() && (20.0..=120.0).contains(&at.z));
+                    let deepest = airspace.no_fly.iter().map(|area| area.depth_m(&at)).fold(0.0, f64::max);
+                    assert!(deepest < 1e-6, "{deepest} m inside at {at} of {path:?}\n{airspace:?}");
+                }
+            }
+            let bends = corridor.fence.shortest_path(from.xy(), to.xy()).map_or(0, |path| path.len());
+            if path.len() > bends {
+                past += 1
+            } else {
+                straight += 1
+            }
+            // The same the other way round: there is a way back.
+            assert!(corridor.direct(&to, &from).is_some());
+        }
+        assert!(past > 30 && straight > 100 && none < 60, "{past} past, {straight} straight, {none} none");
+    }
+
+    #[test]
+    fn val_a_way_goes_round_a_pillar_over_a_box_and_under_a_lid_by_the_margin() {
+        let square = testing::polygon(&[[-500., -500.], [500., -500.], [500., 500.], [-500., 500.]]);
+        let corridor = |floor_m, ceiling_m| {
+            let airspace = Airspace {
+                altitude_m: [20.0, 120.0],
+                area_enu_m: square.clone(),
+                no_fly: vec![NoFly {
+                    name: "box".to_owned(),
+                    area_enu_m: testing::polygon(&[[-200., -10.], [200., -10.], [200., 10.], [-200., 10.]]),
+                    floor_m,
+                    ceiling_m,
+                }],
+                min_separation_m: 5.0,
+            };
+            let no_fly = NoFlyAreas::new(&airspace).unwrap();
+            Corridor { fence: Geofence::new(&square).unwrap(), altitude_m: airspace.altitude_m, no_fly }
+        };
+        let (from, to) = (Enu::new(0.0, -50.0, 60.0), Enu::new(0.0, 50.0, 60.0));
+        let way = |floor_m, ceiling_m| corridor(floor_m, ceiling_m).direct(&from, &to).unwrap();
+        let round = way(None, None);
+        assert!(round.len() == 4 && round.iter().all(|at| at.z == 60.0), "{round:?}");
+        let margin_m = round[1].x.abs() - 200.0;
+        assert!((0.3..0.6).contains(&margin_m), "{round:?}");
+        let over = way(None, Some(70.0));
+        assert!(over.iter().any(|at| at.z == 70.5) && over.iter().all(|at| at.x.abs() < 210.0), "{over:?}");
+        let under = way(Some(50.0), None);
+        assert!(under.iter().any(|at| at.z == 49.5) && under.iter().all(|at| at.z <= 60.0), "{under:?}");
+        assert_eq!(way(Some(70.0), None), [from, to]);
+        assert_eq!(way(None, Some(50.0)), [from, to]);
+        // A place inside is left by the shortest way.
+        let held = Enu::new(0.0, 9.0, 60.0);
+        let leaves = corridor(None, None).direct(&held, &to).unwrap();
+        assert!((leaves[1] - Enu::new(0.0, 10.0, 60.0)).norm() < 1e-5, "{leaves:?}");
+        assert_eq!(corridor(None, None).holding(&held), Some("box"));
+    }
+}
