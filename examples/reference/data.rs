@@ -149,6 +149,7 @@ fn variant(line: &str) -> Result<Variant, Failure> {
         airspace: Airspace {
             altitude_m: [band[0], band[1]],
             area_enu_m: area,
+            no_fly: Vec::new(),
             min_separation_m: number(&air["min_separation_m"])?,
         },
         vehicles: PerVehicle { i: vehicle("i"), j: vehicle("j") },

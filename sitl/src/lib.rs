@@ -36,7 +36,8 @@ pub use vehicle::{Vehicle, VehicleCounters, VehicleSnapshot};
 pub use wire::WireCounters;
 pub use world::circumstances::{Circumstances, Passage};
 pub use world::config::{
-    AirspaceConfig, Error, Node, PlannedPose, PlannedSlot, RadioConfig, Tolerance, Uncertainty, WorldConfig,
+    AirspaceConfig, Error, NoFlyConfig, Node, PlannedPose, PlannedSlot, RadioConfig, Tolerance, Uncertainty,
+    WorldConfig,
 };
 pub use world::excuse::{Cause, Excused};
 pub use world::fault::Fault;

@@ -251,6 +251,52 @@ fn spec_an_orphan_that_drifts_comes_home_from_its_fence_and_not_without_one() {
     assert!(east_m > HALF_M + 8.0, "{east_m}");
 }
 
+/// A square of 20 m that is not to be entered, east of where the vehicles start, behind the fence's four corners.
+fn with_a_zone() -> Vec<MISSION_ITEM_INT_DATA> {
+    let corners = [[35.0, -20.0], [55.0, -20.0], [55.0, 40.0], [35.0, 40.0]];
+    let zone = corners.iter().zip(4..).map(|(corner, seq)| MISSION_ITEM_INT_DATA {
+        command: MavCmd::MAV_CMD_NAV_FENCE_POLYGON_VERTEX_EXCLUSION,
+        ..item(FENCE, seq, 4.0, *corner)
+    });
+    square().into_iter().chain(zone).collect()
+}
+
+#[test]
+fn spec_an_exclusion_zone_is_kept_and_turns_both_firmwares_back() {
+    let mut config = config();
+    config.vehicles[0].home_enu_m = [10.0, 10.0, 0.0];
+    for zoned in [true, false] {
+        let mut f = Flight::new(config.clone());
+        f.pass(1000);
+        set_int(&mut f, "COM_OBL_RC_ACT", 0);
+        set_int(&mut f, "GF_ACTION", 3);
+        let items = if zoned { with_a_zone() } else { square() };
+        upload(&mut f, FENCE, &items);
+        assert_eq!(result(&f.clients[0]), Some(MavMissionResult::MAV_MISSION_ACCEPTED));
+        let commands = |items: &[MISSION_ITEM_INT_DATA]| items.iter().map(|i| i.command).collect::<Vec<_>>();
+        assert_eq!(commands(&download(&mut f, FENCE)), commands(&items));
+        f.take_off();
+        // An orphan drifts east with the wind.
+        let mut east_m = f64::NEG_INFINITY;
+        for _ in 0..1200 {
+            f.pass(100);
+            east_m = east_m.max(f.position(0)[0]);
+        }
+        assert_eq!((35.0..38.0).contains(&east_m), zoned, "{east_m}");
+    }
+    // ArduCopter, driven by another hand.
+    for zoned in [true, false] {
+        let mut f = of(Firmware::ArduCopter);
+        set(&mut f, "FENCE_ENABLE", 1.0, MavParamType::MAV_PARAM_TYPE_REAL32);
+        upload(&mut f, FENCE, &if zoned { with_a_zone() } else { square() });
+        assert_eq!(result(&f.clients[0]), Some(MavMissionResult::MAV_MISSION_ACCEPTED));
+        f.pass(2000);
+        let east_m = driven_east(&mut f);
+        let limits = if zoned { 35.0..43.0 } else { HALF_M..HALF_M + 8.0 };
+        assert!(limits.contains(&east_m), "{zoned}: {east_m}");
+    }
+}
+
 #[test]
 fn spec_a_fence_without_home_in_it_px4_drops_in_silence() {
     let mut f = of(Firmware::Px4);
@@ -260,6 +306,30 @@ fn spec_a_fence_without_home_in_it_px4_drops_in_silence() {
     assert_eq!(result(&f.clients[0]), Some(MavMissionResult::MAV_MISSION_ACCEPTED));
     f.take_off();
     assert_eq!(mode(&f), "OFFBOARD");
+}
+
+/// Takes the first vehicle off and drives it eastward by velocity for half a minute; how far it gets.
+fn driven_east(f: &mut Flight) -> f64 {
+    f.clients[0].command(&mut f.world, MavCmd::MAV_CMD_DO_SET_MODE, &[1.0, 4.0]);
+    f.clients[0].command(&mut f.world, MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, &[1.0]);
+    let climb = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 25.0];
+    f.clients[0].command(&mut f.world, MavCmd::MAV_CMD_NAV_TAKEOFF, &climb);
+    f.pass(14_000);
+    let mut east_m = f64::NEG_INFINITY;
+    for _ in 0..300 {
+        let message = MavMessage::SET_POSITION_TARGET_LOCAL_NED(SET_POSITION_TARGET_LOCAL_NED_DATA {
+            vy: 5.0,
+            type_mask: PositionTargetTypemask::from_bits_truncate(0b1101_1100_0111),
+            target_system: 1,
+            target_component: 1,
+            coordinate_frame: MavFrame::MAV_FRAME_LOCAL_NED,
+            ..SET_POSITION_TARGET_LOCAL_NED_DATA::DEFAULT
+        });
+        f.clients[0].send(&mut f.world, &message);
+        f.pass(100);
+        east_m = east_m.max(f.position(0)[0]);
+    }
+    east_m
 }
 
 #[test]
@@ -272,25 +342,7 @@ fn spec_arducopter_that_another_hand_drives_out_returns_from_its_fence() {
             upload(&mut f, FENCE, &square());
         }
         f.pass(2000);
-        f.clients[0].command(&mut f.world, MavCmd::MAV_CMD_DO_SET_MODE, &[1.0, 4.0]);
-        f.clients[0].command(&mut f.world, MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, &[1.0]);
-        let climb = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 25.0];
-        f.clients[0].command(&mut f.world, MavCmd::MAV_CMD_NAV_TAKEOFF, &climb);
-        f.pass(14_000);
-        let mut east_m = f64::NEG_INFINITY;
-        for _ in 0..300 {
-            let message = MavMessage::SET_POSITION_TARGET_LOCAL_NED(SET_POSITION_TARGET_LOCAL_NED_DATA {
-                vy: 5.0,
-                type_mask: PositionTargetTypemask::from_bits_truncate(0b1101_1100_0111),
-                target_system: 1,
-                target_component: 1,
-                coordinate_frame: MavFrame::MAV_FRAME_LOCAL_NED,
-                ..SET_POSITION_TARGET_LOCAL_NED_DATA::DEFAULT
-            });
-            f.clients[0].send(&mut f.world, &message);
-            f.pass(100);
-            east_m = east_m.max(f.position(0)[0]);
-        }
+        let east_m = driven_east(&mut f);
         f.pass(90_000);
         (east_m, f)
     };

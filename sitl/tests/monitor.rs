@@ -466,3 +466,69 @@ fn spec_a_bad_configuration_names_what_is_wrong() {
     assert!(broken(|c| c.vehicles[0].body.mass_kg = -1.0).contains("mass_kg"));
     assert!(broken(|c| c.vehicles.swap(0, 1)).contains("in this order"));
 }
+
+#[test]
+fn spec_a_vehicle_inside_a_no_fly_area_breaks_f1_and_over_it_under_it_and_beside_it_does_not() {
+    // I's pose is at (-20, 15, 30).
+    let square =
+        |e: f64, n: f64| vec![[e - 5.0, n - 5.0], [e + 5.0, n - 5.0], [e + 5.0, n + 5.0], [e - 5.0, n + 5.0]];
+    let flown = |corners: Vec<[f64; 2]>, floor_m, ceiling_m| {
+        let mut config = config();
+        config.airspace.no_fly = vec![
+            NoFlyConfig {
+                name: "far away".into(),
+                area_enu_m: square(400.0, 0.0),
+                floor_m: None,
+                ceiling_m: None,
+            },
+            NoFlyConfig { name: "planted".into(), area_enu_m: corners, floor_m, ceiling_m },
+        ];
+        let mut flight = Flight::new(config);
+        flight.take_off();
+        flight.go_to_slot(0);
+        flight.invariants()
+    };
+    for (floor_m, ceiling_m) in [
+        (None, None),
+        (Some(20.0), Some(40.0)),
+        (None, Some(40.0)),
+        (Some(20.0), None),
+        (Some(29.0), Some(31.0)),
+    ] {
+        let found = flown(square(-20.0, 15.0), floor_m, ceiling_m);
+        assert_eq!(
+            found.iter().map(|(name, _)| *name).collect::<Vec<_>>(),
+            ["F1"],
+            "{floor_m:?} {ceiling_m:?}"
+        );
+        assert!(
+            found[0].1.starts_with("I is ") && found[0].1.contains("inside no-fly area 2, at (-2"),
+            "{found:?}"
+        );
+    }
+    let mut round_the_other_way = square(-20.0, 15.0);
+    round_the_other_way.reverse();
+    assert_eq!(flown(round_the_other_way, None, None).len(), 1);
+    for (corners, floor_m, ceiling_m) in [
+        (square(-20.0, 15.0), None, Some(26.0)),
+        (square(-20.0, 15.0), Some(34.0), None),
+        // Its side a metre and a half away, and its notch about the pose and the way there.
+        (square(-13.5, 15.0), None, None),
+        (
+            vec![
+                [-30.0, 0.0],
+                [-10.0, 0.0],
+                [-10.0, 25.0],
+                [-30.0, 25.0],
+                [-30.0, 20.0],
+                [-15.0, 20.0],
+                [-15.0, 6.0],
+                [-30.0, 6.0],
+            ],
+            None,
+            None,
+        ),
+    ] {
+        assert_eq!(flown(corners, floor_m, ceiling_m), vec![]);
+    }
+}

@@ -1,5 +1,5 @@
 //! The mission's area in the autopilot itself, so that a vehicle without its companion stays inside: uploaded as an inclusion
-//! polygon, with a rally point at home, read back, and compared corner by corner. A state machine without I/O.
+//! polygon, its no-fly areas that leave no height free as exclusion polygons, with a rally point at home, read back, and compared corner by corner. A state machine without I/O.
 //!
 //! What is there already and equal is not written again. It is read again now and then, because another station may write as
 //! well. Only while the vehicle is disarmed: in flight nothing is asked and nothing is said. Whether the autopilot acts on its
@@ -59,6 +59,10 @@ pub struct Fence {
     pub duty: FenceDuty,
     /// Its corners in the mission frame, the margin included.
     pub corners_enu_m: Vec<Vector2<f64>>,
+    /// Polygons in it that the vehicle may not enter, the margin taken off.
+    pub zones_enu_m: Vec<Vec<Vector2<f64>>>,
+    /// The mission's no-fly areas that the autopilot cannot be told of, each with the reason.
+    pub untold: Vec<String>,
     /// At how many corners of the area the margin is less.
     pub tight: usize,
     /// The top of the altitude band, in metres above the mission's origin.
@@ -144,11 +148,15 @@ const RALLY: usize = 1;
 
 impl Keeper {
     pub(super) fn new(fence: Option<Fence>, origin: Geodetic) -> Self {
-        let corners = fence.iter().flat_map(|fence| &fence.corners_enu_m);
-        let corners: Vec<Geodetic> =
-            corners.map(|corner| Geodetic::from_enu(Enu::new(corner.x, corner.y, 0.0), origin)).collect();
+        let on_earth = |corners: &Vec<Vector2<f64>>| -> Vec<Geodetic> {
+            let place = |corner: &Vector2<f64>| Geodetic::from_enu(Enu::new(corner.x, corner.y, 0.0), origin);
+            corners.iter().map(place).collect()
+        };
+        let (area, zones) = fence.as_ref().map_or_else(Default::default, |fence| {
+            (on_earth(&fence.corners_enu_m), fence.zones_enu_m.iter().map(on_earth).collect::<Vec<_>>())
+        });
         let lists = [
-            List::new(MavMissionType::MAV_MISSION_TYPE_FENCE, item::fence(&corners)),
+            List::new(MavMissionType::MAV_MISSION_TYPE_FENCE, item::fence(&area, &zones)),
             List::new(MavMissionType::MAV_MISSION_TYPE_RALLY, Vec::new()),
         ];
         Self { fence, origin, lists, under_way: None, rally_at: None }
@@ -279,6 +287,7 @@ impl Keeper {
             return vec![check("fence", Warn, detail)];
         }
         let mut all = vec![self.check_fence(fence, state)];
+        all.extend(check_zones(fence));
         all.extend(self.check_rally());
         all.extend(check_home(fence, state));
         all
@@ -293,7 +302,7 @@ impl Keeper {
             );
             return check("fence", Fail, detail);
         }
-        let corners = fence.corners_enu_m.len();
+        let corners = self.lists[0].wanted.len();
         match self.judge(0) {
             Ok(()) if fence.tight > 0 => {
                 let detail = format!(
@@ -346,6 +355,21 @@ impl Keeper {
 /// Whether something may be asked or said: on the ground, disarmed.
 fn stands(state: &VehicleState) -> bool {
     state.is_disarmed() && state.is_airborne() != Some(true)
+}
+
+/// Whether the autopilot knows of all no-fly areas; `None` where there are none.
+fn check_zones(fence: &Fence) -> Option<Check> {
+    let told = fence.zones_enu_m.len();
+    if fence.untold.is_empty() {
+        let detail = format!("{told} of them are in the autopilot's fence, {MARGIN_M} m smaller or less");
+        return (told > 0).then(|| check("no-fly areas", Pass, detail));
+    }
+    let detail = format!(
+        "the autopilot's fence has no {}, should have: its zones have no heights, so that a vehicle without its companion may \
+         enter there",
+        fence.untold.join(" and no ")
+    );
+    Some(check("no-fly areas", Warn, detail))
 }
 
 /// Whether the autopilot's home is where the vehicle stands: there it returns to.

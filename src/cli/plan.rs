@@ -302,6 +302,7 @@ fn limit_in_words(mission: &Mission, name: &str) -> String {
     let steps = format!("vehicles.{}", role.key());
     match what {
         "fence" => format!("{role} at the area's edge (airspace.area_enu_m)"),
+        "no-fly" => format!("{role} at a no-fly area's face (airspace.no_fly)"),
         "floor" => format!("{role} at its lowest, {low_m} m (airspace.altitude_m)"),
         "ceiling" => format!("{role} at its highest, {high_m} m (airspace.altitude_m)"),
         "tilt" => match mission.vehicles[role].airframe {

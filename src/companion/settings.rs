@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use crate::autopilot::{self, Fence, FenceDuty};
-use crate::config::{ExposedLink, Mission, Transmitter, Vehicle, fence_corners};
+use crate::config::{ExposedLink, FenceShape, Mission, Transmitter, Vehicle, fence_corners};
 use crate::link::Form;
 use crate::mission::{Operators, Permission, Scene, Settings};
 use crate::pair::{self, Record};
@@ -123,13 +123,15 @@ fn return_check(airspace: &Airspace) -> Option<Check> {
 /// The fence that the autopilot is to have: none where no autopilot keeps so many corners, which
 /// [`Vehicle::check_against`] refuses unless the vehicle file asks for none.
 fn fence(mission: &Mission, vehicle: &Vehicle) -> Fence {
-    let (duty, Outset { corners, tight }) = match fence_corners(mission) {
+    let (duty, FenceShape { area: Outset { corners, tight }, zones, untold }) = match fence_corners(mission) {
         Ok(fence) => (vehicle.autopilot.fence, fence),
-        Err(_) => (FenceDuty::None, Outset { corners: Vec::new(), tight: 0 }),
+        Err(_) => (FenceDuty::None, FenceShape::default()),
     };
     Fence {
         duty,
         corners_enu_m: corners,
+        zones_enu_m: zones,
+        untold,
         tight,
         top_m: mission.airspace.altitude_m[1],
         home_within_m: mission.airspace.min_separation_m,

@@ -80,7 +80,14 @@ impl Document {
     /// The settings as the text of a file that says the same.
     pub(crate) fn to_toml(&self) -> String {
         let mut root = toml::Table::new();
-        for (path, value) in &self.settings {
+        // A default that something else stands in for would be given together with it.
+        let stands = |path: &str| self.settings.iter().any(|(key, _)| key == path);
+        let in_place = |path: &str| match path {
+            "airspace.area_enu_m" => stands("airspace.area_lat_lon"),
+            "radio.reference_gain" => stands("radio.carrier_hz"),
+            _ => false,
+        };
+        for (path, value) in self.settings.iter().filter(|(path, _)| !in_place(path)) {
             if let Ok(value) = toml::Value::try_from(value) {
                 insert(&mut root, path, value);
             }

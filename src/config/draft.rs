@@ -11,7 +11,9 @@ use crate::autopilot::{Actuation, FenceDuty, FirmwareChoice};
 use crate::geo::{Enu, Geodetic};
 use crate::link::{HostPort, LinkAddress};
 use crate::logbook::Limits as LogbookLimits;
-use crate::planner::problem::{Airframe, Airspace, JitterAxes, JitterModel, Method, Objective, Uncertainty};
+use crate::planner::problem::{
+    Airframe, Airspace, JitterAxes, JitterModel, Method, NoFly, Objective, Uncertainty,
+};
 use crate::planner::volume::Fairness;
 use crate::role::{PerVehicle, Role};
 use crate::schedule::order::Order;
@@ -32,10 +34,13 @@ pub struct MissionDraft {
     pub emission: Option<Emission>,
     /// Link budget.
     pub radio: RadioDraft,
-    /// Where vehicles may be. Its area counts where there is none by latitude and longitude.
+    /// Where vehicles may be. Its area counts where there is none by latitude and longitude; its no-fly areas are made of
+    /// [`no_fly`](Self::no_fly), and are left empty here.
     pub airspace: Airspace,
     /// Corners of the area by latitude and longitude, in degrees.
     pub area_lat_lon: Option<Vec<[f64; 2]>>,
+    /// Parts of the area in which no vehicle may be.
+    pub no_fly: Vec<NoFlyDraft>,
     /// Largest tilt the airspace's rules allow, in degrees.
     pub airspace_max_tilt_deg: f64,
     /// What must be known of each vehicle.
@@ -70,9 +75,11 @@ impl Default for MissionDraft {
             airspace: Airspace {
                 altitude_m: [80.0, 300.0],
                 area_enu_m: square.map(Vector2::from).to_vec(),
+                no_fly: Vec::new(),
                 min_separation_m: 5.0,
             },
             area_lat_lon: None,
+            no_fly: Vec::new(),
             airspace_max_tilt_deg: 90.0,
             vehicles: PerVehicle::default(),
             jitter: JitterDraft { std_deg: 2.0, model: JitterModel::Euler, axes: JitterAxes::RollPitch },
@@ -92,6 +99,21 @@ impl Default for MissionDraft {
             },
         }
     }
+}
+
+/// A no-fly area. Its corners are given in the mission frame or by latitude and longitude.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct NoFlyDraft {
+    /// Unique among them.
+    pub name: String,
+    /// Corners in the mission frame, east and north, in metres.
+    pub area_enu_m: Option<Vec<[f64; 2]>>,
+    /// Corners by latitude and longitude, in degrees.
+    pub area_lat_lon: Option<Vec<[f64; 2]>>,
+    /// From this altitude above the mission origin; `None`: from the ground.
+    pub floor_m: Option<f64>,
+    /// Up to this one; `None`: to the sky.
+    pub ceiling_m: Option<f64>,
 }
 
 /// The permission to radiate.
@@ -217,15 +239,35 @@ impl MissionDraft {
     /// Corners of the area in the mission frame, east and north.
     #[must_use]
     pub fn area_m(&self) -> Vec<Vector2<f64>> {
+        self.area_lat_lon
+            .as_ref()
+            .map_or_else(|| self.airspace.area_enu_m.clone(), |corners| self.in_frame(corners))
+    }
+
+    /// Corners by latitude and longitude, in the mission frame.
+    fn in_frame(&self, corners: &[[f64; 2]]) -> Vec<Vector2<f64>> {
         let origin = self.origin.unwrap_or(NOWHERE);
         let in_frame = |[lat_deg, lon_deg]: &[f64; 2]| {
             let corner = Geodetic { lat_deg: *lat_deg, lon_deg: *lon_deg, alt_m: origin.alt_m };
             corner.to_enu(origin).xy()
         };
-        self.area_lat_lon.as_ref().map_or_else(
-            || self.airspace.area_enu_m.clone(),
-            |corners| corners.iter().map(in_frame).collect(),
-        )
+        corners.iter().map(in_frame).collect()
+    }
+
+    /// The no-fly areas in the mission frame.
+    #[must_use]
+    pub fn no_fly_m(&self) -> Vec<NoFly> {
+        let settled = |area: &NoFlyDraft| NoFly {
+            name: area.name.clone(),
+            area_enu_m: match (&area.area_lat_lon, &area.area_enu_m) {
+                (Some(corners), _) => self.in_frame(corners),
+                (None, Some(corners)) => corners.iter().copied().map(Vector2::from).collect(),
+                (None, None) => Vec::new(),
+            },
+            floor_m: area.floor_m,
+            ceiling_m: area.ceiling_m,
+        };
+        self.no_fly.iter().map(settled).collect()
     }
 
     /// Where a simulated vehicle starts, in the mission frame.

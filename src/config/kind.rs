@@ -4,11 +4,13 @@
 //! [`Number`], and are the same setting.
 
 mod compound;
+mod field;
 mod pattern;
 mod scalar;
 mod value;
 
 pub(crate) use compound::{Each, List, Numbers, Period, Receivers};
+pub(crate) use field::FieldFile;
 pub(crate) use pattern::PatternRows;
 pub(crate) use scalar::{Choice, Flag, Integer, Moment, Number, Parsed, Text};
 pub(crate) use value::{Fault, Item, Kind, miscount, nearest};

@@ -240,16 +240,18 @@ impl Mission {
         Err(all)
     }
 
-    /// The mission as a file that needs no other, where it has a measured pattern; `None` where its own file needs none.
+    /// The mission as a file that needs no other, where it has a measured pattern or an area from a file; `None` where its own
+    /// file needs none.
     #[must_use]
     pub fn with_rows(&self) -> Option<String> {
         let AntennasDraft { both, i, j } = &self.draft.antenna;
         let measured =
             [Some(both), i.as_ref(), j.as_ref()].into_iter().flatten().any(|a| a.pattern.is_some());
-        measured.then(|| self.document.to_toml())
+        let needs_others = measured || self.document.given("airspace.area_file");
+        needs_others.then(|| self.document.to_toml())
     }
 
-    /// The mission as one file: as it was read, with the rows of measured patterns in it.
+    /// The mission as one file: as it was read, with the rows of measured patterns and what was drawn elsewhere in it.
     #[must_use]
     pub fn to_file(&self) -> String {
         self.with_rows().unwrap_or_else(|| self.document.text.to_string())
@@ -380,7 +382,7 @@ fn in_si_units(draft: &MissionDraft) -> Settled {
         emission: draft.emission.clone(),
         radio: Radio { bandwidth_hz, noise_power_w, max_power_w, reference_gain },
         carrier_hz,
-        airspace: Airspace { area_enu_m: draft.area_m(), ..draft.airspace.clone() },
+        airspace: Airspace { area_enu_m: draft.area_m(), no_fly: draft.no_fly_m(), ..draft.airspace.clone() },
         airspace_max_tilt_rad: draft.airspace_max_tilt_deg.to_radians(),
         vehicles: PerVehicle::from_fn(|role| (role, &draft.vehicles[role])).map(|(role, vehicle)| {
             VehicleSettings {

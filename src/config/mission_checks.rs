@@ -3,12 +3,13 @@
 use std::collections::BTreeMap;
 
 use super::document::Document;
-use super::draft::{MissionDraft, Optimise, PlannerSettings, Position};
+use super::draft::{MissionDraft, NoFlyDraft, Optimise, PlannerSettings, Position};
 use super::mission_file::{FAR_M, NOWHERE};
 use super::{link_checks, mission_warnings};
 use crate::geo::polygon::{Polygon, check_simple};
 use crate::geo::{Enu, Geodetic};
-use crate::planner::problem::{Method, Objective, Uncertainty};
+use crate::planner::problem::{Airspace, Method, NoFly, Objective, Uncertainty};
+use crate::planner::region::Region;
 use crate::planner::volume::Fairness;
 use crate::role::{PerVehicle, Role};
 
@@ -20,9 +21,11 @@ pub(super) const ORIGIN_HELP: &str =
 pub(super) fn check(draft: &MissionDraft, file: &mut Document) {
     origin(file);
     airspace(draft, file);
+    no_fly(draft, file);
     emission(draft, file);
     names(draft.users.iter().map(|user| &user.name), "user", file);
     names(draft.eavesdroppers.iter().map(|e| &e.name), "eavesdropper", file);
+    names(draft.no_fly.iter().map(|area| &area.name), "airspace.no_fly", file);
     nodes(draft, file);
     homes(draft, file);
     link_checks::check(draft, file);
@@ -115,6 +118,90 @@ fn airspace(draft: &MissionDraft, file: &mut Document) {
             refuse(file, SEPARATION, message, "lower it, or enlarge area_enu_m or altitude_m");
         }
     }
+}
+
+/// Corners of all no-fly areas together: far above any mission's, and few enough to plan ways round.
+const MOST_CORNERS: usize = 200;
+
+fn no_fly(draft: &MissionDraft, file: &mut Document) {
+    const LIST: &str = "airspace.no_fly";
+    if !draft.airspace.no_fly.is_empty() {
+        let message = "no-fly areas were put into the draft's `airspace`, where nobody reads them".to_owned();
+        refuse(file, LIST, message, "put them into the draft's own `no_fly`");
+    }
+    for (index, area) in draft.no_fly.iter().enumerate() {
+        no_fly_area(draft, index, area, file);
+    }
+    let corners: usize = draft.no_fly_m().iter().map(|area| area.area_enu_m.len()).sum();
+    if corners > MOST_CORNERS {
+        let message = format!("the no-fly areas have {corners} corners in all, more than {MOST_CORNERS}");
+        refuse(file, LIST, message, "draw them with fewer corners, a little larger, or join neighbours");
+    }
+    // The planner's own cells know what is left.
+    if file.sound(&["airspace"]) && !draft.no_fly.is_empty() {
+        let airspace =
+            Airspace { area_enu_m: draft.area_m(), no_fly: draft.no_fly_m(), ..draft.airspace.clone() };
+        if Region::new(&airspace).is_some_and(|region| region.cells().is_empty()) {
+            let [low, high] = airspace.altitude_m;
+            let message =
+                format!("the no-fly areas leave nothing of the airspace between {low} and {high} m");
+            let help = "make them smaller, give them a floor_m or ceiling_m, or enlarge airspace's area or altitude_m";
+            refuse(file, LIST, message, help);
+        }
+    }
+}
+
+fn no_fly_area(draft: &MissionDraft, index: usize, area: &NoFlyDraft, file: &mut Document) {
+    let path = format!("airspace.no_fly[{index}]");
+    let key = if area.area_lat_lon.is_some() { "area_lat_lon" } else { "area_enu_m" };
+    let (corners, floor, ceiling) =
+        (format!("{path}.{key}"), format!("{path}.floor_m"), format!("{path}.ceiling_m"));
+    if let (Some(floor_m), Some(ceiling_m)) = (area.floor_m, area.ceiling_m)
+        && file.sound(&[&floor, &ceiling])
+        && floor_m >= ceiling_m
+    {
+        let message = format!(
+            "the heights of the no-fly area {:?} are inverted or empty: `floor_m`, {floor_m} m, is not below `ceiling_m`, \
+             {ceiling_m} m",
+            area.name
+        );
+        let at = if file.given(&floor) { &floor } else { &ceiling };
+        refuse(file, at, message, "give both in metres above the mission origin, or leave one out");
+    }
+    if !file.sound(&[&path]) && !file.sound(&[&corners]) {
+        return;
+    }
+    if !frame(draft, area.area_lat_lon.is_some(), &corners, file) || !file.sound(&[&corners]) {
+        return;
+    }
+    let Some(settled) = draft.no_fly_m().into_iter().nth(index) else { return };
+    let farthest_m = settled.area_enu_m.iter().map(|corner| corner.norm()).fold(0.0, f64::max);
+    if area.area_lat_lon.is_some() && farthest_m > FAR_M {
+        let message = format!(
+            "a corner of `area_lat_lon` is {:.0} km from the mission origin, further than {:.0} km",
+            farthest_m / 1e3,
+            FAR_M / 1e3
+        );
+        let help = "check the signs and the order of latitude and longitude, here and in `origin`";
+        refuse(file, &corners, message, help);
+    } else if (area.area_lat_lon.is_some() || area.area_enu_m.is_some())
+        && let Err(error) = check_simple(&settled.area_enu_m)
+    {
+        let help = "list the corners once each, in order around the area, at least three of them; two areas that only touch \
+                    are two tables";
+        refuse(file, &corners, format!("`{key}` of the no-fly area {:?} {error}", area.name), help);
+    }
+}
+
+/// The no-fly area in or under which a home lies, so that the vehicle would climb through it.
+fn over_home(draft: &MissionDraft, home: Enu) -> Option<(usize, NoFly)> {
+    let low = draft.airspace.altitude_m[0];
+    draft.no_fly_m().into_iter().enumerate().find(|(_, area)| {
+        let [floor, ceiling] = area.heights_m();
+        // From the home up into the band, both ends included.
+        let meets = floor < low.max(home.z) && home.z < ceiling;
+        meets && Polygon::new(&area.area_enu_m).is_ok_and(|polygon| polygon.encloses(home.xy()))
+    })
 }
 
 fn emission(draft: &MissionDraft, file: &mut Document) {
@@ -281,6 +368,21 @@ fn homes(draft: &MissionDraft, file: &mut Document) {
                 message,
                 "vehicles stay inside the area from take-off to landing: move one or enlarge the other",
             );
+        }
+    }
+    for role in Role::BOTH {
+        let path = &keys[role];
+        if let Some(home) = homes[role]
+            && file.sound(&[path, "airspace.no_fly", "airspace.altitude_m"])
+            && let Some((index, area)) = over_home(draft, home)
+        {
+            let at = place(home);
+            let message = format!(
+                "the home of {role}, [{}, {}] m, lies in or under the no-fly area {:?}: it would climb and land through it",
+                at[0], at[1], area.name
+            );
+            let help = format!("move the home, or change [[airspace.no_fly]] number {}", index + 1);
+            refuse(file, path, message, &help);
         }
     }
     if let (Some(i), Some(j)) = (homes.i, homes.j)

@@ -2,16 +2,18 @@
 
 use nalgebra::Vector2;
 
+use super::area_file::AreaFile;
 use super::draft::{
-    Emission, JitterDraft, MissionDraft, NodeDraft, Optimise, PlannedVehicleDraft, PlannerSettings,
-    RadioDraft, Tdma,
+    Emission, JitterDraft, MissionDraft, NoFlyDraft, NodeDraft, Optimise, PlannedVehicleDraft,
+    PlannerSettings, RadioDraft, Tdma,
 };
-use super::kind::{Choice, Each, Flag, Integer, List, Moment, Number, Numbers, Period, Text};
+use super::kind::{Choice, Each, FieldFile, Flag, Integer, List, Moment, Number, Numbers, Period, Text};
 use super::link_file;
 use super::reader::Section;
 use crate::geo::{Enu, Geodetic};
-use crate::planner::problem::{Airframe, Airspace, JitterAxes, JitterModel, Method, Objective};
+use crate::planner::problem::{Airframe, JitterAxes, JitterModel, Method, Objective};
 use crate::planner::volume::Fairness;
+use crate::role::PerVehicle;
 use crate::schedule::order::Order;
 
 /// How far from the origin anything may be, in metres: beyond, the mission's plane is no plane.
@@ -46,12 +48,18 @@ pub(super) fn describe(s: &mut Section<'_, '_>, draft: &mut MissionDraft) {
         emission,
     );
     s.table("radio", "The link budget, the same for every link.", |s| radio(s, &mut draft.radio));
+    let mut field = None;
     s.table("airspace", "Where the vehicles may be.", |s| {
-        airspace(s, &mut draft.airspace, &mut draft.area_lat_lon, &mut draft.airspace_max_tilt_deg);
+        let sentence = "The area, its no-fly areas and homes that are not given here, from a QGroundControl plan or a GeoJSON \
+                        file, by its path from this file.";
+        field = s.set_file("area_file", sentence, FieldFile { directory: s.directory() });
+        airspace(s, draft, field.as_ref());
     });
+    let homes = field.map_or_else(PerVehicle::default, |field| field.homes);
     s.table("vehicles", "What must be known of each vehicle to plan for it.", |s| {
-        s.table("i", "Vehicle I, the information transmitter.", |s| vehicle(s, &mut draft.vehicles.i));
-        s.table("j", "Vehicle J, the friendly jammer.", |s| vehicle(s, &mut draft.vehicles.j));
+        let vehicles = &mut draft.vehicles;
+        s.table("i", "Vehicle I, the information transmitter.", |s| vehicle(s, &mut vehicles.i, homes.i));
+        s.table("j", "Vehicle J, the friendly jammer.", |s| vehicle(s, &mut vehicles.j, homes.j));
     });
     s.table("jitter", "How steadily the vehicles hold their attitude.", |s| jitter(s, &mut draft.jitter));
     link_file::describe(s, draft);
@@ -66,6 +74,34 @@ pub(super) fn describe(s: &mut Section<'_, '_>, draft: &mut MissionDraft) {
         node,
     );
     s.table("planner", "How each slot's poses and powers are found.", |s| planner(s, &mut draft.planner));
+}
+
+/// Where errors about what a file has drawn point.
+const AREA_FILE: &str = "airspace.area_file";
+
+/// The no-fly areas of the mission, and after them those of a file.
+fn no_fly_areas(s: &mut Section<'_, '_>, areas: &mut Vec<NoFlyDraft>, field: Option<&AreaFile>) {
+    s.set_tables(
+        "no_fly",
+        "A part of the area in which no vehicle may be.",
+        0,
+        areas,
+        |index| NoFlyDraft { name: format!("no-fly-{}", index + 1), ..NoFlyDraft::default() },
+        no_fly,
+    );
+    for area in field.into_iter().flat_map(|field| &field.no_fly) {
+        let path = |key: &str| format!("no_fly[{}].{key}", areas.len());
+        s.record_of_file(AREA_FILE, &path("name"), &NAME, &area.name);
+        if let Some(corners) = &area.area_lat_lon {
+            s.record_of_file(AREA_FILE, &path("area_lat_lon"), &corners_lat_lon(), corners);
+        }
+        for (key, height) in [("floor_m", area.floor_m), ("ceiling_m", area.ceiling_m)] {
+            if let Some(height_m) = height {
+                s.record_of_file(AREA_FILE, &path(key), &HEIGHT, &height_m);
+            }
+        }
+        areas.push(area.clone());
+    }
 }
 
 fn identity(s: &mut Section<'_, '_>, draft: &mut MissionDraft) {
@@ -173,47 +209,86 @@ fn radio(s: &mut Section<'_, '_>, radio: &mut RadioDraft) {
     s.alternatives(&[&["reference_gain"], &["carrier_hz"]], false);
 }
 
-fn airspace(
-    s: &mut Section<'_, '_>,
-    airspace: &mut Airspace,
-    area_lat_lon: &mut Option<Vec<[f64; 2]>>,
-    max_tilt_deg: &mut f64,
-) {
+fn airspace(s: &mut Section<'_, '_>, draft: &mut MissionDraft, field: Option<&AreaFile>) {
+    let (airspace, area_lat_lon) = (&mut draft.airspace, &mut draft.area_lat_lon);
     s.set(
         "altitude_m",
         "Lowest and highest altitude of the vehicles above the mission origin.",
         Numbers([("lowest", HEIGHT), ("highest", HEIGHT)]),
         &mut airspace.altitude_m,
     );
+    let (east_north, lat_lon) = (corners_enu(), corners_lat_lon());
     let mut area: Vec<[f64; 2]> = airspace.area_enu_m.iter().map(|corner| (*corner).into()).collect();
     s.set(
         "area_enu_m",
         "Corners [east, north] of the area that binds the vehicles, in order, the last joining the first. Nodes may lie outside.",
-        List { each: Numbers([("east", HORIZONTAL), ("north", HORIZONTAL)]), at_least: 3, at_most: 1000 },
+        east_north,
         &mut area,
     );
     airspace.area_enu_m = area.into_iter().map(Vector2::from).collect();
     s.set_optional(
         "area_lat_lon",
         "The same by [latitude, longitude], north and east positive, instead of area_enu_m.",
-        List {
-            each: Numbers([("latitude", latitude()), ("longitude", longitude())]),
-            at_least: 3,
-            at_most: 1000,
-        },
+        lat_lon,
         area_lat_lon,
     );
-    s.alternatives(&[&["area_enu_m"], &["area_lat_lon"]], false);
+    if let Some(field) = field.filter(|_| !s.given("area_enu_m") && !s.given("area_lat_lon")) {
+        s.record_of_file(AREA_FILE, "area_lat_lon", &corners_lat_lon(), &field.area);
+        *area_lat_lon = Some(field.area.clone());
+    }
+    s.alternatives(&[&["area_enu_m"], &["area_lat_lon"], &["area_file"]], false);
     s.set(
         "min_separation_m",
         "Least distance between the vehicles.",
         Number::within("m", 0.5, 1000.0),
         &mut airspace.min_separation_m,
     );
-    s.set("max_tilt_deg", "Largest tilt of either vehicle from level.", TILT, max_tilt_deg);
+    let tilt = "Largest tilt of either vehicle from level.";
+    s.set("max_tilt_deg", tilt, TILT, &mut draft.airspace_max_tilt_deg);
+    no_fly_areas(s, &mut draft.no_fly, field);
 }
 
-fn vehicle(s: &mut Section<'_, '_>, vehicle: &mut PlannedVehicleDraft) {
+fn corners_enu() -> List<Numbers<2>> {
+    List { each: Numbers([("east", HORIZONTAL), ("north", HORIZONTAL)]), at_least: 3, at_most: 1000 }
+}
+
+fn corners_lat_lon() -> List<Numbers<2>> {
+    List { each: Numbers([("latitude", latitude()), ("longitude", longitude())]), at_least: 3, at_most: 1000 }
+}
+
+fn no_fly(s: &mut Section<'_, '_>, area: &mut NoFlyDraft) {
+    s.set("name", "Unique name. By default no-fly- and the number in the list.", NAME, &mut area.name);
+    s.set_optional(
+        "area_enu_m",
+        "Its corners [east, north], in order, the last joining the first; they may lie outside the airspace's area.",
+        corners_enu(),
+        &mut area.area_enu_m,
+    );
+    s.set_optional(
+        "area_lat_lon",
+        "The same by [latitude, longitude], north and east positive, instead of area_enu_m.",
+        corners_lat_lon(),
+        &mut area.area_lat_lon,
+    );
+    s.alternatives(&[&["area_enu_m"], &["area_lat_lon"]], true);
+    s.set_optional(
+        "floor_m",
+        "From this altitude above the mission origin on it is forbidden; without it from the ground.",
+        HEIGHT,
+        &mut area.floor_m,
+    );
+    s.set_optional(
+        "ceiling_m",
+        "Up to this altitude above the mission origin it is forbidden; without it to the sky.",
+        HEIGHT,
+        &mut area.ceiling_m,
+    );
+}
+
+/// A home that a file has drawn: latitude and longitude, and its height if that is said.
+type DrawnHome = Option<([f64; 2], Option<f64>)>;
+
+fn vehicle(s: &mut Section<'_, '_>, vehicle: &mut PlannedVehicleDraft, drawn: DrawnHome) {
     let airframes =
         Choice(&[("omnidirectional", Airframe::Omnidirectional), ("conventional", Airframe::Conventional)]);
     s.set(
@@ -249,18 +324,31 @@ fn vehicle(s: &mut Section<'_, '_>, vehicle: &mut PlannedVehicleDraft) {
         "Where the simulated vehicle starts. A real one starts where it stands.",
         &mut vehicle.home_enu_m,
     );
+    let lat_lon = Numbers([("latitude", latitude()), ("longitude", longitude())]);
+    let drawn = drawn.filter(|_| vehicle.home_enu_m.is_none() && !s.given("home_lat_lon"));
     s.set_optional(
         "home_lat_lon",
         "The same by [latitude, longitude], north and east positive, instead of home_enu_m.",
-        Numbers([("latitude", latitude()), ("longitude", longitude())]),
+        lat_lon,
         &mut vehicle.home_lat_lon,
     );
+    if let Some((home, _)) = &drawn {
+        let lat_lon = Numbers([("latitude", latitude()), ("longitude", longitude())]);
+        s.record_of_file(AREA_FILE, "home_lat_lon", &lat_lon, home);
+        vehicle.home_lat_lon = Some(*home);
+    }
     s.set_optional(
         "home_alt_m",
         "Its altitude above the mission origin, with home_lat_lon; 0 if not given.",
         HEIGHT,
         &mut vehicle.home_alt_m,
     );
+    if let Some((_, Some(up_m))) = &drawn
+        && vehicle.home_alt_m.is_none()
+    {
+        s.record_of_file(AREA_FILE, "home_alt_m", &HEIGHT, up_m);
+        vehicle.home_alt_m = Some(*up_m);
+    }
     s.alternatives(&[&["home_enu_m"], &["home_lat_lon"]], false);
     s.excludes("home_alt_m", "home_enu_m");
     link_file::powers(s, vehicle);

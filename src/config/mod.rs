@@ -4,6 +4,7 @@
 //! checks, defaults, the JSON Schema and the digest all follow from the declaration. `reading`, `reader` and `kind` serve
 //! other files of this form too.
 
+mod area_file;
 mod diagnostic;
 pub(crate) mod document;
 mod draft;
@@ -30,8 +31,8 @@ mod vehicle_links;
 pub use diagnostic::{Diagnostic, Diagnostics, Severity};
 pub use draft::{
     AntennaDraft, AntennasDraft, Autopilot, Emission, FadingDraft, JitterDraft, Limits, LogLimits,
-    MissionDraft, NodeDraft, Optimise, PerReceiver, PlannedVehicleDraft, PlannerSettings, PointingDraft,
-    PowerLimit, RadioDraft, Tdma, Transmitter, VehicleDraft,
+    MissionDraft, NoFlyDraft, NodeDraft, Optimise, PerReceiver, PlannedVehicleDraft, PlannerSettings,
+    PointingDraft, PowerLimit, RadioDraft, Tdma, Transmitter, VehicleDraft,
 };
 pub use mission::{Difference, Mission, NamedEavesdropper, Settled, User, VehicleSettings};
 pub use mission_file::METHODS;
@@ -41,7 +42,7 @@ pub use radio_draft::{
     AtDraft, AttenuatorDraft, CommandDraft, DeviceDraft, DeviceKind, JsonRpcDraft, RadioHostDraft,
 };
 pub use vehicle::Vehicle;
-pub(crate) use vehicle::fence_corners;
+pub(crate) use vehicle::{FenceShape, fence_corners};
 pub use vehicle_links::ExposedLink;
 
 #[cfg(test)]

@@ -146,6 +146,25 @@ impl<'c, 'd> Section<'c, 'd> {
         self.optional(key, sentence, kind)
     }
 
+    /// A key that names a file: what is read from it is recorded as other settings are, by [`record_of_file`](Self::record_of_file), and
+    /// the key itself is not.
+    pub(crate) fn set_file<K: Kind>(&mut self, key: &'static str, sentence: &str, kind: K) -> Option<K::Out> {
+        let value = self.value(key, &kind, None);
+        self.property(key, sentence, kind.schema());
+        value
+    }
+
+    /// Records a setting that was read from the file that the setting `file` names, by its whole path: errors about it point
+    /// there. In its turn: a digest is over the settings in the order of their declarations.
+    pub(crate) fn record_of_file<K: Kind>(&mut self, file: &str, path: &str, kind: &K, value: &K::Out) {
+        let (span, path) = (self.document.at(file), self.path_of(path));
+        self.document.place(&path, span.clone());
+        if let Some(clause) = kind.fault(value) {
+            self.refuse(&path, span, format!("`{path}` {clause}"), format!("give {}", kind.expected()));
+        }
+        self.document.settings.push((path, kind.canonical(value)));
+    }
+
     /// A table whose settings all have defaults, unless `f` asks for more.
     pub(crate) fn table<T>(
         &mut self,

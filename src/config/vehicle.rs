@@ -3,6 +3,7 @@
 use std::ops::Deref;
 use std::path::Path;
 
+use nalgebra::Vector2;
 use serde_json::Value as Json;
 
 use super::diagnostic::{Diagnostics, Severity};
@@ -15,8 +16,9 @@ use super::reader::Section;
 use super::vehicle_links::{self, KEY_FILES, key_file_fault};
 use super::{permission, reading, vehicle_file};
 use crate::autopilot::{Actuation, FENCE_MARGIN_M, FenceDuty, FirmwareChoice, MOST_FENCE_CORNERS};
+use crate::planner::problem::{Airspace, NoFly};
 use crate::role::Role;
-use crate::schedule::outset::{Outset, outset};
+use crate::schedule::outset::{Outset, inset, outset};
 use crate::time::Utc;
 use crate::transmitter::Kind;
 
@@ -155,9 +157,9 @@ impl Vehicle {
             && let Err(Corners(count)) = fence_corners(mission)
         {
             let message = format!(
-                "the mission's area makes a fence of {count} corners, and no autopilot keeps more than {MOST_FENCE_CORNERS}"
+                "the mission's area and no-fly areas make a fence of {count} corners, and no autopilot keeps more than {MOST_FENCE_CORNERS}"
             );
-            let help = "give airspace.area_enu_m fewer corners, on both vehicles, or say fence = \"none\""
+            let help = "give airspace.area_enu_m, or [[airspace.no_fly]], fewer corners, on both vehicles, or say fence = \"none\""
                 .to_owned();
             all.push(Severity::Error, file.at("autopilot.fence"), message, help);
         }
@@ -220,19 +222,42 @@ impl Vehicle {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Corners(pub usize);
 
-/// The fence that an autopilot is given for a mission: its area and a margin.
+/// The fence that an autopilot is given for a mission.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(crate) struct FenceShape {
+    /// Its area and a margin.
+    pub area: Outset,
+    /// Polygons that nobody may enter: no-fly areas less the margin.
+    pub zones: Vec<Vec<Vector2<f64>>>,
+    /// No-fly areas that the autopilot cannot be told of, by name, each with the reason.
+    pub untold: Vec<String>,
+}
+
+/// The fence that an autopilot is given for a mission: its area and a margin, and its no-fly areas less one. An autopilot's
+/// zones have no heights: an area over or under which the mission may fly is none of them.
 ///
 /// # Errors
 /// [`Corners`], if they are too many.
-pub(crate) fn fence_corners(mission: &Mission) -> Result<Outset, Corners> {
-    let area = &mission.airspace.area_enu_m;
+pub(crate) fn fence_corners(mission: &Mission) -> Result<FenceShape, Corners> {
+    let Airspace { area_enu_m: area, altitude_m: [low, high], no_fly, .. } = &mission.airspace;
     if area.len() > MOST_FENCE_CORNERS {
         return Err(Corners(area.len()));
     }
     // A mission's area has an interior: that was checked when it was read.
-    let fence = outset(area, FENCE_MARGIN_M).map_err(|_| Corners(area.len()))?;
-    let count = fence.corners.len();
-    if count > MOST_FENCE_CORNERS { Err(Corners(count)) } else { Ok(fence) }
+    let area = outset(area, FENCE_MARGIN_M).map_err(|_| Corners(area.len()))?;
+    let mut shape = FenceShape { area, ..FenceShape::default() };
+    for area in no_fly {
+        let (NoFly { name, area_enu_m, .. }, [floor, ceiling]) = (area, area.heights_m());
+        if floor > *low || ceiling < *high {
+            shape.untold.push(format!("{name:?} (it has a height)"));
+        } else if let Some(zone) = inset(area_enu_m, FENCE_MARGIN_M) {
+            shape.zones.push(zone);
+        } else {
+            shape.untold.push(format!("{name:?} (too narrow for a margin)"));
+        }
+    }
+    let count = shape.area.corners.len() + shape.zones.iter().map(Vec::len).sum::<usize>();
+    if count > MOST_FENCE_CORNERS { Err(Corners(count)) } else { Ok(shape) }
 }
 
 /// A limit of the vehicle and what the mission plans with.

@@ -141,6 +141,7 @@ impl Executive {
         let homes = PerVehicle::from_fn(|role| if role == self.settings.role { own } else { peer });
         let itinerary = Itinerary::new(plan, &homes, &self.settings).map_err(|error| error.to_string())?;
         self.service.set_plan(itinerary.terms(plan));
+        self.ground.judge_returns(plan, own, &self.settings);
         self.itinerary = Some(itinerary);
         Ok(())
     }

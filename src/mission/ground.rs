@@ -1,7 +1,9 @@
 //! On the ground: what speaks against a take-off.
 
+use crate::geo::Enu;
 use crate::planner::slots::Plan;
 use crate::preflight::{Check, Verdict, check};
+use crate::role::Role;
 use crate::schedule::transit::Router;
 use crate::service::Tolerance;
 use crate::time::Instant;
@@ -21,6 +23,8 @@ pub(super) struct Ground {
     geofence: Option<Check>,
     /// Whether the plan bears a lean, of a vehicle that leans.
     lean: Option<Check>,
+    /// Whether the autopilot's own ways home stay out of the no-fly areas, once the home is known.
+    returns: Option<Check>,
     preflight_ok: bool,
     /// What a MISSION_START would be refused for; empty: nothing.
     obstacle: String,
@@ -36,6 +40,7 @@ impl Ground {
             start,
             geofence: None,
             lean: None,
+            returns: None,
             preflight_ok: false,
             obstacle: "the autopilot's state is not known yet".to_owned(),
             waiting: Waiting::default(),
@@ -67,7 +72,12 @@ impl Ground {
     /// What is known of the plan.
     pub fn plan_checks(&self) -> impl Iterator<Item = Check> {
         let geofence = self.geofence.clone().unwrap_or_else(|| check("plan", Verdict::Fail, "is being made"));
-        std::iter::once(geofence).chain(self.lean.clone())
+        std::iter::once(geofence).chain(self.lean.clone()).chain(self.returns.clone())
+    }
+
+    /// Judges what the autopilot would do by itself, once plan and home are known.
+    pub fn judge_returns(&mut self, plan: &Plan, home: Enu, settings: &Settings) {
+        self.returns = returns(plan, home, settings);
     }
 
     /// Takes in all checks: gives back what fails, and what the operator is to be warned of.
@@ -119,6 +129,37 @@ fn geofence(plan: &Plan, settings: &Settings) -> Check {
             check("geofence", Verdict::Fail, detail)
         }
     }
+}
+
+/// Whether the autopilot's own ways, straight home and straight down, stay out of the no-fly areas, which it knows little or
+/// nothing of; `None` where there are no such areas.
+pub(super) fn returns(plan: &Plan, home: Enu, settings: &Settings) -> Option<Check> {
+    if settings.airspace.no_fly.is_empty() {
+        return None;
+    }
+    let router = Router::new(&settings.airspace, &settings.limits).ok()?;
+    let [low_m, high_m] = settings.airspace.altitude_m;
+    // The half of the band in which this vehicle's autopilot is to return.
+    let middle_m = 0.5 * (low_m + high_m);
+    let return_m = if settings.role == Role::I { [low_m, middle_m] } else { [middle_m, high_m] };
+    let mut told: Vec<String> = Vec::new();
+    for slot in &plan.slots {
+        let at = slot.plan.vehicles[settings.role].pose.position_enu_m;
+        let altitude_m = return_m.map(|altitude_m| altitude_m.max(at.z));
+        let home_ways = router.crossed_straight_home(&at, &home, altitude_m).into_iter();
+        let ways = home_ways.map(|area| format!("straight home from the pose for {} {area:?}", slot.user));
+        let down = router.crossed_straight_down(&at).into_iter();
+        told.extend(ways.chain(down.map(|area| format!("straight down from it for {} {area:?}", slot.user))));
+    }
+    if told.is_empty() {
+        let detail = "the autopilot's own ways home and down from all poses stay out of the no-fly areas";
+        return Some(check("own return", Verdict::Pass, detail));
+    }
+    let detail = format!(
+        "without its companion the autopilot would cross no-fly areas, {}; should be none: move a home, or see that this may be",
+        told.join(", ")
+    );
+    Some(check("own return", Verdict::Warn, detail))
 }
 
 #[cfg(test)]

@@ -56,6 +56,14 @@ pub enum PlanError {
         /// Vertices given.
         vertices: usize,
     },
+    /// The no-fly areas cover all of the airspace.
+    #[error(
+        "the {areas} no-fly areas leave nothing of the airspace, or one of them crosses itself; make them smaller or lower, or enlarge the area or its altitudes"
+    )]
+    NothingLeft {
+        /// How many there are.
+        areas: usize,
+    },
     /// The airspace is smaller than the separation.
     #[error(
         "a separation of {separation_m} m does not fit into an airspace {reach_m} m across; enlarge the area or lower the separation"

@@ -20,6 +20,7 @@ use super::plan::{SlotPlan, VehiclePlan};
 use super::problem::{Method, Objective, PowerSteps, Problem};
 use super::setup::Setup;
 use super::{Options, plan_slot};
+use crate::geo::polygon::Polygon;
 use crate::radio::pattern;
 use crate::role::{PerVehicle, Role};
 
@@ -48,6 +49,8 @@ const STEP_RAD: f64 = 1e-6;
 pub enum Limit {
     /// The area's edge.
     Fence(Role),
+    /// A no-fly area's side, floor or ceiling.
+    NoFly(Role),
     /// The lowest altitude.
     Floor(Role),
     /// The highest altitude.
@@ -69,6 +72,7 @@ impl Limit {
         let of = |role: Role, what: &str| format!("{}.{what}", role.key());
         match self {
             Self::Fence(role) => of(role, "fence"),
+            Self::NoFly(role) => of(role, "no-fly"),
             Self::Floor(role) => of(role, "floor"),
             Self::Ceiling(role) => of(role, "ceiling"),
             Self::Tilt(role) => of(role, "tilt"),
@@ -208,6 +212,7 @@ fn of_vehicle(setup: &Setup, plan: &VehiclePlan, slope: &Slope, role: Role, foun
     };
     let binding = [
         (fenced, Limit::Fence(role)),
+        (faces_at(setup, at).any(|inward| slope.pushes(inward.dot(&by_position))), Limit::NoFly(role)),
         (at.z <= low + NEAR_M && slope.pushes(-by_position.z), Limit::Floor(role)),
         (at.z >= high - NEAR_M && slope.pushes(by_position.z), Limit::Ceiling(role)),
         (tilted, Limit::Tilt(role)),
@@ -230,6 +235,33 @@ fn edges_at(setup: &Setup, at: Vector2<f64>) -> impl Iterator<Item = Vector2<f64
         let nearest = from + edge * (along_m / length_m);
         ((at - nearest).norm() <= NEAR_M).then(|| Vector2::new(edge.y, -edge.x) / length_m)
     })
+}
+
+/// The inward normals of the no-fly areas' faces at which a point stands.
+fn faces_at(setup: &Setup, at: Vector3<f64>) -> impl Iterator<Item = Vector3<f64>> {
+    setup.problem.airspace.no_fly.iter().filter_map(move |area| {
+        let polygon = Polygon::new(&area.area_enu_m).ok()?;
+        let [floor, ceiling] = area.heights_m();
+        let nearest = polygon.nearest_on_boundary(at.xy());
+        let inward = if polygon.encloses(at.xy()) { at.xy() - nearest } else { nearest - at.xy() };
+        if inward.norm() <= NEAR_M && (floor..=ceiling).contains(&at.z) {
+            let beside = inward.try_normalize(0.0).unwrap_or_else(|| facing(&polygon, nearest));
+            return Some(beside.push(0.0));
+        }
+        if !polygon.encloses(at.xy()) {
+            return None;
+        }
+        let under = (at.z - floor).abs() <= NEAR_M;
+        (under || (at.z - ceiling).abs() <= NEAR_M).then(|| if under { Vector3::z() } else { -Vector3::z() })
+    })
+}
+
+/// The inward normal of the side on which a point of the boundary lies.
+fn facing(polygon: &Polygon, at: Vector2<f64>) -> Vector2<f64> {
+    let apart = |[p, q]: &[Vector2<f64>; 2]| (at - p).norm() + (at - q).norm() - (q - p).norm();
+    let side = polygon.edges().min_by(|a, b| apart(a).total_cmp(&apart(b)));
+    // The corners go round counterclockwise, so that inward is to the left of a side.
+    side.map_or_else(Vector2::zeros, |[p, q]| Vector2::new(p.y - q.y, q.x - p.x) / (q - p).norm())
 }
 
 /// The gradient of the mean rate, nats per hertz, the signed rate's: with `[.]^+` inside it would vanish where there is none.

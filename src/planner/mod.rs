@@ -24,7 +24,7 @@ pub mod phase2;
 pub mod plan;
 mod powers;
 pub mod problem;
-mod region;
+pub(crate) mod region;
 mod robust;
 mod search;
 mod setup;

@@ -139,8 +139,7 @@ impl Memory {
         for _ in 0..=MOST_CROSSINGS {
             let raw = chart.raw(&x);
             let cells = self.cells(setup, &raw, best.is_some());
-            let mut constraints =
-                chart.constraints(&setup.region, cells, air.altitude_m, air.min_separation_m);
+            let mut constraints = chart.constraints(&setup.region, cells, air.min_separation_m);
             let strictly =
                 matches!(solver, Solver::InteriorPoint(_)) && repair(&mut constraints, &mut x, true);
             if !strictly && !repair(&mut constraints, &mut x, false) {
@@ -197,11 +196,11 @@ impl Memory {
     /// The cells of both positions; `other` asks for the neighbour across a cut.
     fn cells(&self, setup: &Setup, raw: &Raw, other: bool) -> [usize; 2] {
         [0, 7].map(|at| {
-            let p = nalgebra::Vector2::new(raw[at], raw[at + 1]);
-            let home = setup.region.cell_of(p);
+            let p = nalgebra::Vector3::new(raw[at], raw[at + 1], raw[at + 2]);
+            let home = setup.region.cell_of(&p);
             let tolerance = ON_CUT * setup.length_m;
             let across = (0..setup.region.cells().len())
-                .find(|c| *c != home && setup.region.depth_m(*c, p) >= -tolerance);
+                .find(|c| *c != home && setup.region.depth_m(*c, &p) >= -tolerance);
             if other { across.unwrap_or(home) } else { home }
         })
     }
@@ -212,6 +211,7 @@ fn on_cut(setup: &Setup, cells: [usize; 2], raw: &Raw, length_m: f64) -> bool {
     [0, 7].iter().zip(cells).any(|(at, cell)| {
         let p = nalgebra::Vector2::new(raw[*at], raw[at + 1]);
         setup.region.cells()[cell]
+            .sides
             .iter()
             .any(|h| h.cut && (h.offset_m - h.normal.dot(&p)).abs() <= ON_CUT * length_m)
     })

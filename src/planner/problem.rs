@@ -3,6 +3,7 @@
 
 use nalgebra::{Vector2, Vector3};
 
+use crate::geo::polygon::Polygon;
 use crate::role::PerVehicle;
 
 pub use crate::radio::antenna::Pattern;
@@ -85,6 +86,7 @@ impl Problem {
             airspace: Airspace {
                 altitude_m: [80.0, 300.0],
                 area_enu_m: corners.map(Vector2::from).to_vec(),
+                no_fly: Vec::new(),
                 min_separation_m: 0.0,
             },
             vehicles: PerVehicle { i: vehicle, j: vehicle },
@@ -203,8 +205,40 @@ pub struct Airspace {
     pub altitude_m: [f64; 2],
     /// Geofence: a simple polygon (not closed: the last vertex joins the first), either orientation, maybe concave.
     pub area_enu_m: Vec<Vector2<f64>>,
+    /// Parts of it in which no vehicle may be.
+    pub no_fly: Vec<NoFly>,
     /// Least distance between the vehicles in metres.
     pub min_separation_m: f64,
+}
+
+/// A part of the airspace in which no vehicle may be: an upright prism. Its faces are allowed, its inside is not.
+#[derive(Debug, Clone, PartialEq)]
+pub struct NoFly {
+    /// What people call it.
+    pub name: String,
+    /// Corners of a simple polygon (not closed), either orientation, maybe concave.
+    pub area_enu_m: Vec<Vector2<f64>>,
+    /// From this altitude above the mission origin in metres; `None`: from the ground.
+    pub floor_m: Option<f64>,
+    /// Up to this one; `None`: to the sky.
+    pub ceiling_m: Option<f64>,
+}
+
+impl NoFly {
+    /// From which altitude to which, in metres.
+    #[must_use]
+    pub fn heights_m(&self) -> [f64; 2] {
+        [self.floor_m.unwrap_or(f64::NEG_INFINITY), self.ceiling_m.unwrap_or(f64::INFINITY)]
+    }
+
+    /// How far a place lies inside, from the nearest face, in metres; 0 outside.
+    #[must_use]
+    pub fn depth_m(&self, at: &Vector3<f64>) -> f64 {
+        let [floor, ceiling] = self.heights_m();
+        let across = Polygon::new(&self.area_enu_m).ok().filter(|area| area.encloses(at.xy()));
+        let across = across.map_or(0.0, |area| (at.xy() - area.nearest_on_boundary(at.xy())).norm());
+        across.min(at.z - floor).min(ceiling - at.z).max(0.0)
+    }
 }
 
 /// What a vehicle can do.

@@ -43,6 +43,8 @@ const SAMPLED_STARTS: [usize; 2] = [36, 96];
 const QUANTILE_STARTS: [usize; 2] = [72, 112];
 const USUAL_EAVESDROPPERS: usize = 10;
 const MORE_STARTS: usize = 40;
+/// So many times the starts where there are no-fly areas.
+const GAPS: usize = 4;
 /// Candidates that are polished without jitter.
 const EXACT_POLISHED: usize = 6;
 /// Iterations from every start of a screening under jitter, and of the better ones after that.
@@ -171,6 +173,7 @@ fn continued(iterations: usize, tolerance: f64, curvature: Option<Matrix>) -> So
 /// from phase 2, knows nothing of what a free yaw gains.
 fn candidates(own: usize, setup: &Setup, options: &Options) -> usize {
     let own = if setup.problem.free_yaw { 3 * own } else { own };
+    let own = if setup.region.has_gaps() { 2 * own } else { own };
     own.max(own * options.starts.unwrap_or(0) / 100)
 }
 
@@ -228,7 +231,9 @@ pub(super) fn samples(setup: &Setup, options: &Options) -> Samples {
 fn own_starts(setup: &Setup, [usual, many]: [usize; 2]) -> usize {
     let own = if is_restricted(setup) || setup.problem.free_yaw { many } else { usual };
     let more = 2 * setup.problem.eavesdroppers.len().saturating_sub(USUAL_EAVESDROPPERS);
-    own + more.min(MORE_STARTS)
+    // Of two vehicles, each on one of several sides of an area, there are more kinds.
+    let sides = if setup.region.has_gaps() { GAPS } else { 1 };
+    sides * (own + more.min(MORE_STARTS))
 }
 
 /// What a screening on samples looks at.

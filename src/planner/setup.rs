@@ -11,11 +11,15 @@ use super::problem::{Airframe, Objective, Pattern, Pointing, PowerSteps, Problem
 use super::region::Region;
 use super::variables::AxisChart;
 use crate::geo::Pose;
+use crate::geo::polygon::Polygon;
 use crate::radio::pattern;
 use crate::role::{PerVehicle, Role};
 
 /// Coordinates beyond this are no mission: distances squared would lose their accuracy.
 pub const FARTHEST_M: f64 = 1e6;
+
+/// So many ways out of a no-fly area are worth a start, the nearest ones.
+const WAYS_OUT: usize = 8;
 
 /// A checked problem with what is derived from it once.
 #[derive(Debug, Clone)]
@@ -42,9 +46,22 @@ impl<'a> Setup<'a> {
     pub fn new(problem: &'a Problem) -> Result<Self, PlanError> {
         check_numbers(problem)?;
         let air = &problem.airspace;
-        let region =
-            Region::new(&air.area_enu_m).ok_or(PlanError::EmptyArea { vertices: air.area_enu_m.len() })?;
-        let reach_m = libm::hypot(region.polygon().diameter_m(), air.altitude_m[1] - air.altitude_m[0]);
+        let region = Region::new(air).ok_or_else(|| {
+            if Polygon::new(&air.area_enu_m).is_ok() && !air.no_fly.is_empty() {
+                PlanError::NothingLeft { areas: air.no_fly.len() }
+            } else {
+                PlanError::EmptyArea { vertices: air.area_enu_m.len() }
+            }
+        })?;
+        if region.cells().is_empty() {
+            return Err(PlanError::NothingLeft { areas: air.no_fly.len() });
+        }
+        let reach_m = if region.has_gaps() {
+            let [a, b] = farthest_apart(&region);
+            (a - b).norm()
+        } else {
+            libm::hypot(region.polygon().diameter_m(), air.altitude_m[1] - air.altitude_m[0])
+        };
         if reach_m < air.min_separation_m {
             return Err(PlanError::SeparationImpossible { separation_m: air.min_separation_m, reach_m });
         }
@@ -132,7 +149,28 @@ impl<'a> Setup<'a> {
     pub fn allowed(&self, p: Vector3<f64>) -> Vector3<f64> {
         let ground = self.region.nearest(p.xy());
         let [low, high] = self.problem.airspace.altitude_m;
-        Vector3::new(ground.x, ground.y, p.z.clamp(low, high))
+        self.outside(Vector3::new(ground.x, ground.y, p.z.clamp(low, high)))
+    }
+
+    /// `p`, which is over the area and in the band, or the nearest position outside the no-fly areas.
+    #[must_use]
+    pub fn outside(&self, p: Vector3<f64>) -> Vector3<f64> {
+        if self.region.has_gaps() && !self.region.allows(&p) { self.region.nearest_allowed(&p) } else { p }
+    }
+
+    /// As [`allowed`](Self::allowed), but for a position in a no-fly area by one of the ways out of it, drawn from `rng`: the
+    /// best place beside it need not be the nearest. Without such areas nothing is drawn.
+    #[must_use]
+    pub fn allowed_by_some_way(&self, p: Vector3<f64>, rng: &mut ChaCha8Rng) -> Vector3<f64> {
+        let ground = self.region.nearest(p.xy());
+        let [low, high] = self.problem.airspace.altitude_m;
+        let p = Vector3::new(ground.x, ground.y, p.z.clamp(low, high));
+        if !self.region.has_gaps() || self.region.allows(&p) {
+            return p;
+        }
+        let ways = self.region.ways_out(&p);
+        let way = rng.random_range(0..ways.len().min(WAYS_OUT));
+        ways.get(way).copied().unwrap_or(p)
     }
 
     /// A point drawn uniformly from the geofence: by rejection from its bounding box, at most so often.
@@ -159,6 +197,13 @@ impl<'a> Setup<'a> {
     /// `raw` with positions that always keep the separation: at the two corners of the airspace farthest apart.
     #[must_use]
     pub fn resort(&self, raw: &Raw) -> Raw {
+        if self.region.has_gaps() {
+            let [a, b] = farthest_apart(&self.region);
+            let mut out = *raw;
+            out[..3].copy_from_slice(a.as_slice());
+            out[VEHICLE..VEHICLE + 3].copy_from_slice(b.as_slice());
+            return out;
+        }
         let polygon = self.region.polygon().corners();
         let pairs = polygon.iter().flat_map(|a| polygon.iter().map(move |b| (a, b)));
         let longer = |x: &(_, _), y: &(_, _)| {
@@ -195,7 +240,7 @@ impl<'a> Setup<'a> {
             let part = &raw[at..at + VEHICLE];
             let (roll_rad, pitch_rad) = pattern::canonical_attitude(part[ANGLES], part[ANGLES + 1]);
             let [low, high] = self.problem.airspace.altitude_m;
-            let position_enu_m = Vector3::new(part[0], part[1], part[2].clamp(low, high));
+            let position_enu_m = self.outside(Vector3::new(part[0], part[1], part[2].clamp(low, high)));
             let yaw_rad =
                 part[ANGLES + 2] - std::f64::consts::TAU * (part[ANGLES + 2] / std::f64::consts::TAU).round();
             let cap = self.problem.radio.max_power_w[role];
@@ -207,6 +252,21 @@ impl<'a> Setup<'a> {
             VehiclePlan { pose: Pose { position_enu_m, roll_rad, pitch_rad, yaw_rad }, tx_power_w }
         })
     }
+}
+
+/// The two allowed positions that are farthest from each other: corners of cells, at either end of their altitudes.
+fn farthest_apart(region: &Region) -> [Vector3<f64>; 2] {
+    let ends: Vec<Vector3<f64>> =
+        region.corners().flat_map(|(corner, altitude_m)| altitude_m.map(|z| corner.push(z))).collect();
+    let mut best = [Vector3::zeros(); 2];
+    for (k, a) in ends.iter().enumerate() {
+        for b in &ends[k + 1..] {
+            if (a - b).norm_squared() > (best[0] - best[1]).norm_squared() {
+                best = [*a, *b];
+            }
+        }
+    }
+    best
 }
 
 /// Variances of the angle between J's axis and the user, per axis across it, by what is wrong with J's attitude (rad^2), and
@@ -306,6 +366,14 @@ fn check_numbers(problem: &Problem) -> Result<(), PlanError> {
     within("lowest altitude in m", air.altitude_m[0], -FARTHEST_M, FARTHEST_M)?;
     within("highest altitude in m", air.altitude_m[1], air.altitude_m[0], FARTHEST_M)?;
     within("separation in m", air.min_separation_m, 0.0, FARTHEST_M)?;
+    for area in &air.no_fly {
+        for vertex in &area.area_enu_m {
+            vertex.iter().try_for_each(|c| within("no-fly vertex in m", *c, -FARTHEST_M, FARTHEST_M))?;
+        }
+        for height in [area.floor_m, area.ceiling_m].into_iter().flatten() {
+            within("no-fly height in m", height, -FARTHEST_M, FARTHEST_M)?;
+        }
+    }
     for vertex in &air.area_enu_m {
         vertex.iter().try_for_each(|c| within("area vertex in m", *c, -FARTHEST_M, FARTHEST_M))?;
     }

@@ -9,6 +9,9 @@
 //! - J's power: where the interference that it leaves at the user, at its null (jitter, floor, scattering), is 3 to 100 times the
 //!   noise: from the link budget, never from its cap.
 //!
+//! A start that falls into a no-fly area leaves it by one of its ways out, drawn at random: round it on either side, over or
+//! under it.
+//!
 //! The first starts take the kinds in turn, so that few of them suffice where the optimum is of the usual kind. From
 //! [`ELSEWHERE`] on, half of them are drawn uniformly from all there is, in order to find what the kinds leave out.
 
@@ -40,7 +43,8 @@ fn elsewhere(setup: &Setup, rng: &mut ChaCha8Rng) -> Raw {
     let mut raw = [0.0; 14];
     for part in raw.chunks_mut(VEHICLE) {
         let (x, y) = setup.uniform(rng);
-        part[..3].copy_from_slice(&[x, y, rng.random_range(low..=high)]);
+        let at = setup.outside(Vector3::new(x, y, rng.random_range(low..=high)));
+        part[..3].copy_from_slice(at.as_slice());
         let (sin, cos) = libm::sincos(rng.random_range(0.0..std::f64::consts::TAU));
         let z = rng.random_range(0.0f64..1.0);
         let r = (1.0 - z * z).sqrt();
@@ -98,13 +102,15 @@ fn information(setup: &Setup, index: usize, rng: &mut ChaCha8Rng) -> (Vector3<f6
         let altitude = altitude(setup, turn / n, rng);
         let reach = libm::tan(setup.tilt_rad[0].min(1.3)) * (altitude - node.z).abs();
         let radius = if index.is_multiple_of(3) { reach } else { reach * rng.random_range(0.0f64..1.0) };
-        let at = setup.allowed(around(node.xy(), radius, altitude, rng));
+        let at = around(node.xy(), radius, altitude, rng);
+        let at = setup.allowed_by_some_way(at, rng);
         return (at, at - node);
     }
     let spread = 0.3 * setup.length_m;
     let (dx, dy) = (rng.random_range(-spread..=spread), rng.random_range(-spread..=spread));
     let user = problem.user_enu_m;
-    let at = setup.allowed(Vector3::new(user.x + dx, user.y + dy, problem.airspace.altitude_m[0]));
+    let at = Vector3::new(user.x + dx, user.y + dy, problem.airspace.altitude_m[0]);
+    let at = setup.allowed_by_some_way(at, rng);
     let nu = match index % 3 {
         0 => phase1::line_angle(&from_user),
         1 => {
@@ -129,17 +135,18 @@ fn jammer(setup: &Setup, index: usize, rng: &mut ChaCha8Rng) -> Vector3<f64> {
         let altitude = altitude(setup, index / 3, rng);
         let reach = libm::tan(setup.tilt_rad[1].min(1.0)) * (altitude - user.z).abs();
         let radius = if index.is_multiple_of(2) { reach } else { reach * rng.random_range(0.0f64..1.0) };
-        return setup.allowed(around(user.xy(), radius, altitude, rng));
+        let at = around(user.xy(), radius, altitude, rng);
+        return setup.allowed_by_some_way(at, rng);
     }
     if index % 8 == 3 {
         let (x, y) = setup.uniform(rng);
-        return Vector3::new(x, y, rng.random_range(low..=high));
+        return setup.outside(Vector3::new(x, y, rng.random_range(low..=high)));
     }
     let node = problem.eavesdroppers[(index / 2) % n].position_enu_m;
     let z = if index % 4 == 2 { rng.random_range(low..=high) } else { low };
     let spread = 0.5 * setup.length_m;
     let (dx, dy) = (rng.random_range(-spread..=spread), rng.random_range(-spread..=spread));
-    setup.allowed(Vector3::new(node.x + dx, node.y + dy, z))
+    setup.allowed_by_some_way(Vector3::new(node.x + dx, node.y + dy, z), rng)
 }
 
 /// High, low and anywhere between, in turn.

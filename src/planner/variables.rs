@@ -243,13 +243,7 @@ impl Chart {
 
     /// The feasible set with I and J in the given cells of the region.
     #[must_use]
-    pub fn constraints(
-        &self,
-        region: &Region,
-        cells: [usize; 2],
-        altitude_m: [f64; 2],
-        separation_m: f64,
-    ) -> Constraints {
+    pub fn constraints(&self, region: &Region, cells: [usize; 2], separation_m: f64) -> Constraints {
         let mut rows = Vec::new();
         let mut bound = |at: usize, sign: f64, b: f64| {
             let mut a = [0.0; MAX];
@@ -258,6 +252,7 @@ impl Chart {
         };
         for v in 0..2 {
             let at = self.offset(v);
+            let altitude_m = region.cells()[cells[v]].altitude_m;
             bound(at + 2, -1.0, altitude_m[0] / self.length_m);
             bound(at + 2, 1.0, altitude_m[1] / self.length_m);
             if let AxisChart::Tilt { limit_rad, .. } = self.axes[v] {
@@ -278,7 +273,7 @@ impl Chart {
             }
         }
         for (v, cell) in cells.iter().enumerate() {
-            for half_plane in &region.cells()[*cell] {
+            for half_plane in &region.cells()[*cell].sides {
                 let mut a = [0.0; MAX];
                 a[self.offset(v)] = half_plane.normal.x;
                 a[self.offset(v) + 1] = half_plane.normal.y;

@@ -14,7 +14,7 @@ use crate::geo::polygon::{Polygon, PolygonError};
 /// A point this far outside, in metres, still counts as inside: the boundary belongs to the fence.
 pub const BOUNDARY_TOLERANCE_M: f64 = 1e-9;
 /// How far corners are kept away from, in metres, in the order tried.
-const CORNER_MARGINS_M: [f64; 3] = [0.5, 0.05, 0.0];
+pub(super) const CORNER_MARGINS_M: [f64; 3] = [0.5, 0.05, 0.0];
 
 /// A geofence with what its shortest paths need.
 #[derive(Debug, Clone)]
@@ -103,6 +103,11 @@ impl Geofence {
         CORNER_MARGINS_M.iter().zip(&self.graphs).find_map(|(&margin_m, graph)| {
             self.path_over(graph.get_or_init(|| self.graph(margin_m)), from, to)
         })
+    }
+
+    /// The corners at which paths may turn, with margin `k` of [`CORNER_MARGINS_M`].
+    pub(super) fn turns(&self, k: usize) -> &[Vector2<f64>] {
+        &self.graphs[k].get_or_init(|| self.graph(CORNER_MARGINS_M[k])).corners
     }
 
     /// The fence's corners at which paths may turn, pulled in by `margin_m` or as far as there is room.

@@ -5,6 +5,7 @@ use std::collections::BTreeSet;
 
 use nalgebra::Vector2;
 
+use super::separation::segment_distance_m;
 use crate::geo::polygon::{NotSimple, Polygon, PolygonError, check_simple};
 
 /// How often the margin at a corner is halved before there is none.
@@ -14,7 +15,7 @@ const HALVINGS: u8 = 3;
 const ACUTE: f64 = -0.1;
 
 /// An area pushed outward.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct Outset {
     /// Corners counter-clockwise, not closed; they enclose the area.
     pub corners: Vec<Vector2<f64>>,
@@ -42,6 +43,44 @@ pub fn outset(area: &[Vector2<f64>], margin_m: f64) -> Result<Outset, PolygonErr
         }
         looser.into_iter().for_each(|corner| halved[corner] += 1);
     }
+}
+
+/// `area` with every side pushed inward by `margin_m`, or by a half or a quarter of it where that leaves nothing or crosses
+/// itself; `None` where even that does: what an autopilot is given of a no-fly area, so that flight along its side does not
+/// touch it.
+#[must_use]
+pub fn inset(area: &[Vector2<f64>], margin_m: f64) -> Option<Vec<Vector2<f64>>> {
+    let polygon = Polygon::new(area).ok()?;
+    [1.0, 0.5, 0.25].into_iter().find_map(|part| pulled(&polygon, part * margin_m))
+}
+
+/// The sides pushed inward by `margin_m`, if the result is a polygon that lies so deep inside everywhere.
+fn pulled(polygon: &Polygon, margin_m: f64) -> Option<Vec<Vector2<f64>>> {
+    let corners = polygon.corners();
+    let n = corners.len();
+    let inner: Vec<Vector2<f64>> = (0..n)
+        .map(|k| {
+            let here = corners[k];
+            let before = (here - corners[(k + n - 1) % n]).normalize();
+            let after = (corners[(k + 1) % n] - here).normalize();
+            // Counter-clockwise: inside is on the left. Where the two sides pushed inward meet.
+            let [in_before, in_after] = [before, after].map(|along| Vector2::new(-along.y, along.x));
+            here + (in_before + in_after) * (margin_m / (1.0 + before.dot(&after)).max(1e-3))
+        })
+        .collect();
+    check_simple(&inner).ok()?;
+    let made = Polygon::new(&inner).ok()?;
+    let least_m = margin_m * (1.0 - 1e-6);
+    let deep =
+        |p: Vector2<f64>| polygon.encloses(p) && (p - polygon.nearest_on_boundary(p)).norm() >= least_m;
+    let clear = |[p, q]: [Vector2<f64>; 2]| {
+        polygon.edges().all(|[a, b]| {
+            segment_distance_m([p.push(0.0), q.push(0.0)], [a.push(0.0), b.push(0.0)]) >= least_m
+        })
+    };
+    // Turned inside out, its corners would go round the other way.
+    let kept = made.corners() == inner.as_slice();
+    (kept && inner.iter().copied().all(deep) && made.edges().all(clear)).then_some(inner)
 }
 
 /// A point pushed outward, and the number of the area's corner that it belongs to.
@@ -150,6 +189,41 @@ mod tests {
         assert!(clearance_m(&area, &fence) > -1e-9);
         // Away from the notch the margin is whole.
         assert!(fence.encloses(v2([-4.9, 15.])) && fence.encloses(v2([20., -4.9])));
+    }
+
+    #[test]
+    fn val_a_square_shrinks_by_the_margin_a_strip_by_less_and_a_thread_has_no_inside_left() {
+        for reverse in [false, true] {
+            let mut square = polygon(&[[0., 0.], [40., 0.], [40., 40.], [0., 40.]]);
+            if reverse {
+                square.reverse();
+            }
+            let inner = inset(&square, 5.0).unwrap();
+            assert!((Polygon::new(&inner).unwrap().area_m2() - 900.0).abs() < 1e-9, "{inner:?}");
+        }
+        let strip = inset(&polygon(&[[0., 0.], [40., 0.], [40., 8.], [0., 8.]]), 5.0).unwrap();
+        assert!((Polygon::new(&strip).unwrap().area_m2() - 35.0 * 3.0).abs() < 1e-9, "{strip:?}");
+        assert_eq!(inset(&polygon(&[[0., 0.], [40., 0.], [40., 2.], [0., 2.]]), 5.0), None);
+    }
+
+    #[test]
+    fn prop_what_an_autopilot_is_given_of_a_random_area_lies_inside_it() {
+        let mut rng = rng(6);
+        let mut made = 0;
+        for _ in 0..300 {
+            let corners = star(&mut rng, 100.0);
+            let Some(inner) = inset(&corners, 5.0) else { continue };
+            made += 1;
+            let (area, inner) = (Polygon::new(&corners).unwrap(), Polygon::new(&inner).unwrap());
+            // Walking along the inner one, outside is positive.
+            assert!(clearance_m(&area, &inner) < -1.24, "{corners:?}");
+            for [p, q] in inner.edges() {
+                for k in 0..50 {
+                    assert!(area.encloses(p + (q - p) * (f64::from(k) / 50.0)), "{corners:?}");
+                }
+            }
+        }
+        assert!(made > 30, "{made}");
     }
 
     #[test]

@@ -1,16 +1,19 @@
-//! Ways through the airspace: polylines inside the geofence and the altitude band.
+//! Ways through the airspace: polylines inside the geofence and the altitude band, and outside the no-fly areas.
 
 use nalgebra::Vector2;
 
 use super::geofence::Geofence;
+use super::no_fly::NoFlyAreas;
 use crate::geo::Enu;
 
-/// A geofence with an altitude band.
+/// A geofence with an altitude band and what is left out of both.
 #[derive(Debug, Clone)]
 pub(super) struct Corridor {
     pub fence: Geofence,
     /// Lowest and highest altitude in metres.
     pub altitude_m: [f64; 2],
+    /// Where no vehicle may be, if anywhere.
+    pub no_fly: Option<NoFlyAreas>,
 }
 
 impl Corridor {
@@ -20,10 +23,26 @@ impl Corridor {
     }
 
     /// The point at which a vehicle at `point` enters: straight up or down into the band, then to the nearest point
-    /// of the fence.
+    /// of the fence, then out of a no-fly area by the shortest way.
     pub fn entry(&self, point: &Enu) -> Enu {
         let horizontal = self.fence.project(point.xy());
-        lifted(horizontal, self.clamped(point.z))
+        let entry = lifted(horizontal, self.clamped(point.z));
+        self.no_fly.as_ref().map_or(entry, |areas| areas.nearest_allowed(&entry))
+    }
+
+    /// The no-fly area that a point is inside of, by name.
+    pub fn holding(&self, point: &Enu) -> Option<&str> {
+        self.no_fly.as_ref()?.holding(point)
+    }
+
+    /// The no-fly areas that bar the straight way between two points, or all of them if none does: for messages.
+    pub fn barring(&self, from: &Enu, to: &Enu) -> Vec<String> {
+        let Some(areas) = &self.no_fly else { return Vec::new() };
+        let vertical = |end: &Enu| lifted(end.xy(), self.clamped(end.z));
+        let straight = [*from, vertical(from), vertical(to), *to];
+        let barring: Vec<&str> = areas.barring(&straight).collect();
+        let named = if barring.is_empty() { areas.names().collect() } else { barring };
+        named.into_iter().map(str::to_owned).collect()
     }
 
     /// `altitude_m` moved into the band.
@@ -48,13 +67,32 @@ impl Corridor {
         }
         let (first, last) = (self.entry(from), self.entry(to));
         let at = |end: &Enu| layer_m.first().map_or(*end, |&z| lifted(end.xy(), z));
-        let level = self.slope(&at(&first), &at(&last))?;
+        let level = self.passage(&at(&first), &at(&last))?;
         let vertical = |end: &Enu| lifted(end.xy(), self.clamped(end.z));
         let mut path = vec![*from, vertical(from), first];
         path.extend(level);
         path.extend([last, vertical(to), *to]);
+        if let Some(areas) = &self.no_fly {
+            let leaves = [*from, vertical(from), first];
+            let arrives = [at(&last), last, vertical(to), *to];
+            let allowed = areas.let_out(&leaves)
+                && areas.are_clear_of(&[first, at(&first)])
+                && areas.are_clear_of(&arrives);
+            if !allowed {
+                return None;
+            }
+        }
         path.dedup();
         Some(path)
+    }
+
+    /// The shortest way between two points of the corridor, if no area bars it; else a way round, over or under.
+    fn passage(&self, from: &Enu, to: &Enu) -> Option<Vec<Enu>> {
+        let straight = self.slope(from, to)?;
+        match &self.no_fly {
+            Some(areas) if !areas.are_clear_of(&straight) => areas.way(&self.fence, from, to),
+            _ => Some(straight),
+        }
     }
 
     /// The shortest way between two points of the corridor, the altitude in proportion to the distance covered.

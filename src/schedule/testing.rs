@@ -55,6 +55,7 @@ pub fn router() -> Router {
     let airspace = Airspace {
         altitude_m: [20.0, 120.0],
         area_enu_m: polygon(&[[-500., -500.], [500., -500.], [500., 500.], [-500., 500.]]),
+        no_fly: Vec::new(),
         min_separation_m: 5.0,
     };
     let limits = Limits::new(10.0, 5.0, 0.5);

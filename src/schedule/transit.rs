@@ -1,5 +1,5 @@
-//! Both vehicles from where they are to the next poses (PROTOCOL F1): inside the geofence and the altitude band, and
-//! apart from each other.
+//! Both vehicles from where they are to the next poses (PROTOCOL F1): inside the geofence and the altitude band, outside the
+//! no-fly areas, and apart from each other.
 //!
 //! The vehicles' clocks differ and either may be late, so the paths are kept apart as sets of points wherever that is
 //! possible: then no timing brings the vehicles together. Tried are, in this order:
@@ -25,6 +25,7 @@ use std::time::Duration;
 use nalgebra::{UnitQuaternion, Vector3};
 
 use super::geofence::Geofence;
+use super::no_fly::NoFlyAreas;
 use super::route::Corridor;
 use super::separation::{Clearance, clearance_m, polyline_distance_m};
 use super::sequence::{self, Move, PAUSE, Side};
@@ -104,8 +105,9 @@ impl Router {
             }
         }
         let fence = Geofence::new(&airspace.area_enu_m)?;
+        let no_fly = NoFlyAreas::new(airspace)?;
         Ok(Self {
-            corridor: Corridor { fence, altitude_m: airspace.altitude_m },
+            corridor: Corridor { fence, altitude_m: airspace.altitude_m, no_fly },
             limits: *limits,
             min_separation_m: separation_m,
             clearance_m: clearance_m(airspace),
@@ -122,6 +124,28 @@ impl Router {
     #[must_use]
     pub fn holds(&self, position_enu_m: &Enu) -> bool {
         self.corridor.contains(position_enu_m, GOAL_SLACK_M)
+    }
+
+    /// Whether a vehicle can take off and land at a place on the ground.
+    #[must_use]
+    pub fn can_be_home(&self, home: &Enu) -> bool {
+        self.corridor.fence.contains(home.xy()) && self.check_column(Role::I, home).is_ok()
+    }
+
+    /// The no-fly areas, by name, that a vehicle would cross that goes straight home from a place at any altitude from the
+    /// first to the second: as an autopilot does by itself.
+    #[must_use]
+    pub fn crossed_straight_home(&self, from: &Enu, home: &Enu, altitude_m: [f64; 2]) -> Vec<String> {
+        let areas = self.corridor.no_fly.iter();
+        areas.flat_map(|areas| areas.swept([from.xy(), home.xy()], altitude_m)).map(str::to_owned).collect()
+    }
+
+    /// The no-fly areas, by name, into which a vehicle would come that lands where it is.
+    #[must_use]
+    pub fn crossed_straight_down(&self, from: &Enu) -> Vec<String> {
+        let areas = self.corridor.no_fly.iter();
+        let depths = [from.z - MAX_COORDINATE_M, from.z];
+        areas.flat_map(|areas| areas.swept([from.xy(), from.xy()], depths)).map(str::to_owned).collect()
     }
 
     /// Both vehicles to the poses of a slot. A start below the altitude band is left vertically and without turning.
@@ -160,10 +184,12 @@ impl Router {
     /// measured positions, this gives both the same answer, and each flies its own part of it clear of the other's.
     ///
     /// # Errors
-    /// [`TransitError`] if a home is outside the geofence, the homes are too close to each other, or no way was found.
+    /// [`TransitError`] if a home is outside the geofence, or in or below a no-fly area that its climb would enter, the homes
+    /// are too close to each other, or no way was found.
     pub fn home(&self, from: &PerVehicle<Start>, homes: &PerVehicle<Enu>) -> Result<Transit, TransitError> {
         for role in Role::BOTH {
             usable_start(role, &from[role])?;
+            self.check_column(role, &homes[role])?;
         }
         self.pair(from, &PerVehicle::from_fn(|role| self.above_home(&from[role], &homes[role])))
     }
@@ -193,7 +219,7 @@ impl Router {
             at[role] = Some(end);
             (at, polyline_distance_m(&[end], keep_out))
         }))?;
-        let direct = self.corridor.direct(&ends[0], &ends[1]).ok_or(TransitError::NoPath { role })?;
+        let direct = self.corridor.direct(&ends[0], &ends[1]).ok_or_else(|| self.no_path(role, &ends))?;
         let direct_m = polyline_distance_m(&direct, keep_out);
         let found = if clearance.is_kept(role, &direct, keep_out) {
             Some(direct)
@@ -222,7 +248,8 @@ impl Router {
         let mut direct = PerVehicle::default();
         for role in Role::BOTH {
             let [start, goal] = &ends[role];
-            direct[role] = self.corridor.direct(start, goal).ok_or(TransitError::NoPath { role })?;
+            let way = self.corridor.direct(start, goal);
+            direct[role] = way.ok_or_else(|| self.no_path(role, &ends[role]))?;
         }
         let direct_m = polyline_distance_m(&direct.i, &direct.j);
         let (moves, separation) = match self.apart_as_sets(&ends, direct, &clearance) {
@@ -369,12 +396,39 @@ impl Router {
         Goal { position_enu_m, attitude: levelled(&from.attitude) }
     }
 
+    /// Why there is no direct way.
+    fn no_path(&self, role: Role, [start, goal]: &[Enu; 2]) -> TransitError {
+        match &self.corridor.no_fly {
+            None => TransitError::NoPath { role },
+            Some(_) => TransitError::Barred { role, areas: self.corridor.barring(start, goal) },
+        }
+    }
+
+    /// Whether a vehicle can climb from its home into the band and come down again: no planned path has these two ways.
+    fn check_column(&self, role: Role, home: &Enu) -> Result<(), TransitError> {
+        let Some(areas) = &self.corridor.no_fly else { return Ok(()) };
+        let low_m = self.corridor.altitude_m[0];
+        let column = [*home, Enu::new(home.x, home.y, low_m.max(home.z))];
+        let held = column.iter().find_map(|end| areas.holding(end));
+        match held.or_else(|| areas.barring(&column).next()) {
+            None => Ok(()),
+            Some(area) => {
+                let (east_m, north_m, area) = (home.x, home.y, area.to_owned());
+                Err(TransitError::HomeBarred { role, area, east_m, north_m })
+            }
+        }
+    }
+
     fn check_inside(&self, role: Role, end: End, point: &Enu, allowed_m: f64) -> Result<(), TransitError> {
         if self.corridor.contains(point, allowed_m) {
             return Ok(());
         }
         let outside_m = (self.corridor.entry(point) - point).norm();
         let (east_m, north_m, up_m) = (point.x, point.y, point.z);
+        if let Some(area) = self.corridor.holding(point) {
+            let area = area.to_owned();
+            return Err(TransitError::NoFly { role, end, area, east_m, north_m, up_m, outside_m, allowed_m });
+        }
         Err(TransitError::Outside { role, end, east_m, north_m, up_m, outside_m, allowed_m })
     }
 }

@@ -91,6 +91,7 @@ pub fn flight() -> Timeline {
             airspace: Some(AirspaceScene {
                 altitude_m: [20.0, 80.0],
                 area_enu_m: vec![[-90.0, -90.0], [90.0, -90.0], [90.0, 90.0]],
+                no_fly: Vec::new(),
                 min_separation_m: 5.0,
             }),
             users: ["alpha", "bravo"]

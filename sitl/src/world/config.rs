@@ -59,8 +59,23 @@ pub struct AirspaceConfig {
     pub altitude_m: [f64; 2],
     /// Corners of the geofence.
     pub area_enu_m: Vec<[f64; 2]>,
+    /// Parts of it where no vehicle may be.
+    pub no_fly: Vec<NoFlyConfig>,
     /// Metres.
     pub min_separation_m: f64,
+}
+
+/// A prism of the airspace where no vehicle may be.
+#[derive(Debug, Clone, PartialEq)]
+pub struct NoFlyConfig {
+    /// As people call it.
+    pub name: String,
+    /// Corners, in either orientation.
+    pub area_enu_m: Vec<[f64; 2]>,
+    /// From this height above the mission's origin; `None`: from the ground.
+    pub floor_m: Option<f64>,
+    /// Up to this one; `None`: to the sky.
+    pub ceiling_m: Option<f64>,
 }
 
 /// One vehicle's pose in a slot. Angles in the paper's convention.
@@ -320,6 +335,11 @@ impl WorldConfig {
         ];
         let corners = self.airspace.area_enu_m.iter().flatten();
         all.extend(corners.map(|v| named("airspace.area_enu_m", *v, false)));
+        for area in &self.airspace.no_fly {
+            let heights = area.floor_m.iter().chain(&area.ceiling_m);
+            let all_of_it = area.area_enu_m.iter().flatten().chain(heights);
+            all.extend(all_of_it.map(|v| (format!("no-fly area \"{}\"", area.name), *v, false)));
+        }
         for Node { name, position_enu_m, uncertainty } in self.users.iter().chain(&self.eavesdroppers) {
             all.extend(position_enu_m.map(|v| (format!("position of \"{name}\""), v, false)));
             let spread = match *uncertainty {

@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use nalgebra::Vector3;
 
-use super::config::{AirspaceConfig, Off, Reference};
+use super::config::{AirspaceConfig, NoFlyConfig, Off, Reference};
 use super::excuse::{Cause, Excused};
 use super::violation::{Breach, Violation};
 use crate::vehicle::autopilot::Traces;
@@ -32,6 +32,8 @@ const POWER_MARGIN: f64 = 1e-3;
 const FENCE_MARGIN_M: f64 = 1.0;
 /// The same for heights, where a climb also ends with a small overshoot.
 const BAND_MARGIN_M: f64 = 3.0;
+/// A no-fly area that is lower than this many of those margins is judged with less of them.
+const MARGINS_IN_HEIGHT: f64 = 4.0;
 /// Take-off and landing: within this distance of home a vehicle may be below the band.
 const HOME_COLUMN_M: f64 = 10.0;
 
@@ -252,7 +254,7 @@ impl Monitor {
         self.set(now, None, Breach::Near { distance_m, least_m }, both && distance_m < least_m);
     }
 
-    /// F1 of one vehicle: the geofence and the altitude band.
+    /// F1 of one vehicle: the geofence, the no-fly areas and the altitude band.
     fn airspace(&mut self, v: usize, now: Duration, seen: &Seen, airspace: &AirspaceConfig) {
         let p = seen.supposed;
         let at_home = (p.xy() - seen.home.xy()).norm() <= HOME_COLUMN_M;
@@ -260,6 +262,11 @@ impl Monitor {
         let beyond_m = if free && !at_home { beyond_fence_m(&airspace.area_enu_m, p.x, p.y) } else { 0.0 };
         let breach = Breach::Fence { beyond_m, position_m: [p.x, p.y] };
         self.set(now, Some(v), breach, beyond_m > FENCE_MARGIN_M);
+        let inside = airspace.no_fly.iter().map(|area| inside_no_fly_m(area, p)).enumerate();
+        let deepest = inside.max_by(|a, b| a.1.total_cmp(&b.1)).filter(|(_, inside_m)| *inside_m > 0.0);
+        let (area, inside_m) = deepest.unwrap_or_default();
+        let breach = Breach::NoFly { area, inside_m, position_m: p.into() };
+        self.set(now, Some(v), breach, free && deepest.is_some());
         let [low, high] = airspace.altitude_m;
         let under = p.z < low - BAND_MARGIN_M;
         // On its way up from where its companion had no hand in bringing it: a pilot's landing, or the fall of a tilted
@@ -270,6 +277,37 @@ impl Monitor {
         let breach = Breach::Band { height_m: p.z, band_m: airspace.altitude_m };
         self.set(now, Some(v), breach, free && (below || above));
     }
+}
+
+/// How far a point lies inside a prism, metres, where that is more than a vehicle at its face is off; else 0.
+fn inside_no_fly_m(area: &NoFlyConfig, p: Vector3<f64>) -> f64 {
+    let across_m = within_m(&area.area_enu_m, p.x, p.y);
+    let above_m = area.floor_m.map_or(f64::INFINITY, |floor_m| p.z - floor_m);
+    let below_m = area.ceiling_m.map_or(f64::INFINITY, |ceiling_m| ceiling_m - p.z);
+    // Of both faces together where there are both: the height of a prism.
+    let height_margin_m = BAND_MARGIN_M.min((above_m + below_m) / MARGINS_IN_HEIGHT);
+    let is_inside = across_m > FENCE_MARGIN_M && above_m.min(below_m) > height_margin_m;
+    if is_inside { across_m.min(above_m).min(below_m) } else { 0.0 }
+}
+
+/// How far a point lies inside a polygon, metres; 0 outside, and where there is no polygon. By the angle at which its sides
+/// are seen, summed: all round from inside, nothing from outside.
+fn within_m(corners: &[[f64; 2]], x: f64, y: f64) -> f64 {
+    if corners.len() < 3 {
+        return 0.0;
+    }
+    let (mut turned, mut nearest) = (0.0, f64::INFINITY);
+    for (k, &[x1, y1]) in corners.iter().enumerate() {
+        let [x0, y0] = corners[(k + corners.len() - 1) % corners.len()];
+        let (ax, ay, bx, by) = (x0 - x, y0 - y, x1 - x, y1 - y);
+        turned += (ax * by - ay * bx).atan2(ax * bx + ay * by);
+        let (dx, dy) = (x1 - x0, y1 - y0);
+        let length_squared = dx * dx + dy * dy;
+        let along = if length_squared > 0.0 { -(ax * dx + ay * dy) / length_squared } else { 0.0 };
+        let along = along.clamp(0.0, 1.0);
+        nearest = nearest.min((ax + along * dx).hypot(ay + along * dy));
+    }
+    if turned.abs() > std::f64::consts::PI { nearest } else { 0.0 }
 }
 
 /// How far a point lies outside a polygon, metres; 0 inside, and where there is no polygon.

@@ -114,6 +114,13 @@ impl fmt::Display for Violation {
             Breach::Fence { beyond_m, position_m: [x, y] } => {
                 write!(f, "{name} is {beyond_m:.1} m outside the geofence, at ({x:.1}, {y:.1})")
             }
+            Breach::NoFly { area, inside_m, position_m: [x, y, z] } => {
+                let number = area + 1;
+                write!(
+                    f,
+                    "{name} is {inside_m:.1} m inside no-fly area {number}, at ({x:.1}, {y:.1}, {z:.1})"
+                )
+            }
             Breach::Band { height_m, band_m: [low, high] } => {
                 write!(f, "{name} is at {height_m:.1} m, outside the band from {low:.1} to {high:.1} m")
             }

@@ -18,7 +18,7 @@ pub enum Invariant {
     S5,
     /// No power above the plan's or the limit.
     S6,
-    /// Distance between the vehicles, geofence, altitude band.
+    /// Distance between the vehicles, geofence, no-fly areas, altitude band.
     F1,
     /// Another hand has the vehicle.
     F2,
@@ -88,6 +88,15 @@ pub enum Breach {
         beyond_m: f64,
         /// Where: east and north, metres.
         position_m: [f64; 2],
+    },
+    /// Inside a no-fly area.
+    NoFly {
+        /// Its number in the world's list.
+        area: usize,
+        /// From its nearest face, metres.
+        inside_m: f64,
+        /// Where: east, north and up, metres.
+        position_m: [f64; 3],
     },
     /// Below or above the altitude band.
     Band {
@@ -183,7 +192,9 @@ impl Violation {
             | Breach::Bare { .. } => Invariant::S4,
             Breach::Outlives { .. } | Breach::Endless { .. } => Invariant::S5,
             Breach::Power { .. } => Invariant::S6,
-            Breach::Near { .. } | Breach::Fence { .. } | Breach::Band { .. } => Invariant::F1,
+            Breach::Near { .. } | Breach::Fence { .. } | Breach::NoFly { .. } | Breach::Band { .. } => {
+                Invariant::F1
+            }
             Breach::Setpoints { .. } | Breach::TakesBack => Invariant::F2,
             Breach::Ghost { .. } => Invariant::F3,
         }

@@ -44,6 +44,7 @@ pub fn config() -> WorldConfig {
         airspace: AirspaceConfig {
             altitude_m: [20.0, 300.0],
             area_enu_m: vec![[-500.0, -500.0], [500.0, -500.0], [500.0, 500.0], [-500.0, 500.0]],
+            no_fly: Vec::new(),
             min_separation_m: 5.0,
         },
         jitter: JitterConfig::default(),

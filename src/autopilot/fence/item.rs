@@ -79,14 +79,20 @@ impl Item {
     }
 }
 
-/// The fence: one polygon that everything has to stay in.
-pub(super) fn fence(corners: &[Geodetic]) -> Vec<Item> {
-    let corner = |point: &Geodetic| Item {
-        command: MavCmd::MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION,
-        param1: corners.len() as f32,
-        place: Place::of(*point),
+/// The fence: one polygon that everything has to stay in, then those that nothing may enter. Where the first is empty there
+/// is none.
+pub(super) fn fence(area: &[Geodetic], zones: &[Vec<Geodetic>]) -> Vec<Item> {
+    let polygon = |command: MavCmd, corners: &[Geodetic]| {
+        let param1 = corners.len() as f32;
+        let item = |point: &Geodetic| Item { command, param1, place: Place::of(*point) };
+        corners.iter().map(item).collect::<Vec<_>>()
     };
-    corners.iter().map(corner).collect()
+    let mut items = polygon(MavCmd::MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION, area);
+    if !items.is_empty() {
+        let exclusion = MavCmd::MAV_CMD_NAV_FENCE_POLYGON_VERTEX_EXCLUSION;
+        items.extend(zones.iter().flat_map(|zone| polygon(exclusion, zone)));
+    }
+    items
 }
 
 /// The only rally point.

@@ -20,6 +20,8 @@ fn square(duty: FenceDuty) -> Fence {
     Fence {
         duty,
         corners_enu_m: corners.map(Vector2::from).to_vec(),
+        zones_enu_m: Vec::new(),
+        untold: Vec::new(),
         tight: 0,
         top_m: 80.0,
         home_within_m: 5.0,
@@ -461,4 +463,33 @@ fn spec_an_autopilot_that_asks_without_end_is_left() {
     let answers = std::iter::from_fn(|| bench.out.next_message()).count();
     assert!(answers <= 20, "{answers}");
     assert!(said <= 6);
+}
+
+#[test]
+fn spec_zones_follow_the_fence_as_exclusions_and_what_the_autopilot_cannot_be_told_of_is_warned_of() {
+    let corners = |corners: [[f64; 2]; 3]| corners.map(Vector2::from).to_vec();
+    let fence = Fence {
+        zones_enu_m: vec![
+            corners([[0.0, 0.0], [20.0, 0.0], [20.0, 20.0]]),
+            corners([[-30.0, 0.0], [-20.0, 0.0], [-20.0, 9.0]]),
+        ],
+        untold: vec!["\"mast\" (it has a height)".to_owned()],
+        ..square(FenceDuty::Upload)
+    };
+    let keeper = Keeper::new(Some(fence.clone()), ORIGIN);
+    let said: Vec<_> = keeper.lists[0].wanted.iter().map(|item| (item.command, item.param1)).collect();
+    let inclusion = (MavCmd::MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION, 4.0);
+    let exclusion = (MavCmd::MAV_CMD_NAV_FENCE_POLYGON_VERTEX_EXCLUSION, 3.0);
+    assert_eq!(said, [[inclusion; 4].as_slice(), &[exclusion; 6]].concat());
+    // A corner of a zone that is an inclusion's there is another fence.
+    let mut other = keeper.lists[0].wanted.clone();
+    assert_eq!(keeper.lists[0].difference(&other), None);
+    other[4].command = inclusion.0;
+    assert!(keeper.lists[0].difference(&other).is_some_and(|how| how.starts_with("item 5 is")));
+
+    let told = check_zones(&fence).unwrap();
+    assert!(told.result == Warn && told.detail.contains("\"mast\" (it has a height)"), "{told:?}");
+    let all = check_zones(&Fence { untold: Vec::new(), ..fence.clone() }).unwrap();
+    assert!(all.result == Pass && all.detail.starts_with("2 of them"), "{all:?}");
+    assert_eq!(check_zones(&square(FenceDuty::Upload)), None);
 }

@@ -3,6 +3,7 @@
 use crate::config::{Emission, Mission};
 use crate::geo::Enu;
 use crate::planner::problem::{Fading, PowerSteps, Uncertainty};
+use crate::planning::maps::NoFlyArea;
 use crate::role::Role;
 use crate::units::{Dbm, Watts};
 
@@ -41,6 +42,11 @@ pub(super) fn of_the_site(mission: &Mission) -> Vec<(String, String)> {
             air.min_separation_m
         ),
     );
+    for (index, area) in air.no_fly.iter().enumerate() {
+        let corners = area.area_enu_m.len();
+        let label = if index == 0 { "no-fly areas" } else { "" };
+        line(label, format!("{}, {corners} corners, {}", area.name, NoFlyArea::new(area).heights()));
+    }
     let homes = mission.vehicles.map(|vehicle| vehicle.home_enu_m);
     if let (Some(i), Some(j)) = (homes.i, homes.j) {
         line("homes", format!("I {}, J {}, {:.0} m apart", place(&i), place(&j), (i - j).norm()));

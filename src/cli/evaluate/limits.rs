@@ -78,6 +78,11 @@ fn check_vehicle(
     if area.is_some_and(|area| !area.contains(at, ROUNDING)) {
         note(format!("{role} is at [{east}, {north}] m, outside area_enu_m"));
     }
+    for no_fly in &mission.airspace.no_fly {
+        if no_fly.depth_m(&vehicle.position_enu_m.into()) > ROUNDING {
+            note(format!("{role} is at [{east}, {north}, {up}] m, inside the no-fly area {:?}", no_fly.name));
+        }
+    }
     let tilt_rad = VehiclePlan::from(vehicle.clone()).pose.attitude().tilt_rad();
     let limit_rad = mission.vehicles[role].max_tilt_rad.min(mission.airspace_max_tilt_rad);
     if tilt_rad > limit_rad + ROUNDING {

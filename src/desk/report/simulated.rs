@@ -4,8 +4,8 @@ use nalgebra::{Quaternion, UnitQuaternion};
 use veilwing_sitl as sim;
 
 use super::timeline::{
-    AirspaceScene, EmissionScene, Event, EventKind, Heard, Listener, OriginScene, Place, PlannedSlot,
-    RadioScene, SCENE_FORMAT, Sample, Scene, Severity, Source, Timeline, VehicleState,
+    AirspaceScene, EmissionScene, Event, EventKind, Heard, Listener, NoFlyScene, OriginScene, Place,
+    PlannedSlot, RadioScene, SCENE_FORMAT, Sample, Scene, Severity, Source, Timeline, VehicleState,
 };
 use crate::config::Mission;
 use crate::desk::simulation::{Excused, index};
@@ -72,6 +72,7 @@ fn scene(mission: &Mission, world: &sim::World) -> Scene {
         airspace: Some(AirspaceScene {
             altitude_m: config.airspace.altitude_m,
             area_enu_m: config.airspace.area_enu_m.clone(),
+            no_fly: mission.airspace.no_fly.iter().map(NoFlyScene::from).collect(),
             min_separation_m: config.airspace.min_separation_m,
         }),
         users: config

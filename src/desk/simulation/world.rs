@@ -6,7 +6,7 @@ use veilwing_sitl as sim;
 use crate::config::Mission;
 use crate::geo::Attitude;
 use crate::planner::plan::VehiclePlan;
-use crate::planner::problem::{Airframe, JitterAxes, JitterModel};
+use crate::planner::problem::{Airframe, JitterAxes, JitterModel, NoFly};
 use crate::planner::slots::{Plan, PlannedSlot};
 use crate::role::{PerVehicle, Role};
 use crate::schedule::table::Table;
@@ -78,6 +78,7 @@ pub(super) fn world_over(
         airspace: sim::AirspaceConfig {
             altitude_m: mission.airspace.altitude_m,
             area_enu_m: mission.airspace.area_enu_m.iter().map(|v| [v.x, v.y]).collect(),
+            no_fly: mission.airspace.no_fly.iter().map(no_fly).collect(),
             min_separation_m: mission.airspace.min_separation_m,
         },
         jitter: sim::JitterConfig {
@@ -103,6 +104,15 @@ pub(super) fn world_over(
             .collect(),
         tolerance: sim::Tolerance::under_jitter(mission.jitter.std_rad.to_degrees()),
     })
+}
+
+fn no_fly(area: &NoFly) -> sim::NoFlyConfig {
+    sim::NoFlyConfig {
+        name: area.name.clone(),
+        area_enu_m: area.area_enu_m.iter().map(|v| [v.x, v.y]).collect(),
+        floor_m: area.floor_m,
+        ceiling_m: area.ceiling_m,
+    }
 }
 
 /// The slots in the order in which they are flown, over all superframes.
@@ -167,8 +177,8 @@ fn homes(mission: &Mission) -> Result<[Vector2<f64>; 2], String> {
     if let (Some(i), Some(j)) = (mission.vehicles.i.home_enu_m, mission.vehicles.j.home_enu_m) {
         return Ok([i.xy(), j.xy()]);
     }
-    let fence =
-        crate::schedule::geofence::Geofence::new(&mission.airspace.area_enu_m).map_err(|e| e.to_string())?;
+    let router =
+        Router::new(&mission.airspace, &mission.transit_limits()).map_err(|error| error.to_string())?;
     let apart = HOMES_APART_M.max(3.0 * mission.airspace.min_separation_m);
     let area = &mission.airspace.area_enu_m;
     let middle = area.iter().sum::<Vector2<f64>>() / area.len().max(1) as f64;
@@ -176,8 +186,8 @@ fn homes(mission: &Mission) -> Result<[Vector2<f64>; 2], String> {
     let candidates = [Vector2::zeros(), middle].into_iter().chain(vertices);
     let offsets = [Vector2::new(apart / 2.0, 0.0), Vector2::new(0.0, apart / 2.0)];
     let pairs = candidates.flat_map(|c| offsets.map(|offset| [c - offset, c + offset]));
-    let mut inside = pairs.into_iter().filter(|pair| pair.iter().all(|&p| fence.contains(p)));
+    let mut inside = pairs.into_iter().filter(|pair| pair.iter().all(|&p| router.can_be_home(&p.push(0.0))));
     inside.next().ok_or_else(|| {
-        format!("no room for two homes {apart:.0} m apart inside the area: give [vehicles.i] and [vehicles.j] home_enu_m")
+        format!("no room for two homes {apart:.0} m apart inside the area and outside its no-fly areas: give [vehicles.i] and [vehicles.j] home_enu_m")
     })
 }

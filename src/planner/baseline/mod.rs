@@ -109,7 +109,7 @@ fn start(setup: &Setup, method: Method, index: usize, seed: u64) -> Raw {
             setup.allowed(Vector3::new(ground.x, ground.y, low + 0.1 * (high - low)))
         } else {
             let (x, y) = setup.uniform(&mut rng);
-            Vector3::new(x, y, rng.random_range(low..=high))
+            setup.outside(Vector3::new(x, y, rng.random_range(low..=high)))
         };
         let (roll, pitch) = if guided || method == Method::Conventional {
             pattern::canonical_angles(&(position - problem.user_enu_m).cross(&Vector3::y()))

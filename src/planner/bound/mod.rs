@@ -10,7 +10,8 @@
 //! `P_I = Pmax` without loss: `log2((1 + x a) / (1 + x c))` rises with `x` where it is positive. *Claim* of every bound
 //! `U`: no admissible poses and powers have a rate above `U`. Every constraint of the field only shrinks the admissible
 //! set: geofence, altitudes, separation and each vehicle's power are used; tilt limits and level airframes are relaxed
-//! (all axes are admitted), except by the cap. What each kind bounds and how firmly:
+//! (all axes are admitted), except by the cap, and no-fly areas are left out: where there are any, a bound is one of the larger
+//! problem without them, and its gap may be theirs. What each kind bounds and how firmly:
 //!
 //! | kind | bounds | applies to | firmness |
 //! |---|---|---|---|
@@ -241,8 +242,12 @@ fn one_threshold(
     };
     let reason = match outcome {
         Outcome::Excluded => return Certificate::Certified { kind, boxes_used },
-        // A rate without jitter, or past a tilt limit, refutes nothing.
-        Outcome::Refuted(rate) if !setup.jitters() && setup.tilt_rad.iter().all(|t| *t >= FRAC_PI_2) => {
+        // A rate without jitter, past a tilt limit, or perhaps in a no-fly area, refutes nothing.
+        Outcome::Refuted(rate)
+            if !setup.jitters()
+                && setup.tilt_rad.iter().all(|t| *t >= FRAC_PI_2)
+                && !setup.region.has_gaps() =>
+        {
             Reason::Refuted { secrecy_rate_bps: rate * bandwidth_hz }
         }
         Outcome::Refuted(_) | Outcome::Stuck => Reason::Resolution,

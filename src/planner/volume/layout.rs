@@ -189,7 +189,7 @@ impl Layout {
         let mut apart: Vec<Apart> = Vec::new();
         for ((part, setup), cells) in self.parts.iter().zip(setups).zip(cells) {
             let (air, chart) = (&setup.problem.airspace, &part.chart);
-            let mut all = chart.constraints(&setup.region, *cells, air.altitude_m, 0.0).rows;
+            let mut all = chart.constraints(&setup.region, *cells, 0.0).rows;
             for v in 0..2 {
                 if let AxisChart::Angles { .. } = chart.axes[v] {
                     all.extend(quarter_turns(chart.offset(v) + 3));

@@ -194,10 +194,10 @@ pub fn legs(order: &[usize]) -> impl Iterator<Item = (usize, usize)> + '_ {
 /// The cells of both positions; `other` asks for the neighbour across a cut, where one lies on it.
 fn cells(setup: &Setup, raw: &Raw, other: bool) -> [usize; 2] {
     [0, 7].map(|at| {
-        let p = nalgebra::Vector2::new(raw[at], raw[at + 1]);
-        let home = setup.region.cell_of(p);
+        let p = nalgebra::Vector3::new(raw[at], raw[at + 1], raw[at + 2]);
+        let home = setup.region.cell_of(&p);
         let mut all = 0..setup.region.cells().len();
-        let across = all.find(|c| *c != home && setup.region.depth_m(*c, p) >= -ON_CUT_M);
+        let across = all.find(|c| *c != home && setup.region.depth_m(*c, &p) >= -ON_CUT_M);
         across.filter(|_| other).unwrap_or(home)
     })
 }
@@ -207,6 +207,7 @@ fn on_cut(setup: &Setup, raw: &Raw, cells: [usize; 2]) -> bool {
     [(0, cells[0]), (7, cells[1])].into_iter().any(|(at, cell)| {
         let p = nalgebra::Vector2::new(raw[at], raw[at + 1]);
         setup.region.cells()[cell]
+            .sides
             .iter()
             .any(|half_plane| half_plane.cut && half_plane.offset_m - half_plane.normal.dot(&p) < ON_CUT_M)
     })

@@ -222,11 +222,11 @@ impl Pool {
             let random: Vec<_> = (0..RANDOM)
                 .map(|k| {
                     let (x, y) = setup.uniform(&mut rng);
-                    Vector3::new(
+                    setup.outside(Vector3::new(
                         x,
                         y,
                         if (v + k).is_multiple_of(2) { low } else { rng.random_range(low..=high) },
-                    )
+                    ))
                 })
                 .collect();
             let others = (1..=OTHERS).flat_map(|k| plans.iter().filter_map(move |plans| plans.get(k)));

@@ -14,12 +14,20 @@ pub(super) fn text(map: &Map) -> String {
     };
     if let Some(area) = &map.area {
         let [low_m, high_m] = area.altitude_m;
-        let mut ring: Vec<Json> = map.corners(area, low_m).iter().map(position).collect();
-        ring.extend(ring.first().cloned());
         feature(
-            json!({ "type": "Polygon", "coordinates": [ring] }),
+            polygon(&map.corners(&area.corners_m, low_m)),
             json!({ "kind": "area", "name": "area", "lowest_up_m": low_m, "highest_up_m": high_m }),
         );
+    }
+    for area in &map.no_fly {
+        let corners = map.corners(&area.corners_m, area.floor_m.unwrap_or_default());
+        let mut properties = json!({ "kind": "no-fly", "name": area.name });
+        for (key, value) in [("floor_up_m", area.floor_m), ("ceiling_up_m", area.ceiling_m)] {
+            if let Some(value) = value {
+                properties[key] = json!(value);
+            }
+        }
+        feature(polygon(&corners), properties);
     }
     for (kind, nodes) in [("user", &map.users), ("eavesdropper", &map.eavesdroppers)] {
         for Node { name, at, radius_m, std_m } in nodes {
@@ -66,6 +74,12 @@ pub(super) fn text(map: &Map) -> String {
     }
     let collection = json!({ "type": "FeatureCollection", "name": map.name, "features": features });
     format!("{collection:#}\n")
+}
+
+fn polygon(corners: &[Geodetic]) -> Json {
+    let mut ring: Vec<Json> = corners.iter().map(position).collect();
+    ring.extend(ring.first().cloned());
+    json!({ "type": "Polygon", "coordinates": [ring] })
 }
 
 fn position(place: &Geodetic) -> Json {

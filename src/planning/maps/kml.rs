@@ -8,8 +8,9 @@ use crate::role::Role;
 use crate::units::Watts;
 
 /// Styles by id: icon's or line's colour as aabbggrr.
-const STYLES: [(&str, &str); 5] = [
+const STYLES: [(&str, &str); 6] = [
     ("area", "ff808080"),
+    ("no-fly", "ff0000ff"),
     ("user", "ff3c9f00"),
     ("eavesdropper", "ff2020d0"),
     ("i", "ffb06000"),
@@ -41,15 +42,41 @@ pub(super) fn text(map: &Map) -> String {
 }
 
 fn area(map: &Map, out: &mut String) {
-    let Some(area) = &map.area else { return };
-    let [low_m, high_m] = area.altitude_m;
-    let mut ring = map.corners(area, high_m);
+    if let Some(area) = &map.area {
+        let [low_m, high_m] = area.altitude_m;
+        let heights = format!("{low_m} to {high_m} m above the mission origin");
+        prism(map, ("area", &heights, "area"), &area.corners_m, high_m, out);
+    }
+    if map.no_fly.is_empty() {
+        return;
+    }
+    folder("No-fly areas", out, |out| {
+        // One without a ceiling is drawn as high as the vehicles may fly.
+        let top_m = map.area.as_ref().map_or(0.0, |area| area.altitude_m[1]);
+        for area in &map.no_fly {
+            let said = (area.name.as_str(), area.heights());
+            prism(map, (said.0, &said.1, "no-fly"), &area.corners_m, area.ceiling_m.unwrap_or(top_m), out);
+        }
+    });
+}
+
+/// A polygon at a height, with walls to the ground.
+fn prism(
+    map: &Map,
+    (name, description, style): (&str, &str, &str),
+    corners_m: &[[f64; 2]],
+    top_m: f64,
+    out: &mut String,
+) {
+    let mut ring = map.corners(corners_m, top_m);
     ring.extend(ring.first().copied());
     let _ = writeln!(
         out,
-        "<Placemark><name>area</name><description>{low_m} to {high_m} m above the mission origin</description>\
-         <styleUrl>#area</styleUrl><Polygon><extrude>1</extrude><altitudeMode>absolute</altitudeMode><outerBoundaryIs>\
+        "<Placemark><name>{}</name><description>{}</description>\
+         <styleUrl>#{style}</styleUrl><Polygon><extrude>1</extrude><altitudeMode>absolute</altitudeMode><outerBoundaryIs>\
          <LinearRing><coordinates>{}</coordinates></LinearRing></outerBoundaryIs></Polygon></Placemark>",
+        escaped(name),
+        escaped(description),
         coordinates(&ring)
     );
 }

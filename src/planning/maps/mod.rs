@@ -1,7 +1,8 @@
 //! A mission and its plan, or a flight, as files of maps that people know: GeoJSON for geographic information systems, KML for
 //! globes, and a QGroundControl plan for each vehicle.
 //!
-//! They are to be looked at, and say so. A companion flies by its mission file alone: nothing reads these back.
+//! They are to be looked at, and say so. A companion flies by its mission file alone, which may have its area and no-fly areas
+//! from such a file (`airspace.area_file`), and nothing else.
 
 mod geojson;
 mod kml;
@@ -10,7 +11,7 @@ mod qgc;
 use crate::config::Mission;
 use crate::geo::{Enu, Geodetic};
 use crate::planner::plan::VehiclePlan;
-use crate::planner::problem::Uncertainty;
+use crate::planner::problem::{NoFly, Uncertainty};
 use crate::planner::slots::Plan;
 use crate::role::{PerVehicle, Role};
 
@@ -23,6 +24,8 @@ pub struct Map {
     pub origin: Geodetic,
     /// Where vehicles may be.
     pub area: Option<Area>,
+    /// Where in it no vehicle may be.
+    pub no_fly: Vec<NoFlyArea>,
     /// Whom the mission serves.
     pub users: Vec<Node>,
     /// From whom it hides.
@@ -42,6 +45,45 @@ pub struct Area {
     pub corners_m: Vec<[f64; 2]>,
     /// Lowest and highest, above the origin.
     pub altitude_m: [f64; 2],
+}
+
+/// Where no vehicle may be.
+#[derive(Debug, Clone, PartialEq)]
+pub struct NoFlyArea {
+    /// As in the mission.
+    pub name: String,
+    /// East and north, in order, not closed.
+    pub corners_m: Vec<[f64; 2]>,
+    /// From this height above the origin; `None`: from the ground.
+    pub floor_m: Option<f64>,
+    /// Up to this one; `None`: to the sky.
+    pub ceiling_m: Option<f64>,
+}
+
+impl NoFlyArea {
+    /// Of a mission's.
+    #[must_use]
+    pub fn new(area: &NoFly) -> Self {
+        Self {
+            name: area.name.clone(),
+            corners_m: area.area_enu_m.iter().map(|corner| [corner.x, corner.y]).collect(),
+            floor_m: area.floor_m,
+            ceiling_m: area.ceiling_m,
+        }
+    }
+
+    /// Its heights in words.
+    #[must_use]
+    pub fn heights(&self) -> String {
+        match (self.floor_m, self.ceiling_m) {
+            (None, None) => "at all heights".to_owned(),
+            (Some(floor_m), None) => format!("from {floor_m} m above the mission origin on"),
+            (None, Some(ceiling_m)) => format!("up to {ceiling_m} m above the mission origin"),
+            (Some(floor_m), Some(ceiling_m)) => {
+                format!("from {floor_m} to {ceiling_m} m above the mission origin")
+            }
+        }
+    }
 }
 
 /// A user or an eavesdropper.
@@ -94,6 +136,7 @@ impl Map {
                 corners_m: mission.airspace.area_enu_m.iter().map(|corner| [corner.x, corner.y]).collect(),
                 altitude_m: mission.airspace.altitude_m,
             }),
+            no_fly: mission.airspace.no_fly.iter().map(NoFlyArea::new).collect(),
             users: users.collect(),
             eavesdroppers: eavesdroppers
                 .map(|e| Node::new(&e.name, e.node.position_enu_m, e.node.uncertainty))
@@ -135,12 +178,12 @@ impl Map {
         }
     }
 
-    /// The area's corners on earth at an altitude above the origin, counter-clockwise, not closed.
-    fn corners(&self, area: &Area, up_m: f64) -> Vec<Geodetic> {
+    /// An area's corners on earth at an altitude above the origin, counter-clockwise, not closed.
+    fn corners(&self, corners_m: &[[f64; 2]], up_m: f64) -> Vec<Geodetic> {
         let mut corners: Vec<Geodetic> =
-            area.corners_m.iter().map(|[east, north]| self.place(&Enu::new(*east, *north, up_m))).collect();
-        let next = area.corners_m.iter().cycle().skip(1);
-        let twice: f64 = area.corners_m.iter().zip(next).map(|(a, b)| a[0] * b[1] - b[0] * a[1]).sum();
+            corners_m.iter().map(|[east, north]| self.place(&Enu::new(*east, *north, up_m))).collect();
+        let next = corners_m.iter().cycle().skip(1);
+        let twice: f64 = corners_m.iter().zip(next).map(|(a, b)| a[0] * b[1] - b[0] * a[1]).sum();
         if twice < 0.0 {
             corners.reverse();
         }

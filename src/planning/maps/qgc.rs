@@ -1,4 +1,4 @@
-//! QGroundControl's plan file, for one vehicle: the area as its fence, its home as a rally point, its poses as waypoints. It
+//! QGroundControl's plan file, for one vehicle: the area as its fence, with the no-fly areas excluded, its home as a rally point, its poses as waypoints. It
 //! holds no attitudes and no powers: flown by an autopilot it would be a flight from place to place, without a word on the air.
 
 use serde_json::{Value as Json, json};
@@ -20,7 +20,10 @@ const VEHICLE: u8 = 14;
 pub(super) fn text(map: &Map, role: Role) -> String {
     let home = map.homes[role].unwrap_or_else(Enu::zeros);
     let lowest_m = map.area.as_ref().map_or(0.0, |area| area.altitude_m[0]);
-    let fence: Vec<Json> = map.area.iter().map(|area| polygon(&map.corners(area, lowest_m))).collect();
+    let area = map.area.iter().map(|area| polygon(&map.corners(&area.corners_m, lowest_m), true));
+    // The format's polygons have no heights: of an area over or under which one may fly this shows too much.
+    let no_fly = map.no_fly.iter().map(|area| polygon(&map.corners(&area.corners_m, lowest_m), false));
+    let fence: Vec<Json> = area.chain(no_fly).collect();
     // Above the home, at the lowest altitude of the band: rally points are relative to the home.
     let rally: Vec<Json> = map.homes[role]
         .iter()
@@ -59,9 +62,9 @@ pub(super) fn text(map: &Map, role: Role) -> String {
     format!("{plan:#}\n")
 }
 
-fn polygon(corners: &[Geodetic]) -> Json {
+fn polygon(corners: &[Geodetic], inclusion: bool) -> Json {
     let corners: Vec<Json> = corners.iter().map(|corner| json!([corner.lat_deg, corner.lon_deg])).collect();
-    json!({ "version": 1, "inclusion": true, "polygon": corners })
+    json!({ "version": 1, "inclusion": inclusion, "polygon": corners })
 }
 
 fn waypoint(number: usize, place: &Geodetic, hold_s: f64) -> Json {

@@ -60,6 +60,60 @@ pub enum TransitError {
         /// How far it may be outside.
         allowed_m: f64,
     },
+    /// An end is inside a no-fly area.
+    #[error(
+        "vehicle {role}: the {end} ({east_m:.2}, {north_m:.2}, {up_m:.2}) is {outside_m:.2} m inside the no-fly area {area:?}, allowed are {allowed_m} m: move it, or change the area in [[airspace.no_fly]]"
+    )]
+    NoFly {
+        /// Whose.
+        role: Role,
+        /// Which end.
+        end: End,
+        /// The area's name.
+        area: String,
+        /// East, metres.
+        east_m: f64,
+        /// North, metres.
+        north_m: f64,
+        /// Up, metres.
+        up_m: f64,
+        /// Distance to where it may be, in metres.
+        outside_m: f64,
+        /// How far it may be inside.
+        allowed_m: f64,
+    },
+    /// The no-fly areas cover all of the airspace, or one of them, or the geofence, crosses itself.
+    #[error(
+        "the {areas} no-fly areas leave nothing of the airspace, or one of them crosses itself: change [[airspace.no_fly]]"
+    )]
+    NothingLeft {
+        /// How many there are.
+        areas: usize,
+    },
+    /// No-fly areas leave no way between a vehicle's ends.
+    #[error(
+        "vehicle {role}: no way past the no-fly area{} {}, neither round nor over nor under: leave room beside, or give a floor_m or ceiling_m in [[airspace.no_fly]]", if .areas.len() == 1 { "" } else { "s" }, quoted(.areas)
+    )]
+    Barred {
+        /// Whose.
+        role: Role,
+        /// The names of those on the straight way.
+        areas: Vec<String>,
+    },
+    /// A vehicle would climb from its home, or land there, through a no-fly area.
+    #[error(
+        "vehicle {role}: its home ({east_m:.2}, {north_m:.2}) lies in or under the no-fly area {area:?}, through which it would climb and land: move the vehicle, or change the area in [[airspace.no_fly]]"
+    )]
+    HomeBarred {
+        /// Whose.
+        role: Role,
+        /// The area's name.
+        area: String,
+        /// East, metres.
+        east_m: f64,
+        /// North, metres.
+        north_m: f64,
+    },
     /// Both vehicles' starts or goals are too close to each other.
     #[error(
         "the vehicles are {distance_m:.2} m apart at the {end}, needed are {needed_m:.2} m: move one, or lower airspace.min_separation_m"
@@ -88,6 +142,11 @@ pub enum TransitError {
         /// Distance between the direct paths.
         direct_m: f64,
     },
+}
+
+/// Names as a message lists them.
+fn quoted(names: &[String]) -> String {
+    names.iter().map(|name| format!("{name:?}")).collect::<Vec<_>>().join(", ")
 }
 
 /// An end of a transit.

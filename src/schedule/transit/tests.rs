@@ -16,7 +16,7 @@ fn square(half_m: f64) -> Vec<Vector2<f64>> {
 }
 
 fn airspace(area_enu_m: Vec<Vector2<f64>>, altitude_m: [f64; 2]) -> Airspace {
-    Airspace { altitude_m, area_enu_m, min_separation_m: 5.0 }
+    Airspace { altitude_m, area_enu_m, no_fly: Vec::new(), min_separation_m: 5.0 }
 }
 
 fn router(area_enu_m: Vec<Vector2<f64>>, altitude_m: [f64; 2]) -> Router {

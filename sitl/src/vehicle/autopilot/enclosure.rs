@@ -1,5 +1,5 @@
-//! What an autopilot does at its fence: inclusion polygons, and a ceiling above home. Circles and exclusions it keeps for those who
-//! gave them, and does not fly by.
+//! What an autopilot does at its fence: inclusion polygons, exclusion polygons, which have no heights, and a ceiling above home.
+//! Circles it keeps for those who gave them, and does not fly by.
 //!
 //! PX4: GF_ACTION, in whatever mode but on the way home or down; polygons around which home does not lie are dropped, without a
 //! word to whoever gave them. ArduCopter: FENCE_ENABLE, FENCE_TYPE, FENCE_ACTION; further than 100 m outside it lands. Each acts once,
@@ -29,6 +29,8 @@ const POLYGONS: i32 = 4;
 pub(super) struct Enclosure {
     /// In the mission's plane; of the lists' revision.
     polygons: Vec<Vec<[f64; 2]>>,
+    /// Those that it must stay out of, likewise.
+    zones: Vec<Vec<[f64; 2]>>,
     revision: u32,
     looks_at: Duration,
     outside: bool,
@@ -43,7 +45,9 @@ impl Autopilot {
         self.enclosure.looks_at = sensed.now + LOOKS_EVERY;
         if self.enclosure.revision != self.plans.revision {
             self.enclosure.revision = self.plans.revision;
-            self.enclosure.polygons = polygons(self.plans.fence(), &self.frame);
+            let of = |command| polygons(self.plans.fence(), command, &self.frame);
+            self.enclosure.polygons = of(MavCmd::MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION);
+            self.enclosure.zones = of(MavCmd::MAV_CMD_NAV_FENCE_POLYGON_VERTEX_EXCLUSION);
         }
         let outside = self.armed && !self.landed && self.is_outside(sensed.position_enu_m);
         let crosses = outside && !self.enclosure.outside;
@@ -68,7 +72,9 @@ impl Autopilot {
             let counts = self.firmware == Firmware::ArduCopter || encloses(polygon, home);
             counts && !encloses(polygon, [at.x, at.y])
         };
-        polygons && self.enclosure.polygons.iter().any(left) || ceiling_m.is_some_and(|m| above_home_m > m)
+        let entered = |zone: &Vec<[f64; 2]>| encloses(zone, [at.x, at.y]);
+        polygons && (self.enclosure.polygons.iter().any(left) || self.enclosure.zones.iter().any(entered))
+            || ceiling_m.is_some_and(|m| above_home_m > m)
     }
 
     /// FENCE_TYPE, where the fence is on.
@@ -139,15 +145,20 @@ fn place(item: &MISSION_ITEM_INT_DATA, frame: &LocalFrame) -> [f64; 2] {
     [enu.x, enu.y]
 }
 
-/// The inclusion polygons of a list.
-fn polygons(items: &[MISSION_ITEM_INT_DATA], frame: &LocalFrame) -> Vec<Vec<[f64; 2]>> {
+/// The polygons of a list whose corners are given by `command`.
+fn polygons(items: &[MISSION_ITEM_INT_DATA], command: MavCmd, frame: &LocalFrame) -> Vec<Vec<[f64; 2]>> {
     let mut all = Vec::new();
     let mut at = 0;
     while let Some(item) = items.get(at) {
-        let inclusion = item.command == MavCmd::MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION;
-        let exclusion = item.command == MavCmd::MAV_CMD_NAV_FENCE_POLYGON_VERTEX_EXCLUSION;
-        let corners = if inclusion || exclusion { (item.param1 as usize).max(1) } else { 1 };
-        if inclusion && let Some(polygon) = items.get(at..at + corners) {
+        let is_polygon = matches!(
+            item.command,
+            MavCmd::MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION
+                | MavCmd::MAV_CMD_NAV_FENCE_POLYGON_VERTEX_EXCLUSION
+        );
+        let corners = if is_polygon { (item.param1 as usize).max(1) } else { 1 };
+        if item.command == command
+            && let Some(polygon) = items.get(at..at + corners)
+        {
             all.push(polygon.iter().map(|corner| place(corner, frame)).collect());
         }
         at += corners;

@@ -222,6 +222,14 @@ pub fn overview(facts: &Facts, format: Format) -> String {
             let mut corners: Vec<At> = airspace.area_enu_m.iter().map(|&[e, n]| axes.at(e, n)).collect();
             corners.extend(corners.first().copied());
             svg.line(&corners, &Stroke { colour: "var(--muted)", width: 1.0, dashes: "8 4" });
+            for area in &airspace.no_fly {
+                let mut corners: Vec<At> = area.area_enu_m.iter().map(|&[e, n]| axes.at(e, n)).collect();
+                corners.extend(corners.first().copied());
+                svg.line(&corners, &Stroke { colour: "var(--muted)", width: 2.0, dashes: "2 2" });
+                if let Some(corner) = corners.first() {
+                    names.add(*corner, "var(--muted)", format!("no-fly: {}", area.name));
+                }
+            }
         }
         for role in Role::BOTH {
             let path = path(facts, role, &axes);
