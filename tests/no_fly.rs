@@ -449,7 +449,7 @@ fn hindered(seed: u64) -> Problem {
             name: format!("area {k}"),
             area_enu_m: corners.into_iter().map(|c| at.xy() + Vector2::from(c)).collect(),
             floor_m: None,
-            ceiling_m: (seed % 2 == 0).then_some(at.z + 5.0 + 8.0 * (seed % 5) as f64),
+            ceiling_m: seed.is_multiple_of(2).then_some(at.z + 5.0 + 8.0 * (seed % 5) as f64),
         });
     }
     problem

@@ -188,11 +188,7 @@ impl NoFlyAreas {
     }
 
     /// Those that a level straight line would cross at any altitude from one to another, by name.
-    pub fn swept<'a>(
-        &'a self,
-        [a, b]: [Vector2<f64>; 2],
-        [low_m, high_m]: [f64; 2],
-    ) -> impl Iterator<Item = &'a str> {
+    pub fn swept(&self, [a, b]: [Vector2<f64>; 2], [low_m, high_m]: [f64; 2]) -> impl Iterator<Item = &str> {
         let meets = move |prism: &&Prism| {
             let [floor, ceiling] = prism.heights_m;
             let z_m = 0.5 * (floor.max(low_m) + ceiling.min(high_m));
