@@ -98,7 +98,10 @@ fn check_limits(problems: &[Problem], plan: &Protected, service: &Service, ways:
         let state = plan.at(k as f64 * step_s).unwrap();
         for role in Role::BOTH {
             if tilt(role) < std::f64::consts::FRAC_PI_2 {
-                assert!(state.attitudes[role].antenna_axis().z >= tilt(role).cos() - 1e-9, "{role:?} at {k}");
+                assert!(
+                    state.attitudes[role].antenna_axis().z >= libm::cos(tilt(role)) - 1e-9,
+                    "{role:?} at {k}"
+                );
             }
             let most_w = state.served.map_or(0.0, |user| problems[user].radio.max_power_w[role]);
             assert!((0.0..=most_w).contains(&state.tx_powers_w[role]));
@@ -161,7 +164,7 @@ proptest! {
         let axes = if level { [[0.0; 2]; 3] } else { axes };
         let vehicles = standing(&problems, axes);
         // J must be able to hold its nulls.
-        prop_assume!(!tilted || vehicles.iter().all(|v| v.j.pose.antenna_axis().z > 1.3f64.cos() + 1e-6));
+        prop_assume!(!tilted || vehicles.iter().all(|v| v.j.pose.antenna_axis().z > libm::cos(1.3) + 1e-6));
         let ways = Plain { turn_rate_rad_s: rate, ..Plain::default() };
         let service = Service { guard_s, slot_s, ..SERVICE };
         let plan = turned(&problems, &vehicles, &service, &ways);
@@ -235,7 +238,7 @@ fn val_two_users_who_mirror_each_other_by_brute_force() {
         let mut at = vehicles[0];
         let way = vehicles[1].j.pose.roll_rad - at.j.pose.roll_rad;
         at.j.pose.roll_rad += off * way.signum();
-        let powers = (0..28).map(|k| 0.01 * 0.7f64.powi(k - 4));
+        let powers = (0..28).map(|k| 0.01 * libm::pow(0.7, f64::from(k - 4)));
         let rated = powers.map(|power_w| {
             at.j.tx_power_w = power_w;
             evaluate(&problems[0], &at, &options).unwrap().secrecy_rate_bps
@@ -432,7 +435,7 @@ fn val_an_error_of_the_tolerance_costs_its_share() {
             // The worst of many directions, by the evaluator.
             let worst = (0..24)
                 .map(|k| {
-                    let (sin, cos) = (std::f64::consts::TAU * f64::from(k) / 24.0).sin_cos();
+                    let (sin, cos) = libm::sincos(std::f64::consts::TAU * f64::from(k) / 24.0);
                     let size = tolerance.pointing_rad[role];
                     let mut vehicles = knot.vehicles;
                     let pose = &mut vehicles[role].pose;
