@@ -10,7 +10,7 @@
 //! these gains make it bears a fifth of a second of that: beyond, it swings ever wider, out of the altitude band in the
 //! end. So it is slowed in proportion: with `s = PROMPT_S / age` where that is below one, `K_p` is taken `s^2`, `K_d` `s`
 //! and `K_i` `s^3` times, which is the same loop in a time that runs `s` times as fast, so that its delay is to it what
-//! [`PROMPT_S`] is to the full gains. It slows at once, and becomes fast again over [`RECOVERY_S`].
+//! `PROMPT_S` is to the full gains. It slows at once, and becomes fast again over `RECOVERY_S`.
 
 use nalgebra::Vector3;
 
