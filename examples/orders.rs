@@ -19,7 +19,8 @@ use std::time::Duration;
 
 use clap::Parser;
 
-use orders_table::{Case, Seen, Told, cases, run};
+use orders_table::{Case, Seen, cases, run};
+use veilwing::desk::Order;
 
 #[derive(Debug, Parser)]
 struct Args {
@@ -56,7 +57,7 @@ fn main() -> ExitCode {
             });
         }
     });
-    let mut rows: BTreeMap<(bool, Told, Told), Row> = BTreeMap::new();
+    let mut rows: BTreeMap<(bool, Order, Order), Row> = BTreeMap::new();
     let mut wrong = Vec::new();
     for (case, came) in seen.into_inner().unwrap() {
         count(rows.entry((case.in_slot, case.first.0, case.second.0)).or_default(), &came);

@@ -170,7 +170,7 @@ impl PositionControl {
     fn slow_for(&mut self, age_s: f64, dt_s: f64) -> f64 {
         let forgotten = PROMPT_S + (self.delay_s - PROMPT_S) * (-dt_s.max(0.0) / RECOVERY_S).exp();
         // What is not a number counts as old.
-        self.delay_s = forgotten.max(age_s.min(LARGEST_AGE_S)).max(PROMPT_S);
+        self.delay_s = forgotten.max(age_s.min(LARGEST_AGE_S));
         PROMPT_S / self.delay_s
     }
 

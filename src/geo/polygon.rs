@@ -147,6 +147,37 @@ impl Polygon {
         best.1
     }
 
+    /// The middles of the pieces into which the boundary cuts the segment from `a` to `b`. Each piece is wholly inside or wholly
+    /// outside, so that one point of it tells; those no longer than `shortest_m` are passed over.
+    pub fn middles_of_pieces(
+        &self,
+        a: Vector2<f64>,
+        b: Vector2<f64>,
+        shortest_m: f64,
+    ) -> impl Iterator<Item = Vector2<f64>> {
+        let d = b - a;
+        let length2 = d.norm_squared();
+        let mut cuts = vec![0.0, 1.0];
+        for [p, q] in self.edges() {
+            let e = q - p;
+            let denominator = d.perp(&e);
+            // A cut too many does no harm: parallel edges and near misses are cut as well.
+            if denominator * denominator <= 1e-24 * length2 * e.norm_squared() {
+                cuts.extend([(p - a).dot(&d) / length2, (q - a).dot(&d) / length2]);
+            } else if (-1e-6..=1.0 + 1e-6).contains(&((p - a).perp(&d) / denominator)) {
+                cuts.push((p - a).perp(&e) / denominator);
+            }
+        }
+        cuts.retain(|t| (0.0..=1.0).contains(t));
+        cuts.sort_by(f64::total_cmp);
+        let shortest = shortest_m / length2.sqrt();
+        let pieces: Vec<[f64; 2]> = cuts.windows(2).map(|w| [w[0], w[1]]).collect();
+        pieces
+            .into_iter()
+            .filter(move |[from, to]| to - from > shortest)
+            .map(move |[from, to]| a + d * (0.5 * (from + to)))
+    }
+
     /// Largest distance of a point of the polygon from `point`: that of a corner.
     #[must_use]
     pub fn farthest_m(&self, point: Vector2<f64>) -> f64 {

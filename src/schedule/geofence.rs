@@ -16,6 +16,12 @@ pub const BOUNDARY_TOLERANCE_M: f64 = 1e-9;
 /// How far corners are kept away from, in metres, in the order tried.
 pub(super) const CORNER_MARGINS_M: [f64; 3] = [0.5, 0.05, 0.0];
 
+/// How far beside a polygon's boundary a point counts as on it, in metres.
+pub(super) fn tolerance_m(polygon: &Polygon) -> f64 {
+    // Beyond some 300 km rounding alone moves a point by more than the nominal tolerance.
+    BOUNDARY_TOLERANCE_M.max(16.0 * f64::EPSILON * polygon.reach_m())
+}
+
 /// A geofence with what its shortest paths need.
 #[derive(Debug, Clone)]
 pub struct Geofence {
@@ -41,8 +47,7 @@ impl Geofence {
     /// [`PolygonError`] if the polygon has no interior or a vertex is not finite.
     pub fn new(area_enu_m: &[Vector2<f64>]) -> Result<Self, PolygonError> {
         let polygon = Polygon::new(area_enu_m)?;
-        // Beyond some 300 km rounding alone moves a point by more than the nominal tolerance.
-        let tolerance_m = BOUNDARY_TOLERANCE_M.max(16.0 * f64::EPSILON * polygon.reach_m());
+        let tolerance_m = tolerance_m(&polygon);
         Ok(Self { polygon, tolerance_m, graphs: Default::default() })
     }
 
@@ -53,36 +58,15 @@ impl Geofence {
     }
 
     /// Whether all of the segment from `a` to `b` is inside or on the boundary.
-    ///
-    /// The segment is cut where it meets the boundary; between two cuts it is wholly inside or wholly outside, so
-    /// one point of each piece tells.
     #[must_use]
     pub fn contains_segment(&self, a: Vector2<f64>, b: Vector2<f64>) -> bool {
         if !self.contains(a) || !self.contains(b) {
             return false;
         }
-        let d = b - a;
-        let length2 = d.norm_squared();
-        if length2 <= self.tolerance_m * self.tolerance_m {
+        if (b - a).norm_squared() <= self.tolerance_m * self.tolerance_m {
             return true;
         }
-        let mut cuts = vec![0.0, 1.0];
-        for [p, q] in self.polygon.edges() {
-            let e = q - p;
-            let denominator = d.perp(&e);
-            // A cut too many does no harm: parallel edges and near misses are cut as well.
-            if denominator * denominator <= 1e-24 * length2 * e.norm_squared() {
-                cuts.extend([(p - a).dot(&d) / length2, (q - a).dot(&d) / length2]);
-            } else if (-1e-6..=1.0 + 1e-6).contains(&((p - a).perp(&d) / denominator)) {
-                cuts.push((p - a).perp(&e) / denominator);
-            }
-        }
-        cuts.retain(|t| (0.0..=1.0).contains(t));
-        cuts.sort_by(f64::total_cmp);
-        let shortest = 2.0 * self.tolerance_m / length2.sqrt();
-        cuts.windows(2)
-            .filter(|w| w[1] - w[0] > shortest)
-            .all(|w| self.contains(a + d * (0.5 * (w[0] + w[1]))))
+        self.polygon.middles_of_pieces(a, b, 2.0 * self.tolerance_m).all(|middle| self.contains(middle))
     }
 
     /// The point of the fence nearest to `point` (itself if inside).

@@ -12,7 +12,7 @@ use std::sync::OnceLock;
 
 use nalgebra::Vector2;
 
-use super::geofence::{BOUNDARY_TOLERANCE_M, CORNER_MARGINS_M, Geofence};
+use super::geofence::{CORNER_MARGINS_M, Geofence, tolerance_m};
 use super::route::lifted;
 use super::separation::segment_distance_m;
 use super::transit::TransitError;
@@ -37,7 +37,7 @@ struct Prism {
 impl Prism {
     fn new(area: &NoFly) -> Result<Self, PolygonError> {
         let polygon = Polygon::new(&area.area_enu_m)?;
-        let tolerance_m = BOUNDARY_TOLERANCE_M.max(16.0 * f64::EPSILON * polygon.reach_m());
+        let tolerance_m = tolerance_m(&polygon);
         Ok(Self { name: area.name.clone(), polygon, heights_m: area.heights_m(), tolerance_m })
     }
 
@@ -77,32 +77,18 @@ impl Prism {
         Some(part.map(|t| a.xy() + (b.xy() - a.xy()) * t))
     }
 
-    /// Whether any part of a segment is inside. It is cut where it meets a side; between two cuts it is wholly inside or
-    /// wholly outside, so one point of each piece tells.
+    /// Whether any part of a segment is inside.
     fn bars(&self, a: &Enu, b: &Enu) -> bool {
         let Some([from, to]) = self.within(a, b, 0.0) else { return false };
-        let d = to - from;
-        let length2 = d.norm_squared();
-        if length2 <= self.tolerance_m * self.tolerance_m {
+        if (to - from).norm_squared() <= self.tolerance_m * self.tolerance_m {
             return self.is_over(from);
         }
-        let mut cuts = vec![0.0, 1.0];
-        for [p, q] in self.polygon.edges() {
-            let e = q - p;
-            let denominator = d.perp(&e);
-            // A cut too many does no harm: parallel sides and near misses are cut as well.
-            if denominator * denominator <= 1e-24 * length2 * e.norm_squared() {
-                cuts.extend([(p - from).dot(&d) / length2, (q - from).dot(&d) / length2]);
-            } else if (-1e-6..=1.0 + 1e-6).contains(&((p - from).perp(&d) / denominator)) {
-                cuts.push((p - from).perp(&e) / denominator);
-            }
-        }
-        cuts.retain(|t| (0.0..=1.0).contains(t));
-        cuts.sort_by(f64::total_cmp);
-        let shortest = 2.0 * self.tolerance_m / length2.sqrt();
-        cuts.windows(2)
-            .filter(|w| w[1] - w[0] > shortest)
-            .any(|w| self.is_over(from + d * (0.5 * (w[0] + w[1]))))
+        self.polygon.middles_of_pieces(from, to, 2.0 * self.tolerance_m).any(|middle| self.is_over(middle))
+    }
+
+    /// Whether any part of a polyline is inside.
+    fn bars_any_of(&self, path: &[Enu]) -> bool {
+        path.windows(2).any(|w| self.bars(&w[0], &w[1]))
     }
 
     /// Whether any part of a segment is inside or nearer than `margin_m`.
@@ -169,10 +155,7 @@ impl NoFlyAreas {
 
     /// Those that any of the segments of a polyline enters, by name.
     pub fn barring<'a>(&'a self, path: &'a [Enu]) -> impl Iterator<Item = &'a str> {
-        self.prisms
-            .iter()
-            .filter(|prism| path.windows(2).any(|w| prism.bars(&w[0], &w[1])))
-            .map(|prism| prism.name.as_str())
+        self.prisms.iter().filter(|prism| prism.bars_any_of(path)).map(|prism| prism.name.as_str())
     }
 
     /// Whether no area has any of a polyline inside.
@@ -184,7 +167,7 @@ impl NoFlyAreas {
     pub fn let_out(&self, path: &[Enu]) -> bool {
         let Some(start) = path.first() else { return true };
         let mut others = self.prisms.iter().filter(|prism| !prism.holds(start));
-        others.all(|prism| !path.windows(2).any(|w| prism.bars(&w[0], &w[1])))
+        others.all(|prism| !prism.bars_any_of(path))
     }
 
     /// Those that a level straight line would cross at any altitude from one to another, by name.

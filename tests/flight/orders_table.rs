@@ -4,7 +4,8 @@
 use std::fmt;
 use std::time::Duration;
 
-use mavlink::dialects::ardupilotmega::{MavCmd, MavMessage, MavResult};
+use mavlink::dialects::ardupilotmega::{MavMessage, MavResult};
+use veilwing::desk::Order;
 use veilwing::desk::simulation::Path;
 use veilwing::mission::Outcome;
 use veilwing::role::Role;
@@ -20,30 +21,8 @@ const LONG: Duration = Duration::from_secs(20);
 /// 90 s, the way home takes less than a minute for each.
 const PATIENCE: Duration = Duration::from_secs(230);
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Told {
-    Start,
-    /// On the ground: takes back a START.
-    Pause,
-    Continue,
-    /// On the ground: takes back a START.
-    Return,
-    Kill,
-}
-
-impl Told {
-    pub const ALL: [Self; 5] = [Self::Start, Self::Pause, Self::Continue, Self::Return, Self::Kill];
-
-    fn command(self) -> (MavCmd, f32) {
-        match self {
-            Self::Start => (MavCmd::MAV_CMD_MISSION_START, 0.0),
-            Self::Pause => (MavCmd::MAV_CMD_DO_PAUSE_CONTINUE, 0.0),
-            Self::Continue => (MavCmd::MAV_CMD_DO_PAUSE_CONTINUE, 1.0),
-            Self::Return => (MavCmd::MAV_CMD_NAV_RETURN_TO_LAUNCH, 0.0),
-            Self::Kill => (MavCmd::MAV_CMD_USER_2, 0.0),
-        }
-    }
-}
+/// On the ground a pause and a return take back a START. Lifting the kill is another table's.
+const TOLD: [Order; 5] = [Order::Start, Order::Pause, Order::Continue, Order::Return, Order::Kill];
 
 /// When the pair link is cut.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -64,8 +43,8 @@ impl Link {
 pub struct Case {
     /// In the middle of a slot; else on the ground, ready.
     pub in_slot: bool,
-    pub first: (Told, Role),
-    pub second: (Told, Role),
+    pub first: (Order, Role),
+    pub second: (Order, Role),
     pub link: Link,
     /// Whose companion dies and comes back after the second order.
     pub restarted: Option<Role>,
@@ -87,8 +66,8 @@ impl fmt::Display for Case {
 pub fn cases() -> Vec<Case> {
     let mut cases = Vec::new();
     for in_slot in [false, true] {
-        for first in Told::ALL {
-            for second in Told::ALL {
+        for first in TOLD {
+            for second in TOLD {
                 for to in [(Role::I, Role::I), (Role::I, Role::J), (Role::J, Role::I), (Role::J, Role::J)] {
                     for link in Link::ALL {
                         for restarted in [None, Some(Role::I), Some(Role::J)] {
@@ -126,7 +105,7 @@ fn cut(flight: &mut Flight, cut: bool) {
 }
 
 /// When an order was acknowledged as having come about.
-fn accepted_at(flight: &Flight, (told, role): (Told, Role), since: Duration) -> Option<Duration> {
+fn accepted_at(flight: &Flight, (told, role): (Order, Role), since: Duration) -> Option<Duration> {
     let (command, _) = told.command();
     flight.log.acks.iter().find_map(|(at, who, message)| match message {
         MavMessage::COMMAND_ACK(ack) if *who == role && ack.command == command && *at >= since => {
@@ -198,7 +177,7 @@ fn wrong(case: &Case, flight: &Flight, watch: &Watch, accepted: [Option<Duration
         wrong.push(format!("unprotected for {unprotected} s"));
     }
     for ((told, to), at) in [case.first, case.second].into_iter().zip(accepted) {
-        let Some(at) = at.filter(|_| told == Told::Kill) else { continue };
+        let Some(at) = at.filter(|_| told == Order::Kill) else { continue };
         if flight.log.on_air.iter().any(|(when, on)| *when >= at && *on != [false, false]) {
             wrong.push(format!("on the air after the kill that {to} accepted at {at:?}"));
         }

@@ -1,9 +1,9 @@
 //! A flight as a map.
 
-use super::timeline::{Listener, NoFlyScene, Timeline};
+use super::timeline::{Listener, Timeline};
 use crate::geo::{Enu, Geodetic};
 use crate::planner::plan::VehiclePlan;
-use crate::planning::maps::{Area, Map, NoFlyArea, Node, Slot};
+use crate::planning::maps::{Area, Map, Node, Slot};
 use crate::role::{PerVehicle, Role};
 
 /// Positions of a track nearer to each other than this, in metres, are one.
@@ -21,7 +21,7 @@ pub fn map(timeline: &Timeline) -> Option<Map> {
             .airspace
             .as_ref()
             .map(|air| Area { corners_m: air.area_enu_m.clone(), altitude_m: air.altitude_m }),
-        no_fly: scene.airspace.iter().flat_map(|air| &air.no_fly).map(no_fly).collect(),
+        no_fly: scene.airspace.iter().flat_map(|air| air.no_fly.clone()).collect(),
         users: scene
             .users
             .iter()
@@ -45,11 +45,6 @@ pub fn map(timeline: &Timeline) -> Option<Map> {
             .collect(),
         tracks: PerVehicle::from_fn(|role| track(timeline, role)),
     })
-}
-
-fn no_fly(area: &NoFlyScene) -> NoFlyArea {
-    let NoFlyScene { name, area_enu_m, floor_m, ceiling_m } = area.clone();
-    NoFlyArea { name, corners_m: area_enu_m, floor_m, ceiling_m }
 }
 
 /// Where an eavesdropper was, if a simulated world knows; else where it was thought to be.

@@ -4,14 +4,15 @@ use nalgebra::{Quaternion, UnitQuaternion};
 use veilwing_sitl as sim;
 
 use super::timeline::{
-    AirspaceScene, EmissionScene, Event, EventKind, Heard, Listener, NoFlyScene, OriginScene, Place,
-    PlannedSlot, RadioScene, SCENE_FORMAT, Sample, Scene, Severity, Source, Timeline, VehicleState,
+    AirspaceScene, EmissionScene, Event, EventKind, Heard, Listener, OriginScene, Place, PlannedSlot,
+    RadioScene, SCENE_FORMAT, Sample, Scene, Severity, Source, Timeline, VehicleState,
 };
 use crate::config::Mission;
 use crate::desk::simulation::{Excused, index};
 use crate::geo::{Attitude, Pose};
 use crate::planner::document::VehicleDocument;
 use crate::planner::plan::VehiclePlan;
+use crate::planning::maps::NoFlyArea;
 use crate::role::PerVehicle;
 
 /// The timeline of a flight that is over: what a [`sim::Recorder`] kept of `world`, and what the host knows of faults,
@@ -72,7 +73,7 @@ fn scene(mission: &Mission, world: &sim::World) -> Scene {
         airspace: Some(AirspaceScene {
             altitude_m: config.airspace.altitude_m,
             area_enu_m: config.airspace.area_enu_m.clone(),
-            no_fly: mission.airspace.no_fly.iter().map(NoFlyScene::from).collect(),
+            no_fly: mission.airspace.no_fly.iter().map(NoFlyArea::new).collect(),
             min_separation_m: config.airspace.min_separation_m,
         }),
         users: config

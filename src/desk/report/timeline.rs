@@ -7,7 +7,7 @@ use crate::config::{Emission, Mission};
 use crate::desk::simulation::FaultKind;
 use crate::geo::{Attitude, Geodetic};
 use crate::planner::document::VehicleDocument;
-use crate::planner::problem::NoFly;
+use crate::planning::maps::NoFlyArea;
 use crate::role::{PerVehicle, Role};
 
 /// The `format` of `scene.json`.
@@ -140,33 +140,9 @@ pub struct AirspaceScene {
     pub area_enu_m: Vec<[f64; 2]>,
     /// Where in it no vehicle may be.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub no_fly: Vec<NoFlyScene>,
+    pub no_fly: Vec<NoFlyArea>,
     /// Between the vehicles.
     pub min_separation_m: f64,
-}
-
-/// Where no vehicle may be.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct NoFlyScene {
-    /// As in the mission.
-    pub name: String,
-    /// Corners [east, north].
-    pub area_enu_m: Vec<[f64; 2]>,
-    /// From this height above the mission origin; `None`: from the ground.
-    pub floor_m: Option<f64>,
-    /// Up to this one; `None`: to the sky.
-    pub ceiling_m: Option<f64>,
-}
-
-impl From<&NoFly> for NoFlyScene {
-    fn from(area: &NoFly) -> Self {
-        Self {
-            name: area.name.clone(),
-            area_enu_m: area.area_enu_m.iter().map(|v| [v.x, v.y]).collect(),
-            floor_m: area.floor_m,
-            ceiling_m: area.ceiling_m,
-        }
-    }
 }
 
 /// A named place.

@@ -89,8 +89,7 @@ pub fn through(
     volume::check(problems, options)?;
     let setups: Vec<Setup> = problems.iter().map(Setup::new).collect::<Result<_, _>>()?;
     let Some(first) = setups.first() else { return Ok(Protected { slots: Vec::new(), superframe_s: 0.0 }) };
-    let turning =
-        Turning { ways, guard_s: service.guard_s, settle_s: service.settle_s, tilt_rad: first.tilt_rad };
+    let turning = Turning::new(ways, service, first);
     let service = on_air(service);
     let job = Job::new(&setups, &service, &turning, options);
     let on_air_s: Vec<f64> = standing.slots_s.iter().map(|slot_s| slot_s - turning.guard_s).collect();
@@ -128,8 +127,7 @@ pub fn plan(
     let nothing = Protected { slots: Vec::new(), superframe_s: 0.0 };
     let empty = Joint { slots: Vec::new(), slots_s: Vec::new(), protected: nothing.clone(), is_static: true };
     let Some(first) = setups.first() else { return Ok(empty) };
-    let turning =
-        Turning { ways, guard_s: service.guard_s, settle_s: service.settle_s, tilt_rad: first.tilt_rad };
+    let turning = Turning::new(ways, service, first);
     let air = on_air(service);
     let job = Job::new(&setups, &air, &turning, options);
     let known = volume::plan(problems, service, ways, options)?;

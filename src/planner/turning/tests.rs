@@ -8,27 +8,8 @@ use super::*;
 use crate::geo::Pose;
 use crate::planner::expectation::{EvaluateOptions, evaluate};
 use crate::planner::problem::{Airframe, Pattern, PowerSteps};
-use crate::planner::volume::testing::Plain;
+use crate::planner::volume::testing::{Plain, SERVICE, problems};
 use crate::radio::pattern;
-
-const SERVICE: Service = Service {
-    slot_s: 10.0,
-    guard_s: 1.0,
-    settle_s: 2.0,
-    slot_limits_s: [5.0, 20.0],
-    fairness: Fairness::Slots,
-    may_reorder: false,
-};
-
-/// Three users some hundred metres apart among three eavesdroppers.
-fn problems(jitter_deg: f64) -> Vec<Problem> {
-    let mut problem =
-        Problem::paper([[200.0, 80.0], [-150.0, 210.0], [40.0, -300.0]], 0.5, f64::to_radians(jitter_deg));
-    problem.airspace.min_separation_m = 5.0;
-    [[0.0, 0.0], [90.0, 40.0], [-60.0, 110.0]]
-        .map(|[east, north]| Problem { user_enu_m: Vector3::new(east, north, 0.0), ..problem.clone() })
-        .to_vec()
-}
 
 /// J's null on the user, I's axis as given.
 fn served(

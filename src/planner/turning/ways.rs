@@ -2,6 +2,7 @@
 
 use nalgebra::Vector3;
 
+use super::super::setup::Setup;
 use super::super::volume::{Service, Ways};
 use super::turn::{Angles, Course};
 use crate::geo::Pose;
@@ -15,6 +16,13 @@ pub struct Turning<'a, W> {
     pub settle_s: f64,
     /// How far I and J may tilt.
     pub tilt_rad: [f64; 2],
+}
+
+impl<'a, W> Turning<'a, W> {
+    /// For users of `service`, of whom all share the limits that `setup` states.
+    pub fn new(ways: &'a W, service: &Service, setup: &Setup<'_>) -> Self {
+        Self { ways, guard_s: service.guard_s, settle_s: service.settle_s, tilt_rad: setup.tilt_rad }
+    }
 }
 
 /// A service whose slots are what was their time on the air.

@@ -1,11 +1,33 @@
-//! Ways for tests that know no schedule.
+//! A superframe for tests: users, how they are served, and ways that know no schedule.
 
 use nalgebra::Vector3;
 
 use super::ways::{Ways, largest_s};
+use super::{Fairness, Service};
 use crate::geo::Pose;
 use crate::planner::expectation::kernel::{ANGLES, Raw, VEHICLE};
+use crate::planner::problem::Problem;
 use crate::role::{PerVehicle, Role};
+
+/// Equal slots, in the order that is listed.
+pub const SERVICE: Service = Service {
+    slot_s: 10.0,
+    guard_s: 1.0,
+    settle_s: 2.0,
+    slot_limits_s: [5.0, 20.0],
+    fairness: Fairness::Slots,
+    may_reorder: false,
+};
+
+/// Three users some hundred metres apart among three eavesdroppers.
+pub fn problems(jitter_deg: f64) -> Vec<Problem> {
+    let mut problem =
+        Problem::paper([[200.0, 80.0], [-150.0, 210.0], [40.0, -300.0]], 0.5, f64::to_radians(jitter_deg));
+    problem.airspace.min_separation_m = 5.0;
+    [[0.0, 0.0], [90.0, 40.0], [-60.0, 110.0]]
+        .map(|[east, north]| Problem { user_enu_m: Vector3::new(east, north, 0.0), ..problem.clone() })
+        .to_vec()
+}
 
 /// At constant speed, and never in each other's way.
 pub struct Plain {

@@ -2,31 +2,12 @@
 
 use super::layout::{Axes, Layout, Pattern};
 use super::objective::{COARSE, MEDIUM};
-use super::testing::Plain;
+use super::testing::{Plain, SERVICE, problems};
 use super::*;
 use crate::planner::expectation::kernel::VEHICLE;
 use crate::planner::model::Memory;
 use crate::planner::problem::{Airframe, Pointing};
 use nalgebra::{Vector2, Vector3};
-
-/// Three users some hundred metres apart among three eavesdroppers.
-fn problems(jitter_deg: f64) -> Vec<Problem> {
-    let mut problem =
-        Problem::paper([[200.0, 80.0], [-150.0, 210.0], [40.0, -300.0]], 0.5, f64::to_radians(jitter_deg));
-    problem.airspace.min_separation_m = 5.0;
-    [[0.0, 0.0], [90.0, 40.0], [-60.0, 110.0]]
-        .map(|[east, north]| Problem { user_enu_m: Vector3::new(east, north, 0.0), ..problem.clone() })
-        .to_vec()
-}
-
-const SERVICE: Service = Service {
-    slot_s: 10.0,
-    guard_s: 1.0,
-    settle_s: 2.0,
-    slot_limits_s: [5.0, 20.0],
-    fairness: Fairness::Slots,
-    may_reorder: false,
-};
 
 const RAWS: [Raw; 3] = [
     [25.0, 30.0, 85.0, 0.7, -0.4, 0.0, 0.5, 150.0, -210.0, 120.0, 0.9, 0.5, 0.0, 0.02],

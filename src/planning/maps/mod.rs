@@ -8,6 +8,8 @@ mod geojson;
 mod kml;
 mod qgc;
 
+use serde::{Deserialize, Serialize};
+
 use crate::config::Mission;
 use crate::geo::{Enu, Geodetic};
 use crate::planner::plan::VehiclePlan;
@@ -47,12 +49,13 @@ pub struct Area {
     pub altitude_m: [f64; 2],
 }
 
-/// Where no vehicle may be.
-#[derive(Debug, Clone, PartialEq)]
+/// Where no vehicle may be. A scene keeps it by the mission's own keys.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct NoFlyArea {
     /// As in the mission.
     pub name: String,
     /// East and north, in order, not closed.
+    #[serde(rename = "area_enu_m")]
     pub corners_m: Vec<[f64; 2]>,
     /// From this height above the origin; `None`: from the ground.
     pub floor_m: Option<f64>,

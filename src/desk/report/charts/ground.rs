@@ -223,7 +223,7 @@ pub fn overview(facts: &Facts, format: Format) -> String {
             corners.extend(corners.first().copied());
             svg.line(&corners, &Stroke { colour: "var(--muted)", width: 1.0, dashes: "8 4" });
             for area in &airspace.no_fly {
-                let mut corners: Vec<At> = area.area_enu_m.iter().map(|&[e, n]| axes.at(e, n)).collect();
+                let mut corners: Vec<At> = area.corners_m.iter().map(|&[e, n]| axes.at(e, n)).collect();
                 corners.extend(corners.first().copied());
                 svg.line(&corners, &Stroke { colour: "var(--muted)", width: 2.0, dashes: "2 2" });
                 if let Some(corner) = corners.first() {

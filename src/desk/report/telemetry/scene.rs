@@ -8,13 +8,14 @@ use super::TelemetryError;
 use crate::config::Mission;
 use crate::desk::report::directory::{json, read};
 use crate::desk::report::timeline::{
-    AirspaceScene, EmissionScene, Listener, NoFlyScene, OriginScene, Place, PlannedSlot, RadioScene,
-    SCENE_FORMAT, Scene, Source,
+    AirspaceScene, EmissionScene, Listener, OriginScene, Place, PlannedSlot, RadioScene, SCENE_FORMAT, Scene,
+    Source,
 };
 use crate::link::{Envelope, RawFrame};
 use crate::pair::wire::{self, VEILWING_PROPOSE_DATA};
 use crate::planner::document::VehicleDocument;
 use crate::planner::problem::Uncertainty;
+use crate::planning::maps::NoFlyArea;
 use crate::role::PerVehicle;
 use crate::schedule::order::Order;
 
@@ -57,7 +58,7 @@ pub(super) fn scene(directory: &Path, mission: Option<&Mission>) -> Result<Scene
         airspace: mission.map(|mission| AirspaceScene {
             altitude_m: mission.airspace.altitude_m,
             area_enu_m: mission.airspace.area_enu_m.iter().map(|v| [v.x, v.y]).collect(),
-            no_fly: mission.airspace.no_fly.iter().map(NoFlyScene::from).collect(),
+            no_fly: mission.airspace.no_fly.iter().map(NoFlyArea::new).collect(),
             min_separation_m: mission.airspace.min_separation_m,
         }),
         users: mission.iter().flat_map(|mission| &mission.users).map(place).collect(),
