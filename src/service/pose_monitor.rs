@@ -20,6 +20,9 @@
 //! *A lean.* A vehicle that leans into the wind to hold its place may be off by what the plan bears of that in this slot,
 //! if that is more than the tolerance: the limits are wider by the difference, for the jitter comes on top of a lean.
 //!
+//! *A place.* A position comes with the error of who measures it, so that a vehicle which glides towards its pose would be
+//! told to radiate some centimetres before it is there. It comes in at [`ARRIVED`] of the tolerance, and stays to all of it.
+//!
 //! Jitter is taken to be independent from sample to sample, as the plan takes it. A body that swings slower than that
 //! counts as what it is, out of its pose.
 
@@ -36,6 +39,9 @@ use super::evidence::Vehicle;
 const FILTERS: [Duration; 2] = [Duration::from_millis(100), Duration::from_millis(400)];
 /// What is left of the jitter is shorter than so many of its deviations, but for 2.4e-9 of all samples.
 const QUANTILE: f64 = 6.3;
+/// The share of the position's tolerance at which a vehicle comes into its pose: 0.15 m of the metre are left to its
+/// estimator, five deviations of a good one's noise.
+const ARRIVED: f64 = 0.85;
 /// What control and estimator leave of an attitude that is held, radians.
 const HELD_RAD: f64 = 1f64.to_radians();
 
@@ -136,13 +142,15 @@ pub struct PoseMonitor {
     /// were last fed.
     errors: Option<([Smoothed; 1 + FILTERS.len()], Instant)>,
     position_error_m: Option<f64>,
+    /// It has come to its place, and has not left it since.
+    placed: bool,
 }
 
 impl PoseMonitor {
     /// A monitor that has seen nothing.
     #[must_use]
     pub fn new(target: Pose, tolerance: Tolerance) -> Self {
-        Self { target, tolerance, errors: None, position_error_m: None }
+        Self { target, tolerance, errors: None, position_error_m: None, placed: false }
     }
 
     /// Feeds the newest state.
@@ -157,7 +165,11 @@ impl PoseMonitor {
 
     /// Feeds the measured position.
     pub fn position(&mut self, position_enu_m: Enu) {
-        self.position_error_m = Some((position_enu_m - self.target.position_enu_m).norm());
+        let error_m = (position_enu_m - self.target.position_enu_m).norm();
+        let share = if self.placed { 1.0 } else { ARRIVED };
+        self.position_error_m = Some(error_m);
+        // What is no number is no place.
+        self.placed = error_m <= share * self.tolerance.position_m;
     }
 
     /// Feeds the attitude measured at `at`; a sample already fed is ignored.
@@ -192,7 +204,7 @@ impl PoseMonitor {
         let (Some(position_m), Some((errors, _))) = (self.position_error_m, &self.errors) else {
             return Err(Off::Unknown);
         };
-        if position_m.is_nan() || position_m > self.tolerance.position_m {
+        if !self.placed {
             return Err(Off::Position(position_m));
         }
         match errors.iter().find_map(|error| error.beyond(&self.tolerance)) {
@@ -230,12 +242,25 @@ mod tests {
     fn spec_position_beyond_a_metre_is_off() {
         let mut monitor = PoseMonitor::new(pose(), Tolerance::for_jitter(0.0));
         monitor.attitude(&pose().attitude(), at(0));
+        monitor.position(pose().position_enu_m);
         monitor.position(pose().position_enu_m + Vector3::new(0.0, 0.0, 0.99));
         assert_eq!(monitor.check(), Ok(()));
         monitor.position(pose().position_enu_m + Vector3::new(0.8, 0.0, 0.8));
         assert!(matches!(monitor.check(), Err(Off::Position(m)) if (m - 0.8 * 2f64.sqrt()).abs() < 1e-12));
         monitor.position(Vector3::new(f64::NAN, 0.0, 0.0));
         assert!(matches!(monitor.check(), Err(Off::Position(_))));
+    }
+
+    #[test]
+    fn spec_a_vehicle_that_comes_has_to_come_nearer_than_one_that_stays() {
+        let mut monitor = PoseMonitor::new(pose(), Tolerance::for_jitter(0.0));
+        monitor.attitude(&pose().attitude(), at(0));
+        let mut is_placed = |off_m: f64| {
+            monitor.position(pose().position_enu_m + Vector3::new(off_m, 0.0, 0.0));
+            monitor.check().is_ok()
+        };
+        let there = [0.99, 0.86, 0.84, 0.99, 1.01, 0.99, 0.86, 0.84].map(&mut is_placed);
+        assert_eq!(there, [false, false, true, true, false, false, false, true]);
     }
 
     const RATE_MS: u64 = 20;
