@@ -19,13 +19,22 @@ const FLIGHTS: u64 = 120;
 
 /// What few flights would come to by chance, each in a flight of its own.
 const SCRIPTS: &[&str] = &[
-    // A battery that lasts three minutes.
+    // A battery that lasts a minute and a half.
     r#"
         [[fault]]
         kind = "battery-weak"
         vehicle = "j"
         after_s = 0.0
-        times = 10.0
+        times = 20.0
+    "#,
+    // A radio of whose answers nothing comes in mid-slot.
+    r#"
+        [[fault]]
+        kind = "radio-answers-frozen"
+        vehicle = "j"
+        slot = 0
+        after_s = 2.0
+        duration_s = 6.0
     "#,
     // A pause that ends.
     r#"
