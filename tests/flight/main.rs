@@ -16,6 +16,7 @@ mod guard;
 mod harness;
 mod hosts;
 mod kinds;
+mod metadata;
 mod mutations;
 mod nominal;
 mod orders;
