@@ -1,5 +1,5 @@
 //! The executive of one vehicle: somewhere in a recorded flight, from where on messages are lost, altered, repeated and
-//! made up, the operator gives orders, and the companion is told to end.
+//! made up, the operator gives orders, stations ask for files, and the companion is told to end.
 
 use std::sync::OnceLock;
 use std::time::Duration;
@@ -26,7 +26,7 @@ use crate::wire;
 /// The executive.
 pub const TARGET: Target = Target {
     name: "executive",
-    what: "a recorded flight, edited, with orders and made-up messages to the executive",
+    what: "a recorded flight, edited, with orders, file requests and made-up messages to the executive",
     words: &[],
     seeds,
     run,
