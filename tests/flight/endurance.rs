@@ -29,7 +29,7 @@ fn weak(role: Role, times: f64, setup: Setup) -> (Flight, PerVehicle<f64>) {
 fn spec_a_weak_battery_brings_both_home_with_the_reserve_whether_or_not_the_file_knows_one() {
     for endurance_s in [None, Some(1800.0)] {
         for role in Role::BOTH {
-            let (flight, left) = weak(role, 12.0, of(endurance_s));
+            let (flight, left) = weak(role, 18.0, of(endurance_s));
             assert!(left[role] >= RESERVE && left[role] < 0.6, "{role}: {left:?}\n{}", flight.story());
             let decided = flight.said(role, "mission aborted: the battery: ").unwrap();
             // The other does not go on alone.
