@@ -164,7 +164,7 @@ impl Executive {
         }
         self.handle_operator(header, message, now);
         self.handle_parameters(header, message);
-        self.handle_files(header, message);
+        self.handle_files(header, message, now);
         self.react(now);
     }
 

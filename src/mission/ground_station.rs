@@ -1,11 +1,12 @@
 //! What a ground station sees of the companion beside STATUSTEXT and the answers to its commands: a truthful HEARTBEAT,
-//! live figures, where we stand, parameters of our own, and who we are.
+//! live figures, where we stand, parameters of our own and what they mean, and who we are.
 //!
 //! None of it may delay a setpoint: everything leaves in single messages, at most one a tick.
 
 mod files;
 mod information;
 mod live;
+mod metadata;
 mod parameters;
 mod showing;
 mod standing;
@@ -18,6 +19,8 @@ use crate::service::Tolerance;
 
 pub use standing::{Figure, Vector, silence_words};
 
+use files::FileServer;
+use parameters::LIVE_HZ;
 use standing::Saying;
 
 /// What is remembered of it.
@@ -25,6 +28,7 @@ use standing::Saying;
 pub(super) struct GroundStation {
     /// Parameters still to be sent, by index.
     listing: VecDeque<usize>,
+    files: FileServer,
     /// Position tolerance in metres and attitude tolerance in radians before the jitter's share: the operator's.
     tolerance: [f64; 2],
     /// Live figures a second; 0: none.
@@ -42,8 +46,9 @@ impl GroundStation {
         let widest = Tolerance::widest();
         Self {
             listing: VecDeque::new(),
+            files: FileServer::new(now),
             tolerance: widest,
-            live_hz: 10.0,
+            live_hz: LIVE_HZ,
             live_at: now,
             live_next: 0,
             saying: Saying::new(now),

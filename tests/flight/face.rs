@@ -16,10 +16,10 @@ use crate::harness::{LONGEST, yard};
 
 /// A ground station on both vehicles.
 #[derive(Default)]
-struct Station {
+pub(super) struct Station {
     encoder: Encoder,
     on_air: Vec<(Duration, [bool; 2])>,
-    heard: Vec<(Duration, Role, MavMessage)>,
+    pub(super) heard: Vec<(Duration, Role, MavMessage)>,
 }
 
 impl Observer for Station {
@@ -35,6 +35,8 @@ impl Observer for Station {
                 | MavMessage::STATUSTEXT(_)
                 | MavMessage::COMMAND_ACK(_)
                 | MavMessage::COMPONENT_INFORMATION_BASIC(_)
+                | MavMessage::COMPONENT_METADATA(_)
+                | MavMessage::FILE_TRANSFER_PROTOCOL(_)
                 | MavMessage::AUTOPILOT_VERSION(_)
         );
         if shown {
@@ -47,13 +49,13 @@ impl Observer for Station {
     }
 }
 
-struct Watched {
-    flight: Flight,
-    station: Station,
+pub(super) struct Watched {
+    pub(super) flight: Flight,
+    pub(super) station: Station,
 }
 
 impl Watched {
-    fn new(start_unasked: bool) -> Self {
+    pub(super) fn new(start_unasked: bool) -> Self {
         let planned = yard();
         let world = World::new(world_config(&planned.mission, &planned.plan).unwrap()).unwrap();
         let given = PerVehicle::from_fn(|role| {
@@ -64,14 +66,14 @@ impl Watched {
         Self { flight: Flight::new(world, setup), station: Station::default() }
     }
 
-    fn pass(&mut self, time: Duration) {
+    pub(super) fn pass(&mut self, time: Duration) {
         let end = self.flight.now() + time;
         while self.flight.now() < end {
             self.flight.step(end, &mut self.station).unwrap();
         }
     }
 
-    fn until(&mut self, mut done: impl FnMut(&Self) -> bool) {
+    pub(super) fn until(&mut self, mut done: impl FnMut(&Self) -> bool) {
         while !done(self) {
             assert!(self.flight.now() < LONGEST);
             self.flight.step(LONGEST, &mut self.station).unwrap();
@@ -79,7 +81,7 @@ impl Watched {
     }
 
     /// Sends a message to the companion of `role` and returns what it says within 50 ms that is not of its own accord.
-    fn ask(&mut self, role: Role, message: &MavMessage) -> Vec<MavMessage> {
+    pub(super) fn ask(&mut self, role: Role, message: &MavMessage) -> Vec<MavMessage> {
         let frame = self.station.encoder.encode((255, 190), message);
         self.flight.send_to_companion(role, frame.raw_bytes());
         let since = self.station.heard.len();
@@ -92,7 +94,7 @@ impl Watched {
         said.map(|(.., m)| m.clone()).collect()
     }
 
-    fn read(&mut self, role: Role, name: &str, param_index: i16) -> Vec<MavMessage> {
+    pub(super) fn read(&mut self, role: Role, name: &str, param_index: i16) -> Vec<MavMessage> {
         self.ask(
             role,
             &MavMessage::PARAM_REQUEST_READ(PARAM_REQUEST_READ_DATA {
@@ -104,7 +106,7 @@ impl Watched {
         )
     }
 
-    fn write(&mut self, role: Role, name: &str, param_value: f32) -> Vec<MavMessage> {
+    pub(super) fn write(&mut self, role: Role, name: &str, param_value: f32) -> Vec<MavMessage> {
         self.ask(
             role,
             &MavMessage::PARAM_SET(PARAM_SET_DATA {
@@ -117,7 +119,7 @@ impl Watched {
         )
     }
 
-    fn command(&mut self, role: Role, command: MavCmd, param1: f32) -> Vec<MavMessage> {
+    pub(super) fn command(&mut self, role: Role, command: MavCmd, param1: f32) -> Vec<MavMessage> {
         self.ask(
             role,
             &MavMessage::COMMAND_LONG(COMMAND_LONG_DATA {
@@ -131,7 +133,7 @@ impl Watched {
     }
 }
 
-fn value(message: &MavMessage) -> (&str, f32, u16, u16) {
+pub(super) fn value(message: &MavMessage) -> (&str, f32, u16, u16) {
     match message {
         MavMessage::PARAM_VALUE(m) => {
             assert_eq!(m.param_type, MavParamType::MAV_PARAM_TYPE_REAL32);

@@ -3,10 +3,13 @@
 # faces; QGroundControl's connection sequence is replayed; MAVProxy and MAVSDK watch and command the companions of two
 # simulated flights, and of two more by our module for MAVProxy and QGroundControl's actions; pymavlink and MAVProxy's
 # tools read the logs of a signed flight; pymavlink commands a radio host, signed, and forges, replays and does not sign;
+# pymavlink, MAVSDK and MAVProxy read what companions say of their parameters, and jsonschema judges it;
 # taplo and tombi judge the shipped files as editors do; geojson, pykml, fastkml and MAVSDK read the maps of a plan and of
 # a flight.
 #
-#     tests/stranger/run.sh [flown] [companion] [buttons] [logs] [radio] [editors] [maps]      all seven without arguments
+#     tests/stranger/run.sh [flown] [companion] [buttons] [metadata] [logs] [radio] [editors] [maps]
+#
+# All eight without arguments.
 #
 # Needs cargo and python3 (3.11 to 3.14, on x86_64 or aarch64 Linux: for these there are wheels). SPEED (default 5) is
 # simulated seconds per second, PORT (default 14560) the first of four free UDP ports on this machine, VENV where the
@@ -18,7 +21,7 @@ speed=${SPEED:-5}
 port=${PORT:-14560}
 venv=${VENV:-$root/target/stranger-venv}
 python=$venv/bin/python
-[ $# -gt 0 ] || set -- flown companion buttons logs radio editors maps
+[ $# -gt 0 ] || set -- flown companion buttons metadata logs radio editors maps
 
 # The profile of the tests: optimised, and built already where the tests have run.
 cargo build --profile test --manifest-path "$root/Cargo.toml" --package veilwing-sitl --bin veilwing-sitl \
@@ -84,6 +87,18 @@ buttons() {
     echo "both companions ordered by MAVProxy with our module and by QGroundControl's actions"
 }
 
+# The schemas come with the MAVLink crate, of the revision that the messages are of.
+metadata() {
+    echo "== metadata.py"
+    crate=$(cargo metadata --format-version 1 --locked --manifest-path "$root/Cargo.toml" | "$python" -c '
+import json, pathlib, sys
+packages = json.load(sys.stdin)["packages"]
+print(next(pathlib.Path(p["manifest_path"]).parent for p in packages if p["name"] == "mavlink"))')
+    "$python" "$here/metadata.py" --program "$programs/veilwing" --mission "$root/tests/flight/yard.toml" \
+        --schemas "$crate/mavlink/component_metadata" --port "$port" --speed "$steadily"
+    echo "both companions' metadata read by pymavlink, MAVSDK and MAVProxy, and accepted by jsonschema"
+}
+
 logs() {
     echo "== signed_flight.py"
     "$python" "$here/signed_flight.py" --programs "$programs" --mission "$root/tests/flight/yard.toml" \
@@ -131,8 +146,8 @@ maps() {
 started=$(date +%s)
 for part in "$@"; do
     case $part in
-        flown | companion | buttons | logs | radio | editors | maps) "$part" ;;
-        *) echo "there is no part \"$part\": flown, companion, buttons, logs, radio, editors, maps" >&2; exit 2 ;;
+        flown | companion | buttons | metadata | logs | radio | editors | maps) "$part" ;;
+        *) echo "there is no part \"$part\": flown, companion, buttons, metadata, logs, radio, editors, maps" >&2; exit 2 ;;
     esac
 done
 echo "strangers: $* in $(($(date +%s) - started)) s"

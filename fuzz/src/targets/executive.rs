@@ -1,11 +1,13 @@
 //! The executive of one vehicle: somewhere in a recorded flight, from where on messages are lost, altered, repeated and
-//! made up, the operator gives orders, and the companion is told to end.
+//! made up, the operator gives orders, stations ask for files, and the companion is told to end.
 
 use std::sync::OnceLock;
 use std::time::Duration;
 
 use arbitrary::Unstructured;
-use mavlink::dialects::ardupilotmega::{COMMAND_LONG_DATA, MavCmd, MavMessage, MavResult};
+use mavlink::dialects::ardupilotmega::{
+    COMMAND_LONG_DATA, FILE_TRANSFER_PROTOCOL_DATA, MavCmd, MavMessage, MavResult,
+};
 use mavlink::{MavHeader, MavlinkVersion, Message};
 use veilwing::companion::settings::{settings, transmitter_settings};
 use veilwing::desk::simulation::{Wire, index, reads_at_start};
@@ -24,7 +26,7 @@ use crate::wire;
 /// The executive.
 pub const TARGET: Target = Target {
     name: "executive",
-    what: "a recorded flight, edited, with orders and made-up messages to the executive",
+    what: "a recorded flight, edited, with orders, file requests and made-up messages to the executive",
     words: &[],
     seeds,
     run,
@@ -232,12 +234,13 @@ impl Run {
                     self.drain();
                 }
             }
-            _ => {
-                if u.arbitrary::<u8>()? == 0 {
+            _ => match u.arbitrary::<u8>()? {
+                0 => {
                     self.executive.shutdown(self.now());
                     self.drain();
                 }
-            }
+                opcode => self.ask_for_a_file(opcode % 20, u)?,
+            },
         }
         self.reached.note(format_args!("{} {}", self.role, self.executive.phase_name()));
         Ok(())
@@ -278,6 +281,32 @@ impl Run {
         self.hear_aboard(station, &Aboard::Common(order));
     }
 
+    /// A station's request by MAVLink FTP: of a file that is there, or of anything.
+    fn ask_for_a_file(&mut self, opcode: u8, u: &mut Unstructured<'_>) -> arbitrary::Result<()> {
+        let (who, session, offset, named): (u8, u8, u16, u8) = u.arbitrary()?;
+        let mut payload = [0; 251];
+        payload[2..4].copy_from_slice(&[session % 6, opcode]);
+        payload[8..10].copy_from_slice(&offset.to_le_bytes());
+        let given = match named % 4 {
+            0 => b"general.json",
+            1 => b"parameter.json".as_slice(),
+            2 => b"/",
+            _ => wire::bytes(u)?,
+        };
+        let given = &given[..given.len().min(239)];
+        payload[4] = if named < 250 { given.len() as u8 } else { named };
+        payload[12..12 + given.len()].copy_from_slice(given);
+        let asked = MavMessage::FILE_TRANSFER_PROTOCOL(FILE_TRANSFER_PROTOCOL_DATA {
+            target_network: 0,
+            target_system: 1 + index(self.role) as u8,
+            target_component: 191,
+            payload,
+        });
+        let station = MavHeader { system_id: 250 + u32::from(who % 6), component_id: 190, sequence: 0 };
+        self.hear_aboard(station, &Aboard::Common(asked));
+        Ok(())
+    }
+
     /// What is said: nothing above the plan's power, nothing on after a kill, no flood, no figure that is none.
     fn drain(&mut self) {
         let mut count = 0;
@@ -312,6 +341,10 @@ impl Run {
                 self.killed |=
                     ack.command == MavCmd::MAV_CMD_USER_2 && ack.result == MavResult::MAV_RESULT_ACCEPTED;
                 self.reached.note(format_args!("{:?} {:?}", ack.command, ack.result));
+            }
+            MavMessage::FILE_TRANSFER_PROTOCOL(m) => {
+                assert!(m.payload[4] <= 239 && [128, 129].contains(&m.payload[3]), "{m:?}");
+                self.reached.note(format_args!("file {} {}", m.payload[5], m.payload[3]));
             }
             MavMessage::SET_POSITION_TARGET_LOCAL_NED(m) => {
                 assert!([m.x, m.y, m.z, m.vx, m.vy, m.vz, m.yaw].iter().all(|v| v.is_finite()), "{m:?}");

@@ -1,7 +1,7 @@
 //! A small writer of SVG, for figures in print (one user unit is one point, 1/72 inch) and for pages; y down.
 //!
-//! Own, because the plotting crates' SVG backends round to whole pixels and have neither dashes nor clipping. The
-//! result names generic font families only and refers to nothing outside itself.
+//! Own, for what the plotting crates do not draw (ARCHITECTURE.md, "Figures"). The result names generic font families only
+//! and refers to nothing outside itself; room is kept for the widest of the faces that it may be set in.
 
 use std::fmt::Write as _;
 
@@ -278,17 +278,44 @@ impl Svg {
     }
 }
 
-/// Width of a text as a sans-serif face of this size sets it, on the wide side: the drawing carries no font to measure.
+/// Advances of DejaVu Sans in thousandths of the size, from the space to the tilde: the widest of the usual sans-serif faces,
+/// and what a Linux machine without others sets `sans-serif` in. What has room in it has room in Helvetica and Arial.
+const ADVANCES: [u16; 95] = [
+    318, 401, 460, 838, 636, 950, 780, 275, 390, 390, 500, 838, 318, 361, 318, 337, 636, 636, 636, 636, 636,
+    636, 636, 636, 636, 636, 337, 337, 838, 838, 838, 531, 1000, 684, 686, 698, 770, 632, 575, 775, 752, 295,
+    295, 656, 557, 863, 748, 787, 603, 787, 695, 635, 611, 732, 684, 989, 685, 611, 685, 390, 337, 390, 838,
+    500, 500, 613, 635, 550, 635, 615, 352, 635, 634, 278, 278, 579, 278, 974, 634, 612, 635, 635, 411, 521,
+    392, 634, 592, 818, 592, 592, 525, 636, 337, 636, 838,
+];
+/// What lies beyond is taken to be as wide as the plus-minus and the minus sign, unless it is narrower and known.
+const OTHER: u16 = 838;
+
+/// Width of a line of text of this size, on the wide side: the drawing carries no font to measure.
 pub fn text_width(text: &str, size: f64) -> f64 {
-    let em = |c: char| match c {
-        'i' | 'j' | 'l' | 'I' | '.' | ',' | ':' | '\'' | ' ' | '(' | ')' | '/' | 't' | 'f' | 'r' | '-' => {
-            0.33
+    let advance = |c: char| match c {
+        '\u{b0}' => 500,
+        c => {
+            let place = (c as usize).checked_sub(' ' as usize);
+            place.and_then(|place| ADVANCES.get(place)).copied().unwrap_or(OTHER)
         }
-        'm' | 'w' | 'M' | 'W' => 0.86,
-        c if c.is_uppercase() => 0.7,
-        _ => 0.56,
     };
-    size * text.chars().map(em).sum::<f64>()
+    size * 1e-3 * text.chars().map(|c| f64::from(advance(c))).sum::<f64>()
+}
+
+/// A text in lines of at most this width, broken at spaces; a longer word has a line of its own.
+pub fn wrapped(text: &str, size: f64, width: f64) -> Vec<String> {
+    let mut lines: Vec<String> = Vec::new();
+    for word in text.split_whitespace() {
+        let longer = lines.last().map(|line| format!("{line} {word}"));
+        match longer.filter(|line| text_width(line, size) <= width) {
+            Some(line) => {
+                lines.pop();
+                lines.push(line);
+            }
+            None => lines.push(word.to_owned()),
+        }
+    }
+    lines
 }
 
 fn anchor_name(anchor: Anchor) -> &'static str {
@@ -335,6 +362,23 @@ mod tests {
         assert_eq!(number(1.0 / 3.0), "0.33");
         assert_eq!(number(-0.001), "0");
         assert_eq!(number(252.0), "252");
+    }
+
+    #[test]
+    fn spec_widths_are_those_of_the_widest_face() {
+        // By DejaVuSans.ttf, whose units are 2048 to the em: "8.5" is 1303 + 651 + 1303 of them.
+        assert!((text_width("8.5", 2048.0) - 3257.0).abs() < 2.5, "{}", text_width("8.5", 2048.0));
+        assert_eq!(text_width("", 8.0), 0.0);
+        assert_eq!(text_width("\u{2212}", 10.0), 8.38);
+    }
+
+    #[test]
+    fn spec_lines_are_broken_where_they_are_full() {
+        let width = text_width("one two", 8.0);
+        assert_eq!(wrapped("one two three", 8.0, width), ["one two", "three"]);
+        assert_eq!(wrapped("one two", 8.0, width - 0.01), ["one", "two"]);
+        assert_eq!(wrapped("incomprehensibilities", 8.0, 1.0), ["incomprehensibilities"]);
+        assert!(wrapped(" ", 8.0, 1.0).is_empty());
     }
 
     #[test]

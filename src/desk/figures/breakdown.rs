@@ -3,7 +3,7 @@
 use super::Figure;
 use crate::desk::csv_text::CsvText;
 use crate::desk::drawing::axes::{Axes, step, ticks};
-use crate::desk::drawing::svg::{Anchor, Stroke, Svg};
+use crate::desk::drawing::svg::{Anchor, Stroke, Svg, TEXT_PT, wrapped};
 use crate::planner::assessment::{Assessment, Cause};
 
 /// File name without extension.
@@ -86,12 +86,12 @@ fn csv(slots: &[Slot]) -> String {
 
 fn draw(mission: &str, slots: &[Slot]) -> String {
     let heights = slots.iter().map(|slot| TEXT_ROW + ROW * slot.losses.len() as f64 + SPACE);
-    let top = 6.0 + 2.0 * TEXT_ROW + 3.0;
+    let caption = format!(
+        "Mission {mission}: what each imperfection costs the plan by itself, and all together (bit/s/Hz)"
+    );
+    let caption = wrapped(&caption, TEXT_PT, WIDTH - 2.0 * MARGIN);
+    let top = 6.0 + caption.len() as f64 * TEXT_ROW + 3.0;
     let height = top + heights.sum::<f64>() - SPACE + FOOT;
-    let caption = [
-        format!("Mission {mission}: what each imperfection costs the plan"),
-        "by itself, and all together (bit/s/Hz)".to_owned(),
-    ];
     let mut svg = Svg::new(WIDTH, height, "What each imperfection costs", &caption.join(" "));
     for (row, line) in caption.iter().enumerate() {
         svg.text((6.0, 7.0 + TEXT_ROW * row as f64), Anchor::Start, line);

@@ -100,3 +100,6 @@ impl<'a> Work<'a> {
         (self.progress)(self.figure, done, self.count);
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -7,17 +7,21 @@
 use nalgebra::Vector3;
 
 use super::poses::{Panel, Poses};
+use super::rates::STARTS;
 use super::scenario::ALTITUDE_M;
 use crate::desk::drawing::axes::{Axes, step, ticks};
 use crate::desk::drawing::labels::Labels;
-use crate::desk::drawing::svg::{Anchor, At, Marker, Stroke, Svg, TEXT_PT};
+use crate::desk::drawing::svg::{Anchor, At, Marker, Stroke, Svg, TEXT_PT, text_width};
 use crate::role::Role;
 
-const WIDTH: f64 = 440.0;
+/// Width of both columns of the paper in points (7.16 inches).
+const WIDTH: f64 = 516.0;
 const LEFT: f64 = 40.0;
 const RIGHT: f64 = 8.0;
-const BETWEEN_COLUMNS: f64 = 24.0;
-const LEGEND: f64 = 32.0;
+/// Panels in a row: the paper's three are the first.
+const COLUMNS: usize = 3;
+const BETWEEN_COLUMNS: f64 = 14.0;
+const LEGEND: f64 = 45.0;
 const TITLE: f64 = 15.0;
 /// Between the two views of a panel.
 const BETWEEN_VIEWS: f64 = 6.0;
@@ -71,13 +75,13 @@ impl View {
 /// The figure.
 pub fn draw(poses: &Poses) -> String {
     let reach_m = reach_m(poses);
-    let side = (WIDTH - LEFT - RIGHT - BETWEEN_COLUMNS) / 2.0;
+    let side = (WIDTH - LEFT - RIGHT - BETWEEN_COLUMNS * (COLUMNS - 1) as f64) / COLUMNS as f64;
     let pt_per_m = side / (2.0 * reach_m);
     // An upright antenna at the ceiling is drawn in full.
     let up_m = [DOWN_M, ALTITUDE_M[1] + (AXIS_PT + 3.0) / pt_per_m];
     let strip = pt_per_m * (up_m[1] - up_m[0]);
     let panel_height = TITLE + side + BETWEEN_VIEWS + strip + FOOT;
-    let rows = poses.panels.len().div_ceil(2);
+    let rows = poses.panels.len().div_ceil(COLUMNS);
     let height = LEGEND + panel_height * rows as f64 + 10.0;
     let mut svg = Svg::new(
         WIDTH,
@@ -87,13 +91,12 @@ pub fn draw(poses: &Poses) -> String {
     );
     draw_legend(&mut svg);
     for (k, panel) in poses.panels.iter().enumerate() {
-        let (row, column) = (k / 2, k % 2);
+        let (row, column) = (k / COLUMNS, k % COLUMNS);
         let x = LEFT + column as f64 * (side + BETWEEN_COLUMNS);
         let y = LEGEND + row as f64 * panel_height;
         let letter = char::from(b'a' + k as u8);
         svg.heading((x, y + TITLE / 2.0), Anchor::Start, &format!("({letter}) {}", panel.title));
-        let rate = format!("{:.2} bit/s/Hz", panel.rate_bit_s_hz);
-        svg.text((x + side, y + TITLE / 2.0), Anchor::End, &rate);
+        svg.text((x + side, y + TITLE / 2.0), Anchor::End, &format!("{:.2}", panel.rate_bit_s_hz));
         let map = Axes {
             corner: (x, y + TITLE),
             size: (side, side),
@@ -112,8 +115,10 @@ pub fn draw(poses: &Poses) -> String {
             svg.text_upwards((7.5, map.corner.1 + side / 2.0), "north (m)");
             svg.text_upwards((7.5, elevation.corner.1 + strip / 2.0), "up (m)");
         }
-        if row + 1 == rows {
-            svg.text((x + side / 2.0, height - 7.0), Anchor::Middle, "east (m)");
+        // Nothing is below it.
+        if k + COLUMNS >= poses.panels.len() {
+            let below = elevation.bottom() + FOOT + 3.0;
+            svg.text((x + side / 2.0, below), Anchor::Middle, "east (m)");
         }
     }
     svg.finish()
@@ -204,28 +209,31 @@ fn plane_on_ground(panel: &Panel, length_m: f64) -> Option<[Vector3<f64>; 2]> {
 }
 
 fn draw_legend(svg: &mut Svg) {
-    let columns = [LEFT, LEFT + 86.0, LEFT + 216.0];
+    const SIGN: f64 = 21.0;
+    const APART: f64 = 14.0;
     let rows = [8.0, 21.0];
-    let text = |svg: &mut Svg, x: f64, y: f64, text: &str| svg.text((x + 21.0, y), Anchor::Start, text);
-    let [x0, x1, x2] = columns;
-    let [y0, y1] = rows;
-    svg.marker((x0 + 10.0, y0), Marker::OpenSquare, USER, 1.8 * MARKER_PT);
-    text(svg, x0, y0, "user");
-    svg.marker((x0 + 10.0, y1), Marker::Cross, USER, 1.3 * MARKER_PT);
-    text(svg, x0, y1, "eavesdropper");
-    for (role, y, label) in
-        [(Role::I, y0, "base station I, antenna axis"), (Role::J, y1, "jammer J, antenna axis")]
-    {
-        draw_vehicle(svg, (x1 + 9.0, y), (0.65, 0.0), role);
-        text(svg, x1, y, label);
+    let labels = [
+        ["user", "eavesdropper"],
+        ["base station I, antenna axis", "jammer J, antenna axis"],
+        ["I's plane of maximum gain at the ground", "J's null line, down to the ground"],
+    ];
+    let mut x = RIGHT;
+    for (column, labels) in labels.iter().enumerate() {
+        for (row, (label, y)) in labels.iter().zip(rows).enumerate() {
+            match (column, row) {
+                (0, 0) => svg.marker((x + 10.0, y), Marker::OpenSquare, USER, 1.8 * MARKER_PT),
+                (0, _) => svg.marker((x + 10.0, y), Marker::Cross, USER, 1.3 * MARKER_PT),
+                (1, row) => {
+                    draw_vehicle(svg, (x + 9.0, y), (0.65, 0.0), if row == 0 { Role::I } else { Role::J });
+                }
+                (_, row) => svg.line(&[(x, y), (x + 17.0, y)], if row == 0 { &PLANE } else { &NULL }),
+            }
+            svg.text((x + SIGN, y), Anchor::Start, label);
+        }
+        x += SIGN + labels.map(|label| text_width(label, TEXT_PT)).into_iter().fold(0.0, f64::max) + APART;
     }
-    for (stroke, y, label) in [
-        (&PLANE, y0, "I's plane of maximum gain at the ground"),
-        (&NULL, y1, "J's null line, down to the ground"),
-    ] {
-        svg.line(&[(x2, y), (x2 + 17.0, y)], stroke);
-        text(svg, x2, y, label);
-    }
+    let note = format!("Secrecy rate at each panel, bit/s/Hz: the best of {STARTS} starts, by every method.");
+    svg.text((RIGHT, 34.0), Anchor::Start, &note);
 }
 
 #[cfg(test)]

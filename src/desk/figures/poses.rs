@@ -2,6 +2,7 @@
 
 use nalgebra::Vector3;
 
+use super::rates::STARTS;
 use super::scenario::{self, Conditions, per_hz};
 use super::{Failure, Progress, Settings, Work};
 use crate::desk::csv_text::CsvText;
@@ -18,11 +19,12 @@ pub const MAX_POWER_W: f64 = 0.5;
 /// The scenario of the figure: the first.
 const SCENARIO: usize = 0;
 
-/// The methods, in the order of the paper's panels, then ours: name in the CSV file, title.
-pub const METHODS: [(Method, &str, &str); 4] = [
-    (Method::Paper, "paper", "Paper, all four phases"),
-    (Method::JammerOrientation, "jammer-orientation", "Jammer orientation only"),
-    (Method::Conventional, "conventional", "Conventional (level)"),
+/// The methods, the paper's panels in its order, then its level benchmark and ours: name in the CSV file, title.
+pub const METHODS: [(Method, &str, &str); 5] = [
+    (Method::InteriorPoint, "interior-point", "Interior point"),
+    (Method::JammerOrientation, "jammer-orientation", "Jammer orientation"),
+    (Method::Paper, "paper", "Paper"),
+    (Method::Conventional, "conventional", "Conventional"),
     (Method::Veilwing, "veilwing", "Veilwing"),
 ];
 
@@ -50,7 +52,7 @@ pub struct Poses {
     pub panels: Vec<Panel>,
 }
 
-/// Plans the scenario by every method, without jitter.
+/// Plans the scenario by every method from [`STARTS`] starts, without jitter.
 ///
 /// # Errors
 /// [`Failure`] if the planner refuses the problem.
@@ -61,7 +63,8 @@ pub fn plan(settings: &Settings, progress: &Progress) -> Result<Poses, Failure> 
     let work = Work::new(NAME, METHODS.len(), progress);
     let panels = parallel::map(settings.threads, METHODS.len(), |_: &mut (), index| {
         let (method, name, title) = METHODS[index];
-        let options = Options { method, seed: mix(settings.seed, SCENARIO as u64), ..Options::default() };
+        let seed = mix(settings.seed, SCENARIO as u64);
+        let options = Options { method, seed, starts: Some(STARTS), ..Options::default() };
         let plan = plan_slot(&problem, &options).map_err(|error| Failure::Plan {
             figure: NAME,
             scenario: SCENARIO,

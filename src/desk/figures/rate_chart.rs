@@ -1,9 +1,9 @@
 //! The drawing of all figures of rates, at the width of a printed column.
 
-use super::rates::{Curve, HEADING_DEG, JITTER_DEG, Rates, Study, UNCERTAINTY_M};
+use super::rates::{Curve, HEADING_DEG, JITTER_DEG, Rates, STARTS, Study, UNCERTAINTY_M};
 use super::scenario::Summary;
 use crate::desk::drawing::axes::{Axes, step, ticks};
-use crate::desk::drawing::svg::{Anchor, At, Marker, Stroke, Svg, TEXT_PT, text_width};
+use crate::desk::drawing::svg::{Anchor, At, Marker, Stroke, Svg, TEXT_PT, text_width, wrapped};
 
 /// Width of a column of the paper in points (3.5 inches).
 const WIDTH: f64 = 252.0;
@@ -12,7 +12,7 @@ const LEFT: f64 = 32.0;
 const MARGIN: f64 = 6.0;
 const PLOT_HEIGHT: f64 = 150.0;
 /// Height of the panel of gaps, and of the space above it.
-const GAP_HEIGHT: f64 = 46.0;
+const GAP_HEIGHT: f64 = 64.0;
 const GAP_SPACE: f64 = 9.0;
 /// From the lowest frame to the end of the drawing: figures and label of the power axis.
 const FOOT: f64 = 29.0;
@@ -44,11 +44,13 @@ fn style(curve: &Curve) -> Style {
         "veilwing-on-estimates" => {
             style("veilwing, on estimates", "#3d9bd9", 1.2, "1.5 1.5", Some(Marker::Circle))
         }
-        "paper" => style("paper, one start", "#c8500a", 1.2, "5 2", Some(Marker::OpenSquare)),
-        "interior-point" => {
-            style("interior point, one start", "#2f8f5b", 1.2, "6 2 1.2 2", Some(Marker::Triangle))
-        }
-        _ => style("conventional, one start", "#7d7d7d", 1.2, "1.2 1.6", Some(Marker::Diamond)),
+        "paper" => style("paper", "#c8500a", 1.2, "5 2", Some(Marker::OpenSquare)),
+        "interior-point" => style("interior point", "#2f8f5b", 1.2, "6 2 1.2 2", Some(Marker::Triangle)),
+        "conventional" => style("conventional", "#7d7d7d", 1.2, "1.2 1.6", Some(Marker::Diamond)),
+        // Beside its method's in the legend: thin, and without a marker.
+        "paper-one-start" => style("from one start", "#c8500a", 0.8, "3 1.5", None),
+        "interior-point-one-start" => style("from one start", "#2f8f5b", 0.8, "4 1.5 1 1.5", None),
+        _ => style("from one start", "#7d7d7d", 0.8, "1 1.2", None),
     }
 }
 
@@ -121,7 +123,12 @@ fn caption(rates: &Rates) -> Vec<String> {
             format!("Jitter {JITTER_DEG}\u{b0}, headings wrong by {HEADING_DEG}\u{b0} rms, 0.5 W")
         }
     };
-    vec![what, format!("Mean of {} scenarios (bit/s/Hz); band: \u{b1} standard error", rates.scenarios)]
+    let mut lines =
+        vec![what, format!("Mean of {} scenarios (bit/s/Hz); band: \u{b1} standard error", rates.scenarios)];
+    if let Some(note) = rates.paper_to_interior_point() {
+        lines.push(format!("Every method from {STARTS} starts, unless one is said. {note}"));
+    }
+    lines.iter().flat_map(|line| wrapped(line, TEXT_PT, WIDTH - 2.0 * MARGIN)).collect()
 }
 
 fn panel(svg: &mut Svg, axes: &Axes, values: &[f64], lines: &[Line], lettered: bool, most_ticks: f64) {
@@ -150,10 +157,20 @@ fn panel(svg: &mut Svg, axes: &Axes, values: &[f64], lines: &[Line], lettered: b
     axes.frame(svg, values, &ys, [lettered, true]);
 }
 
-/// The legend in rows of two.
+/// The legend in rows of two: a method's curve with that from one start, the others as they come.
 fn legend_rows(rates: &Rates) -> Vec<Vec<Style>> {
-    let styles: Vec<Style> = rates.curves.iter().map(|c| style(&c.curve)).collect();
-    styles.chunks(2).map(<[Style]>::to_vec).collect()
+    let one_start = |of: &Curve| {
+        let mut curves = rates.curves.iter().map(|c| &c.curve);
+        curves.find(|curve| curve.from_more_starts() == Some(of.name))
+    };
+    let (mut alone, mut paired) = (Vec::new(), Vec::new());
+    for curve in rates.curves.iter().map(|c| &c.curve).filter(|c| c.from_more_starts().is_none()) {
+        match one_start(curve) {
+            Some(other) => paired.push(vec![style(curve), style(other)]),
+            None => alone.push(style(curve)),
+        }
+    }
+    alone.chunks(2).map(<[Style]>::to_vec).chain(paired).collect()
 }
 
 fn draw_legend(svg: &mut Svg, rows: &[Vec<Style>], top: f64) {

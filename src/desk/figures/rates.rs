@@ -20,6 +20,10 @@ pub const NULL_DEPTHS_DB: [f64; 6] = [15.0, 20.0, 25.0, 30.0, 35.0, 40.0];
 pub const RICIAN_KS_DB: [f64; 6] = [5.0, 10.0, 15.0, 20.0, 25.0, 30.0];
 /// Maximum transmit power where something else is varied, W.
 const MAX_POWER_W: f64 = 0.5;
+/// Starts of every method in figures 3 and 4a to 4c: as many as Veilwing takes by itself where nothing is random.
+pub const STARTS: usize = 24;
+/// What is added to a curve's name that has one start.
+const ONE_START: &str = "-one-start";
 /// Samples by which every plan is scored.
 const SCORE_SAMPLES: usize = 8192;
 
@@ -128,18 +132,20 @@ impl Study {
     /// Whether a curve is in that panel.
     fn has_gap(self, curve: &Curve) -> bool {
         match self {
-            Self::Plain => matches!(curve.name, "veilwing" | "paper"),
-            Self::Jitter | Self::Uncertain => !matches!(curve.name, "cap" | "veilwing" | "conventional"),
+            Self::Plain => matches!(curve.name, "veilwing" | "paper" | "interior-point"),
+            Self::Jitter | Self::Uncertain => {
+                !matches!(curve.name, "cap" | "veilwing") && !curve.name.starts_with("conventional")
+            }
             Self::NullDepth | Self::Scattering => curve.name == "unknowing",
         }
     }
 
-    /// Its curves, best first.
+    /// Its curves: first what all else is compared with, then method by method, then those from one start.
     pub fn curves(self) -> Vec<Curve> {
         let mean = |name, source| Curve { name, source, statistic: Statistic::Mean };
         if self.varies_link() {
             let quantile = |name, source| Curve { name, source, statistic: Statistic::Quantile };
-            let [knowing, unknowing] = [Source::Planned(Method::Veilwing), Source::OnIdeal(Method::Veilwing)];
+            let [knowing, unknowing] = [Source::Planned(None), Source::OnIdeal];
             return vec![
                 mean("knowing", knowing),
                 quantile("knowing-5pct", knowing),
@@ -147,15 +153,24 @@ impl Study {
                 quantile("unknowing-5pct", unknowing),
             ];
         }
-        let mut curves = vec![
-            mean("cap", Source::Cap),
-            mean("veilwing", Source::Planned(Method::Veilwing)),
-            mean("paper", Source::OnEstimates(Method::Paper)),
-            mean("interior-point", Source::OnEstimates(Method::InteriorPoint)),
-            mean("conventional", Source::OnEstimates(Method::Conventional)),
-        ];
+        let on_estimates = |method, starts| Source::OnEstimates(method, starts);
+        let mut curves = vec![mean("cap", Source::Cap), mean("veilwing", Source::Planned(Some(STARTS)))];
         if self == Self::Uncertain {
-            curves.insert(2, mean("veilwing-on-estimates", Source::OnEstimates(Method::Veilwing)));
+            curves.push(mean("veilwing-on-estimates", on_estimates(Method::Veilwing, STARTS)));
+        }
+        for (name, method) in [
+            ("paper", Method::Paper),
+            ("interior-point", Method::InteriorPoint),
+            ("conventional", Method::Conventional),
+        ] {
+            curves.push(mean(name, on_estimates(method, STARTS)));
+        }
+        for (name, method) in [
+            ("paper-one-start", Method::Paper),
+            ("interior-point-one-start", Method::InteriorPoint),
+            ("conventional-one-start", Method::Conventional),
+        ] {
+            curves.push(mean(name, on_estimates(method, 1)));
         }
         curves
     }
@@ -172,6 +187,13 @@ pub struct Curve {
     pub statistic: Statistic,
 }
 
+impl Curve {
+    /// Of a curve from one start, the name of the same method's from [`STARTS`].
+    pub fn from_more_starts(&self) -> Option<&'static str> {
+        self.name.strip_suffix(ONE_START)
+    }
+}
+
 /// Which rate of a plan.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Statistic {
@@ -186,12 +208,12 @@ pub enum Statistic {
 pub enum Source {
     /// What no configuration exceeds.
     Cap,
-    /// A plan that knows all that holds, and maximises the mean.
-    Planned(Method),
-    /// A plan that takes the estimated positions for true.
-    OnEstimates(Method),
-    /// A plan that knows of the jitter and takes all else for ideal.
-    OnIdeal(Method),
+    /// Veilwing's plan that knows all that holds, and maximises the mean; from so many starts, or its own number.
+    Planned(Option<usize>),
+    /// A method's plan that takes the estimated positions for true, from so many starts.
+    OnEstimates(Method, usize),
+    /// Veilwing's plan that knows of the jitter and takes all else for ideal.
+    OnIdeal,
 }
 
 /// A figure's numbers: one row a curve and value, in the order of [`Study::curves`], then [`Study::abscissa`].
@@ -290,12 +312,14 @@ impl Score {
 /// # Errors
 /// [`PlanError`] of the planner.
 pub fn score(source: Source, problem: &Problem, seed: u64) -> Result<Score, PlanError> {
-    let options = |method| Options { method, seed, ..Options::default() };
+    let options = |method, starts| Options { method, starts, seed, ..Options::default() };
     let plan = match source {
         Source::Cap => return cap(problem).map(per_hz).map(|cap| Score { mean: cap, quantile: cap }),
-        Source::Planned(method) => plan_slot(problem, &options(method))?,
-        Source::OnEstimates(method) => plan_slot(&scenario::on_estimates(problem), &options(method))?,
-        Source::OnIdeal(method) => plan_slot(&scenario::on_ideal(problem), &options(method))?,
+        Source::Planned(starts) => plan_slot(problem, &options(Method::Veilwing, starts))?,
+        Source::OnEstimates(method, starts) => {
+            plan_slot(&scenario::on_estimates(problem), &options(method, Some(starts)))?
+        }
+        Source::OnIdeal => plan_slot(&scenario::on_ideal(problem), &options(Method::Veilwing, None))?,
     };
     let scoring =
         EvaluateOptions { samples: SCORE_SAMPLES, seed: mix(seed, 0x0f19), sequence: Sequence::Sobol };
@@ -306,6 +330,31 @@ pub fn score(source: Source, problem: &Problem, seed: u64) -> Result<Score, Plan
 }
 
 impl Rates {
+    /// How the paper's method stands to interior point, from as many starts and from one, over all powers; `None` where
+    /// neither is drawn.
+    pub fn paper_to_interior_point(&self) -> Option<String> {
+        let means = |name: &str| {
+            let curve = self.curves.iter().find(|curve| curve.curve.name == name)?;
+            Some(curve.rates.iter().map(|summary| summary.mean).collect::<Vec<_>>())
+        };
+        let between = |paper: &str, other: &str| {
+            let (paper, other) = (means(paper)?, means(other)?);
+            let below = || other.iter().zip(&paper).map(|(other, paper)| other - paper);
+            let (least, most) =
+                (below().fold(f64::INFINITY, f64::min), below().fold(f64::NEG_INFINITY, f64::max));
+            Some(if least > 0.0 {
+                format!("below by {least:.2} to {most:.2}")
+            } else if most < 0.0 {
+                format!("above by {:.2} to {:.2}", -most, -least)
+            } else {
+                format!("from {:.2} above to {most:.2} below", -least)
+            })
+        };
+        let many = between("paper", "interior-point")?;
+        let one = between("paper-one-start", "interior-point-one-start")?;
+        Some(format!("The paper's method against interior point: {many}; from one start {one}."))
+    }
+
     /// Every number of the figure. Rates in bit/s/Hz; the gap is that to [`Study::gap_to`].
     pub fn csv(&self) -> String {
         let below = |what: &str| format!("below_{}_{what}", self.study.gap_to());

@@ -2,16 +2,20 @@
 
 use mavlink::MessageData;
 use mavlink::dialects::ardupilotmega::{
-    AUTOPILOT_VERSION_DATA, COMPONENT_INFORMATION_BASIC_DATA, MavMessage, MavProtocolCapability,
+    AUTOPILOT_VERSION_DATA, COMPONENT_INFORMATION_BASIC_DATA, COMPONENT_METADATA_DATA, MavMessage,
+    MavProtocolCapability,
 };
 
 use crate::mission::executive::Executive;
+use crate::mission::ground_station::metadata;
+use crate::role::Role;
 use crate::time::Instant;
 
 /// All our parameters are floats, for which both ways of encoding are the same; we name the one that says so plainly.
 fn capabilities() -> MavProtocolCapability {
     MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_COMMAND_INT
         | MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_C_CAST
+        | MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_FTP
         | MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_MAVLINK2
 }
 
@@ -27,6 +31,11 @@ fn version() -> u32 {
     u32::from_be_bytes([numbers[0], numbers[1], numbers[2], release])
 }
 
+/// What we are, for people.
+pub(super) fn model(role: Role) -> String {
+    format!("companion of vehicle {role}")
+}
+
 impl Executive {
     /// The message with this id about ourselves; `None` if there is none.
     pub(in crate::mission) fn information(&self, id: f32, now: Instant) -> Option<MavMessage> {
@@ -37,11 +46,14 @@ impl Executive {
                 time_boot_ms: boot_ms(now),
                 time_manufacture_s: 0,
                 vendor_name: "veilwing".into(),
-                model_name: format!("companion of vehicle {role}").as_str().into(),
+                model_name: model(role).as_str().into(),
                 software_version: env!("CARGO_PKG_VERSION").into(),
                 hardware_version: "".into(),
                 serial_number: "".into(),
             }));
+        }
+        if id == COMPONENT_METADATA_DATA::ID as f32 {
+            return Some(metadata::announced(self.settings.role, now));
         }
         // Stations ask this of every component.
         (id == AUTOPILOT_VERSION_DATA::ID as f32).then(|| {

@@ -1,5 +1,5 @@
-//! What goes out unasked: HEARTBEAT, and at every tick one more of a list, or one live figure, or one of where we
-//! stand.
+//! What goes out unasked: HEARTBEAT, and at every tick one more of a list, or a piece of a file, or one live figure, or one
+//! of where we stand.
 
 use mavlink::dialects::ardupilotmega::{MavMessage, MavState};
 
@@ -9,10 +9,14 @@ use crate::mission::phase::Phase;
 use crate::time::Instant;
 
 impl Executive {
-    /// At every tick: the next parameter of a list, or the next live figure, or the next of where we stand.
+    /// At every tick: the next parameter of a list, or of a file, or the next live figure, or the next of where we stand.
     pub(in crate::mission) fn show(&mut self, now: Instant) {
         if let Some(index) = self.ground_station.listing.pop_front() {
             self.outbox.extend(self.parameter_value(index));
+            return;
+        }
+        if let Some(piece) = self.file_piece(now) {
+            self.outbox.push_back(piece);
             return;
         }
         // By turns, so that neither takes every tick of a slow vehicle.
