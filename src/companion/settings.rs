@@ -5,7 +5,7 @@ use std::time::Duration;
 use crate::autopilot::{self, Fence, FenceDuty};
 use crate::config::{ExposedLink, FenceShape, Mission, Transmitter, Vehicle, fence_corners};
 use crate::link::Form;
-use crate::mission::{Operators, Permission, Scene, Settings};
+use crate::mission::{Battery, Operators, Permission, Scene, Settings};
 use crate::pair::{self, Record};
 use crate::planner::problem::{Airframe, Airspace};
 use crate::preflight::{Check, Verdict, check};
@@ -52,6 +52,10 @@ pub fn settings(mission: &Mission, vehicle: &Vehicle, boot_id: u32, start_unaske
         role,
         own,
         autopilot,
+        battery: Battery {
+            endurance: vehicle.battery.endurance_s.map(Duration::from_secs_f64),
+            reserve: vehicle.battery.reserve,
+        },
         pair: pair::Settings {
             role,
             boot_id,

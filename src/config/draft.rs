@@ -542,6 +542,8 @@ pub struct VehicleDraft {
     pub pair_tunnel: bool,
     /// What the vehicle may be asked for.
     pub limits: Limits,
+    /// What is known of its battery.
+    pub battery: BatteryDraft,
     /// Directory for logs.
     pub log_dir: PathBuf,
     /// What recorded flights may take there.
@@ -562,6 +564,7 @@ impl VehicleDraft {
             pair_peer_system: None,
             pair_tunnel: false,
             limits: Limits::default(),
+            battery: BatteryDraft::default(),
             log_dir: PathBuf::from("flight-logs"),
             log_limits: LogLimits::default(),
         }
@@ -570,6 +573,21 @@ impl VehicleDraft {
     /// Before a file is read: what must be given is anything.
     pub(super) fn blank() -> Self {
         Self::new(Role::I, listening_on(14_600))
+    }
+}
+
+/// The battery.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BatteryDraft {
+    /// Time in the air from full to empty, in s.
+    pub endurance_s: Option<f64>,
+    /// The charge to land with, of 1.
+    pub reserve: f64,
+}
+
+impl Default for BatteryDraft {
+    fn default() -> Self {
+        Self { endurance_s: None, reserve: 0.2 }
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::draft::{Autopilot, Limits, LogLimits, Transmitter, VehicleDraft};
+use super::draft::{Autopilot, BatteryDraft, Limits, LogLimits, Transmitter, VehicleDraft};
 use super::kind::{Choice, Flag, Integer, List, Number, Numbers, Parsed, Text};
 use super::mission_file::{climb, power, speed, tilt, tilt_rate};
 use super::reader::Section;
@@ -40,6 +40,7 @@ pub(super) fn describe(s: &mut Section<'_, '_>, draft: &mut VehicleDraft) {
     s.table("limits", "What this vehicle may be asked for. Unset: what the mission says of it.", |s| {
         limits(s, &mut draft.limits);
     });
+    s.table("battery", "What is known of the battery.", |s| battery(s, &mut draft.battery));
     s.table("log", "Logs of flights.", |s| {
         let mut dir = draft.log_dir.display().to_string();
         s.set("dir", "Directory for logs; relative to the working directory.", PATH, &mut dir);
@@ -337,6 +338,22 @@ fn check_parameter(s: &mut Section<'_, '_>, named: bool, unit: &str, no_levels: 
             "add [[transmitter.level]] with value = ... and power_w = ..., one for each level",
         );
     }
+}
+
+fn battery(s: &mut Section<'_, '_>, battery: &mut BatteryDraft) {
+    s.set_optional(
+        "endurance_s",
+        "Time in the air from full to empty, as this vehicle was seen to fly with its payload and tilt. Unset: what fits is not \
+         known before take-off, and a gauge that stands still is believed.",
+        Number::within("s", 30.0, 1e5),
+        &mut battery.endurance_s,
+    );
+    s.set(
+        "reserve",
+        "The charge to land with, of 1: the pair goes home in time for it.",
+        Number::within("", 0.05, 0.9),
+        &mut battery.reserve,
+    );
 }
 
 fn limits(s: &mut Section<'_, '_>, limits: &mut Limits) {

@@ -52,6 +52,23 @@ pub enum Cause {
         /// The last reason found within its airtime.
         silence: Option<Silence>,
     },
+    /// The battery has no more than the way home and its reserve.
+    #[error(
+        "the battery: {charge_percent:.0}% are left, {:.1} min down to the reserve of {reserve_percent:.0}%, and {} takes {:.1}",
+        left.as_secs_f64() / 60.0, words::way_home(*before), needed.as_secs_f64() / 60.0
+    )]
+    Battery {
+        /// The charge that is left.
+        charge_percent: f64,
+        /// The charge to land with.
+        reserve_percent: f64,
+        /// Until no more than that is left.
+        left: Duration,
+        /// What is to be flown.
+        needed: Duration,
+        /// The slot that does not fit any more; `None`: the way home alone.
+        before: Option<u16>,
+    },
     /// A climb or a return that did not end where it should.
     #[error("{0} did not end where it should")]
     Astray(&'static str),

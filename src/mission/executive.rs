@@ -17,6 +17,7 @@ use crate::transmitter::wire::MavMessage as RadioMessage;
 
 use super::asked::AskedFor;
 use super::cause::Cause;
+use super::endurance::Endurance;
 use super::ground::Ground;
 use super::ground_station::GroundStation;
 use super::itinerary::Itinerary;
@@ -87,6 +88,7 @@ pub struct Executive {
     pub(super) itinerary: Option<Itinerary>,
     pub(super) home_enu_m: Option<Enu>,
     pub(super) ground: Ground,
+    pub(super) endurance: Endurance,
     pub(super) ground_station: GroundStation,
     /// Operator's commands that are to be answered.
     pub(super) asked_for: AskedFor,
@@ -127,6 +129,7 @@ impl Executive {
             itinerary: None,
             home_enu_m: None,
             ground: Ground::new(start),
+            endurance: Endurance::new(settings.battery),
             ground_station: GroundStation::new(now),
             asked_for: AskedFor::default(),
             abort_cause: None,

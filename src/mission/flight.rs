@@ -31,6 +31,7 @@ const HEARD_OF_LATE: Duration = Duration::from_millis(500);
 impl Executive {
     /// Lets the present phase act.
     pub(super) fn step(&mut self, now: Instant) {
+        self.watch_battery(now);
         if self.phase.is_waiting() && self.autopilot.state().is_armed() {
             self.service.orders_mut().forget_start();
             self.ground.start.void(Void::Armed);
@@ -159,6 +160,7 @@ impl Executive {
         checks.extend(self.ground.plan_checks());
         checks.extend(self.settings.given_checks.iter().cloned());
         checks.extend(self.permission_check(now));
+        checks.extend(self.endurance_check(now));
         if self.autopilot.state().is_armed() {
             let detail = "the vehicle is armed already: land and disarm it first";
             checks.push(check("disarmed", Verdict::Fail, detail));
@@ -272,6 +274,9 @@ impl Executive {
     pub(super) fn begin_transit(&mut self, commitment: Commitment, now: Instant) {
         let transit = self.itinerary.as_ref().and_then(|i| i.transit(commitment.slot, self.settings.role));
         let Some((trajectory, peer)) = transit.filter(|_| self.phase.is_in_service()) else { return };
+        if let Some(cause) = self.too_little_for(&commitment, now) {
+            return self.abort(cause, now);
+        }
         self.phase = Phase::InService {
             motion: Motion { trajectory, starts_at: commitment.leaves_at },
             turns: peer.map(Turns::new),

@@ -14,7 +14,7 @@ use super::notice::Notice;
 use super::phase::{HOLD, Motion, Phase};
 
 /// J lets I land first after an abort, for at most this long while I says that it is on its way.
-const LAND_FIRST: Duration = Duration::from_secs(120);
+pub(super) const LAND_FIRST: Duration = Duration::from_secs(120);
 /// Where I is not heard, J gives it the time of its way home and this much more.
 const LAND_UNHEARD: Duration = Duration::from_secs(5);
 /// How far a vehicle that climbs or lands may be off the vertical above its home, in metres.
@@ -32,10 +32,10 @@ impl Executive {
     }
 
     /// After an abort the two must not cross. I goes home first; J when I is down, or is not coming, or took too
-    /// long. If nothing is heard of I, its companion may still be flying it home by the same rule: J gives it time.
+    /// long, or J's battery does not bear the wait: its way keeps clear of I's. If nothing is heard of I, its companion may still be flying it home by the same rule: J gives it time.
     pub(super) fn may_return(&self, waited: Duration, now: Instant) -> bool {
         let peer = self.service.peer();
-        if self.settings.role == Role::I || waited > LAND_FIRST {
+        if self.settings.role == Role::I || waited > LAND_FIRST || !self.may_wait(now) {
             return true;
         }
         if peer.heard_within(self.settings.pair.peer_timeout, now) {
@@ -51,7 +51,7 @@ impl Executive {
         waited > HOLD + LAND_UNHEARD + way.map_or(LAND_FIRST, |way| way.duration())
     }
 
-    fn router(&self) -> Result<Router, TransitError> {
+    pub(super) fn router(&self) -> Result<Router, TransitError> {
         Router::new(&self.settings.airspace, &self.settings.limits)
     }
 
@@ -66,7 +66,7 @@ impl Executive {
 
     /// Whether a vehicle at `at` has not climbed into the altitude band yet, or has left it to land: what is below it is its
     /// own home, and no route through the airspace begins there.
-    fn is_in_own_column(&self, at: Enu, home: Enu) -> bool {
+    pub(super) fn is_in_own_column(&self, at: Enu, home: Enu) -> bool {
         at.z < self.settings.above(home).z && (at - home).xy().norm() <= OWN_COLUMN_M
     }
 

@@ -3,6 +3,7 @@
 mod arming;
 mod asked;
 pub mod cause;
+mod endurance;
 pub mod executive;
 mod flight;
 mod ground;
@@ -16,6 +17,7 @@ mod permission;
 mod phase;
 mod reaction;
 pub mod refusal;
+mod reserve;
 mod scene;
 mod settings;
 mod start;
@@ -26,6 +28,7 @@ mod waiting;
 mod words;
 
 pub use cause::Cause;
+pub use endurance::Battery;
 pub use executive::{Executive, Outcome, Outgoing};
 pub use ground_station::{Figure, Vector, silence_words};
 pub use notice::Notice;

@@ -13,6 +13,7 @@ use crate::service::Ceilings;
 use crate::time::Utc;
 use crate::transmitter::Demands;
 
+use super::endurance::Battery;
 use super::permission::Permission;
 use super::scene::Scene;
 
@@ -45,6 +46,8 @@ pub struct Settings {
     pub own: (u8, u8),
     /// The autopilot's driver.
     pub autopilot: autopilot::Settings,
+    /// What is known of the battery.
+    pub battery: Battery,
     /// The pair protocol.
     pub pair: pair::Settings,
     /// Where vehicles may be.

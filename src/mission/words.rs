@@ -23,6 +23,11 @@ pub(super) fn give_up(peer: &Role, why: &GiveUp) -> String {
     }
 }
 
+/// What the battery is to be enough for.
+pub(super) fn way_home(before: Option<u16>) -> String {
+    before.map_or_else(|| "the way home".into(), |slot| format!("slot {slot} with the way home"))
+}
+
 /// What is added to "not served".
 pub(super) fn because(silence: &Option<Silence>) -> String {
     silence.map_or(String::new(), |silence| format!(": {silence}"))

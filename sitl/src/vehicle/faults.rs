@@ -62,6 +62,14 @@ impl Vehicle {
         self.battery = charge.clamp(0.0, 1.0);
     }
 
+    pub(crate) fn weaken_battery(&mut self, times: f64) {
+        self.drain_per_s *= times.max(0.0);
+    }
+
+    pub(crate) fn freeze_battery_report(&mut self) {
+        self.battery_said = Some(self.battery);
+    }
+
     pub(crate) fn jump_clock(&mut self, by_s: f64) {
         self.autopilot.jump_clock(by_s);
     }

@@ -114,6 +114,8 @@ pub struct Vehicle {
     /// The radio's own, on a link of its own.
     radio_router: Option<Router>,
     battery: f64,
+    /// What is said of it, by a gauge that stands still.
+    battery_said: Option<f64>,
     attitude: UnitQuaternion<f64>,
     estimator: Estimator,
     bias: Bias,
@@ -167,6 +169,7 @@ impl Vehicle {
             router: Router::new(config.system_id, aboard),
             radio_router: apart.then(|| Router::new(config.system_id, &[transmitter::COMPONENT])),
             battery: config.battery.initial.clamp(0.0, 1.0),
+            battery_said: None,
             attitude: dynamics.attitude,
             estimator: Estimator::new(config.sensors, frame, seed, index, TICK.as_secs_f64()),
             bias,
@@ -250,7 +253,7 @@ impl Vehicle {
             nominal: self.estimate.attitude,
             rates_flu_rad_s: self.estimate.rates_flu_rad_s,
             contact: self.dynamics.on_ground,
-            battery: self.battery,
+            battery: self.battery_said.unwrap_or(self.battery),
         }
     }
 

@@ -103,6 +103,18 @@ pub enum Fault {
         /// 0 to 1.
         charge: f64,
     },
+    /// From now on the battery gives less than it should, as an old or a cold one does: its charge falls so many times faster.
+    BatteryWeak {
+        /// 0 for I, 1 for J.
+        vehicle: usize,
+        /// 1: as it should.
+        times: f64,
+    },
+    /// What is said of the battery's charge stays as it is, whatever is left.
+    BatteryLies {
+        /// 0 for I, 1 for J.
+        vehicle: usize,
+    },
     /// The transmitter obeys commands, but what it radiates never ends by itself.
     TransmitterIgnoresExpiry {
         /// 0 for I, 1 for J.
@@ -147,6 +159,8 @@ impl Fault {
                 | Self::PilotMode { .. }
                 | Self::RotorLoss { .. }
                 | Self::BatteryLow { .. }
+                | Self::BatteryWeak { .. }
+                | Self::BatteryLies { .. }
                 | Self::RadioFails { .. }
         )
     }
@@ -170,6 +184,8 @@ impl Fault {
             | Self::WindStep { vehicle, .. }
             | Self::RotorLoss { vehicle, .. }
             | Self::BatteryLow { vehicle, .. }
+            | Self::BatteryWeak { vehicle, .. }
+            | Self::BatteryLies { vehicle }
             | Self::TransmitterIgnoresExpiry { vehicle }
             | Self::TransmitterStuck { vehicle }
             | Self::RadioFails { vehicle }

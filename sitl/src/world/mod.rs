@@ -215,6 +215,8 @@ impl World {
             Fault::WindStep { mean_enu_m_s, .. } => vehicle.set_wind(mean_enu_m_s.into()),
             Fault::RotorLoss { rotor, .. } => vehicle.lose_rotor(rotor),
             Fault::BatteryLow { charge, .. } => vehicle.set_battery(charge),
+            Fault::BatteryWeak { times, .. } => vehicle.weaken_battery(times),
+            Fault::BatteryLies { .. } => vehicle.freeze_battery_report(),
             Fault::TransmitterIgnoresExpiry { .. } => vehicle.transmitter_mut().endless = true,
             Fault::TransmitterStuck { .. } => vehicle.transmitter_mut().stuck = true,
             // Said to the monitor above.
@@ -410,6 +412,7 @@ impl World {
             violations,
             excused,
             min_separation_m: self.monitor.min_separation_m,
+            battery_left: self.vehicles.each_ref().map(|vehicle| vehicle.snapshot().battery).into(),
         }
     }
 }

@@ -73,6 +73,8 @@ pub struct FlightReport {
     pub excused: Vec<Excused>,
     /// Least distance while both were in the air; `null` if they never were.
     pub min_separation_m: Option<f64>,
+    /// What is truly left in the batteries at the end, of 1, whatever is said of it.
+    pub battery_left: PerVehicle<f64>,
 }
 
 impl Serialize for Violation {

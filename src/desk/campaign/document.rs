@@ -8,6 +8,9 @@ use std::fmt::Write as _;
 
 use serde::{Deserialize, Serialize};
 
+use crate::config::BatteryDraft;
+use crate::desk::simulation::FaultKind;
+
 use super::Quantile;
 use super::coverage::{self, Counts};
 use super::line::{Ending, ExcusedLine, FlightLine, UserLine, ViolationLine};
@@ -96,6 +99,9 @@ impl UserTotal {
         found.into_iter().map(total).collect()
     }
 }
+
+/// Faults that take charge which no companion knows of in time: gone at once, or not said.
+const TAKE_CHARGE: [FaultKind; 2] = [FaultKind::BatteryLow, FaultKind::BatteryLies];
 
 /// A time that should be nothing, over flights.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -284,6 +290,7 @@ impl CampaignDocument {
             }
         }
         self.write_excused(text)?;
+        self.write_batteries(text, replay)?;
         writeln!(
             text,
             "{:.0} s simulated in {:.1} s of wall time: {:.0} times real time, {:.0} times per core",
@@ -308,6 +315,44 @@ impl CampaignDocument {
                 "  {user:<16} {mean:.4e} bit/s of {planned_secrecy_rate_bps:.4e} planned; {:.4e} in 95%",
                 quantile.value
             )?;
+        }
+        Ok(())
+    }
+
+    /// The flights that ended with less than the reserve, by the fault of the battery that took it; and one by one where there
+    /// was none.
+    fn write_batteries(&self, text: &mut String, replay: impl Fn(u64) -> String) -> std::fmt::Result {
+        let reserve = BatteryDraft::default().reserve;
+        let mut below: BTreeMap<&str, u64> = BTreeMap::new();
+        let mut unexplained = Vec::new();
+        for flight in &self.flights {
+            let Some(left) =
+                flight.battery_left.map(|left| left.i.min(left.j)).filter(|left| *left < reserve)
+            else {
+                continue;
+            };
+            let named = TAKE_CHARGE.map(FaultKind::name);
+            let fault =
+                flight.faults.iter().find_map(|fault| named.into_iter().find(|name| *name == fault.kind));
+            *below.entry(fault.unwrap_or("no fault of the battery")).or_default() += 1;
+            if fault.is_none() {
+                unexplained.push((left, flight.seed));
+            }
+        }
+        write!(
+            text,
+            "ended with less than {:.0}% in a battery: {}",
+            reserve * 100.0,
+            below.values().sum::<u64>()
+        )?;
+        let worded: Vec<_> = below.iter().map(|(fault, count)| format!("{fault} {count}")).collect();
+        writeln!(
+            text,
+            "{}",
+            if worded.is_empty() { String::new() } else { format!(" ({})", worded.join(", ")) }
+        )?;
+        for (left, seed) in unexplained {
+            writeln!(text, "  {:.1}% in seed {seed}\n  replay: {}", left * 100.0, replay(seed))?;
         }
         Ok(())
     }

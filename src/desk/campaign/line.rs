@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::desk::simulation::{Excused, Flown};
+use crate::role::PerVehicle;
 
 use super::coverage::Counts;
 
@@ -96,6 +97,9 @@ pub struct FlightLine {
     pub unprotected_s: f64,
     /// Either vehicle on out of its pose, or in no slot, seconds, whatever the cause.
     pub emitted_out_of_pose_s: f64,
+    /// Charge with which each vehicle came to the end, of 1, as it truly is.
+    #[serde(default)]
+    pub battery_left: Option<PerVehicle<f64>>,
     /// Faults that came about.
     pub faults: Vec<FaultLine>,
     /// How often each kind of state, news and refusal was reached.
@@ -125,6 +129,7 @@ impl FlightLine {
             at_s: excused.violation.at.as_secs_f64(),
             detail: excused.violation.to_string(),
         };
+        let battery = flown.report.battery_left;
         let out_of_pose = flown.report.emitted_out_of_pose_s;
         let faults = flown.faults.iter().map(|(at, fault)| FaultLine {
             at_s: at.as_secs_f64(),
@@ -142,6 +147,7 @@ impl FlightLine {
             users: if flown.world.config().has_ideal_link() { Vec::new() } else { users(flown) },
             unprotected_s: flown.report.unprotected_s,
             emitted_out_of_pose_s: out_of_pose.i + out_of_pose.j,
+            battery_left: Some(PerVehicle { i: battery.i, j: battery.j }),
             faults: faults.collect(),
             coverage,
             violations: flown.report.violations.iter().map(line).collect(),

@@ -122,6 +122,7 @@ mod tests {
             violations,
             excused,
             min_separation_m: None,
+            battery_left: per_vehicle(),
         }
     }
 

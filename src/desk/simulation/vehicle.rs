@@ -1,5 +1,7 @@
 //! The settings of a simulated vehicle's companion.
 
+use veilwing_sitl::BatteryConfig;
+
 use crate::autopilot::{Actuation, FenceDuty};
 use crate::config::{Diagnostics, Mission, Vehicle, VehicleDraft, fence_corners};
 use crate::link::{HostPort, LinkAddress};
@@ -21,6 +23,8 @@ pub fn vehicle_draft(mission: &Mission, role: Role, ports: [u16; 2]) -> VehicleD
     if fence_corners(mission).is_err() {
         draft.autopilot.fence = FenceDuty::None;
     }
+    // Level: what a tilt takes more of it shows in flight.
+    draft.battery.endurance_s = Some(BatteryConfig::default().endurance_s);
     draft.autopilot.system_id = Some(if index(role) == 0 { 1 } else { 2 });
     draft
 }

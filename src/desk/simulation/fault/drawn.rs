@@ -143,6 +143,10 @@ impl Fault {
             FaultKind::BatteryLow => {
                 Some(sim::Fault::BatteryLow { vehicle, charge: self.size(Magnitude::Charge) })
             }
+            FaultKind::BatteryWeak => {
+                Some(sim::Fault::BatteryWeak { vehicle, times: self.size(Magnitude::Drain) })
+            }
+            FaultKind::BatteryLies => Some(sim::Fault::BatteryLies { vehicle }),
             FaultKind::RotorLoss => {
                 Some(sim::Fault::RotorLoss { vehicle, rotor: self.size(Magnitude::Rotor) as usize })
             }

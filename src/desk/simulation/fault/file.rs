@@ -98,6 +98,13 @@ const SIZES: &[Size] = &[
         default: [0.1; 2],
     },
     Size {
+        magnitude: Magnitude::Drain,
+        key: "times",
+        sentence: "How many times faster than it should the battery's charge falls from then on; 3 if not given.",
+        range: Number::within("", 1.0, 100.0),
+        default: [3.0; 2],
+    },
+    Size {
         magnitude: Magnitude::Rotor,
         key: "rotor",
         sentence: "Number of the rotor, from 0; 0 if not given. One that the airframe has not changes nothing.",

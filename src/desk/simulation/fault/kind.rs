@@ -27,6 +27,8 @@ pub(super) const NAMES: &[(&str, FaultKind)] = &[
     ("clock-drift", FaultKind::ClockDrift),
     ("autopilot-restart", FaultKind::AutopilotRestart),
     ("battery-low", FaultKind::BatteryLow),
+    ("battery-weak", FaultKind::BatteryWeak),
+    ("battery-lies", FaultKind::BatteryLies),
     ("rotor-loss", FaultKind::RotorLoss),
     ("wind-step", FaultKind::WindStep),
     ("transmitter-ignores-expiry", FaultKind::TransmitterIgnoresExpiry),
@@ -162,6 +164,10 @@ pub enum FaultKind {
     AutopilotRestart,
     /// The battery's charge falls at once.
     BatteryLow,
+    /// The battery's charge falls faster than it should from then on, as of an old or a cold one.
+    BatteryWeak,
+    /// What is said of the battery's charge stays as it is.
+    BatteryLies,
     /// A rotor stops.
     RotorLoss,
     /// The mean wind changes.
@@ -204,6 +210,8 @@ impl FaultKind {
         Self::ClockDrift,
         Self::AutopilotRestart,
         Self::BatteryLow,
+        Self::BatteryWeak,
+        Self::BatteryLies,
         Self::RotorLoss,
         Self::WindStep,
         Self::TransmitterIgnoresExpiry,
@@ -256,6 +264,8 @@ impl FaultKind {
             Self::ClockDrift => "autopilot's clock drifts",
             Self::AutopilotRestart => "autopilot restarts",
             Self::BatteryLow => "battery low",
+            Self::BatteryWeak => "battery weak",
+            Self::BatteryLies => "battery's gauge stands still",
             Self::RotorLoss => "a rotor stops",
             Self::WindStep => "wind changes",
             Self::TransmitterIgnoresExpiry => "transmitter ignores expiry",
@@ -287,6 +297,7 @@ impl FaultKind {
             Self::ClockDrift => &[Magnitude::ClockDrift],
             Self::Operator(_) => &[Magnitude::ToAll],
             Self::BatteryLow => &[Magnitude::Charge],
+            Self::BatteryWeak => &[Magnitude::Drain],
             Self::RotorLoss => &[Magnitude::Rotor],
             _ => &[],
         }
@@ -359,6 +370,8 @@ pub enum Magnitude {
     ClockDrift,
     /// Left in the battery, 0 to 1.
     Charge,
+    /// How many times faster the battery's charge falls.
+    Drain,
     /// Number of a rotor, from 0.
     Rotor,
     /// 1: the order is addressed to all components, and not to the companion's own.

@@ -1,0 +1,98 @@
+//! Home in time: what is left in the battery against what is still to be flown.
+
+use std::time::Duration;
+
+use crate::geo::{Attitude, Enu};
+use crate::pair::Commitment;
+use crate::preflight::Check;
+use crate::role::Role;
+use crate::schedule::trajectory::Start;
+use crate::time::Instant;
+
+use super::cause::Cause;
+use super::endurance::landing;
+use super::executive::Executive;
+use super::homing::LAND_FIRST;
+use super::phase::HOLD;
+
+/// The way home is asked for so much longer than it is planned: wind, and a gauge that counts in percents.
+const MARGIN: f64 = 1.1;
+
+impl Executive {
+    /// Takes in what the autopilot says of the battery; gives up, once no more is left than the way home takes.
+    pub(super) fn watch_battery(&mut self, now: Instant) {
+        let said = self.autopilot.state().battery.and_then(|battery| battery.value.remaining);
+        self.endurance.feed(said, !self.phase.is_on_the_ground(), now);
+        if !self.phase.is_outward() || self.service.is_abandoning() || !self.endurance.is_due(now) {
+            return;
+        }
+        let at = self.phase.motion().map(|motion| motion.sample(now));
+        let needed = at.and_then(|at| self.way_down(at.position_enu_m, at.attitude));
+        if let Some(cause) = needed.and_then(|needed| self.too_little(needed, None, now)) {
+            self.abort(cause, now);
+        }
+    }
+
+    /// Why a slot that is agreed on cannot be flown any more; `None`: it can.
+    pub(super) fn too_little_for(&self, commitment: &Commitment, now: Instant) -> Option<Cause> {
+        let slot = self.service.slot().filter(|slot| slot.commitment.slot == commitment.slot)?;
+        let until_then = slot.closes_at.saturating_since(now);
+        let needed = until_then + self.way_down_from(commitment.slot)?;
+        self.too_little(needed, Some(commitment.slot), now)
+    }
+
+    /// Whether the whole mission fits; `None` before it is known what is to be flown.
+    pub(super) fn endurance_check(&self, now: Instant) -> Option<Check> {
+        let itinerary = self.itinerary.as_ref()?;
+        let last = u16::try_from(itinerary.slots().checked_sub(1)?).ok()?;
+        let mission = self.climb_time() + itinerary.to_the_end(0, false)? + self.way_down_from(last)?;
+        Some(self.endurance.check(mission, now))
+    }
+
+    fn too_little(&self, needed: Duration, before: Option<u16>, now: Instant) -> Option<Cause> {
+        let left = self.endurance.left(now).filter(|left| *left < needed)?;
+        Some(Cause::Battery {
+            charge_percent: self.endurance.charge(now)? * 100.0,
+            reserve_percent: self.endurance.reserve() * 100.0,
+            left,
+            needed,
+            before,
+        })
+    }
+
+    /// From a slot's pose to the ground.
+    fn way_down_from(&self, slot: u16) -> Option<Duration> {
+        let pose = self.itinerary.as_ref()?.entry(slot)?.transit[self.settings.role].end();
+        self.way_down(pose.position_enu_m, pose.attitude)
+    }
+
+    /// Whether the battery bears that the other one lands first.
+    pub(super) fn may_wait(&self, now: Instant) -> bool {
+        let at = self.phase.motion().map(|motion| motion.sample(now));
+        let needed = at.and_then(|at| self.way(self.settings.role, at.position_enu_m, at.attitude));
+        needed.is_none_or(|needed| self.too_little(needed.mul_f64(MARGIN), None, now).is_none())
+    }
+
+    /// From there to the ground as after an abort: the hold, the other's way where it is J that waits for I, the own one.
+    fn way_down(&self, at: Enu, attitude: Attitude) -> Option<Duration> {
+        let own = self.way(self.settings.role, at, attitude)?;
+        let others = match (self.settings.role, self.service.peer().position_enu_m) {
+            (Role::I, _) => Duration::ZERO,
+            (Role::J, at) => at
+                .and_then(|at| self.way(Role::I, at, Attitude::level()))
+                .map_or(LAND_FIRST, |way| way.min(LAND_FIRST)),
+        };
+        Some((HOLD + others + own).mul_f64(MARGIN))
+    }
+
+    /// A vehicle's way from there to the ground at its home.
+    fn way(&self, role: Role, at: Enu, attitude: Attitude) -> Option<Duration> {
+        let home = if role == self.settings.role { self.home_enu_m } else { self.service.peer().home_enu_m }?;
+        if self.is_in_own_column(at, home) {
+            return Some(landing(at.z - home.z));
+        }
+        let start = Start { position_enu_m: at, attitude };
+        let way = self.router().ok()?.alone(role, &start, &home, &[]).ok()?;
+        Some(way.duration() + landing(self.settings.above(home).z - home.z))
+    }
+}
