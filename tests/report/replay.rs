@@ -54,6 +54,15 @@ fn spec_the_replays_data_are_the_flights() {
             assert_eq!(held(&vehicle["k"], index), &Value::Bool(true));
         }
     }
+    let (user, strongest) = (column(&data["h"]["u"], 1e-2), column(&data["h"]["e"], 1e-2));
+    for (index, sample) in flight.samples.iter().enumerate() {
+        assert_eq!(held(&data["h"]["on"], index), sample.heard.is_some());
+        if let Some(heard) = &sample.heard {
+            assert!((user[index] - 10.0 * heard.user_sinr.log10()).abs() < 0.005_001);
+            assert!((strongest[index] - 10.0 * heard.eavesdropper_sinr[0].log10()).abs() < 0.005_001);
+            assert_eq!(held(&data["h"]["k"], index), 0);
+        }
+    }
     let why: Vec<&str> = data["off"].as_array().unwrap().iter().map(|off| off[2].as_str().unwrap()).collect();
     assert_eq!(
         why,

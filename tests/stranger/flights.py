@@ -113,7 +113,9 @@ def program(arguments):
         say("report", flight, "--mcap", scratch / "flight.mcap")
         judge(flight, scratch / "flight.mcap")
         replay = pathlib.Path(__file__).with_name("replay.js")
-        node = subprocess.run([arguments.node, replay, flight / "report.html", flight], timeout=60)
+        telemetry = scratch / "telemetry.html"
+        say("report", flight, "--telemetry", "--out", telemetry)
+        node = subprocess.run([arguments.node, replay, flight / "report.html", telemetry, flight], timeout=60)
         check(node.returncode == 0, "replay: what the page reckons is what the world measured")
 
 

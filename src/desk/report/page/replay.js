@@ -22,6 +22,9 @@
     var flight = {};
     Object.keys(raw).forEach(function (key) { flight[key] = raw[key]; });
     flight.t = column(raw.t, 1e-4);
+    flight.h = {
+      user: column(raw.h.u, 1e-2), eve: column(raw.h.e, 1e-2), which: held(raw.h.k, raw.t.length), on: held(raw.h.on, raw.t.length)
+    };
     flight.v = raw.v.map(function (v) {
       return {
         known: held(v.k, flight.t.length), slot: held(v.s, flight.t.length), watts: held(v.w, flight.t.length),
@@ -56,21 +59,19 @@
     };
   }
 
-  // As radio::link has it: gain 1 - <u, Y>^2, the nearest metre counts as one.
-  function received(vehicle, node, gain) {
-    if (!vehicle || !(vehicle.watts > 0)) return 0;
-    var d = [0, 1, 2].map(function (k) { return node[k] - vehicle.p[k]; }), a = vehicle.axis;
-    var square = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
-    var x = d[1] * a[2] - d[2] * a[1], y = d[2] * a[0] - d[0] * a[2], z = d[0] * a[1] - d[1] * a[0];
-    var pattern = square > 0 ? Math.min(1, (x * x + y * y + z * z) / square) : 0;
-    return gain * pattern * vehicle.watts / Math.max(square, 1);
-  }
-
+  // The ideal dipole, as radio::pattern has it: 1 - <u, Y>^2.
   function patternAt(vehicle, node) {
-    var d = [0, 1, 2].map(function (k) { return node[k] - vehicle.p[k]; }), a = vehicle.axis;
+    var d = node.map(function (c, k) { return c - vehicle.p[k]; }), a = vehicle.axis;
     var square = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
     var x = d[1] * a[2] - d[2] * a[1], y = d[2] * a[0] - d[0] * a[2], z = d[0] * a[1] - d[1] * a[0];
     return square > 0 ? Math.min(1, (x * x + y * y + z * z) / square) : 0;
+  }
+
+  // As radio::link has it: nothing is nearer than a metre.
+  function received(vehicle, node, gain) {
+    if (!vehicle || !(vehicle.watts > 0)) return 0;
+    var square = node.reduce(function (sum, c, k) { return sum + (c - vehicle.p[k]) * (c - vehicle.p[k]); }, 0);
+    return gain * patternAt(vehicle, node) * vehicle.watts / Math.max(square, 1);
   }
 
   function sinr(pair, node, radio) {
@@ -79,10 +80,19 @@
 
   function bits(pair, node, radio) { return Math.log2(1 + sinr(pair, node, radio)); }
 
+  // What the record says was heard, in decibels and bit/s/Hz; null while nothing was.
+  function heardAt(flight, t) {
+    var k = indexAt(flight, t), h = flight.h;
+    if (!h.on[k]) return null;
+    var bitsOf = function (decibels) { return Math.log2(1 + Math.pow(10, decibels / 10)); };
+    var eve = h.which[k] < 0 ? 0 : bitsOf(h.eve[k]);
+    return { user: h.user[k], eve: h.eve[k], which: h.which[k], secrecy: Math.max(0, bitsOf(h.user[k]) - eve) };
+  }
+
   // Everything about an instant that does not need a drawing.
   function stateAt(flight, t) {
     var pair = [vehicleAt(flight, 0, t), vehicleAt(flight, 1, t)];
-    var state = { t: t, pair: pair, user: null };
+    var state = { t: t, pair: pair, user: null, heard: flight.t.length ? heardAt(flight, t) : null };
     var planned = pair[0] && pair[0].watts > 0 ? flight.slots[pair[0].slot] : null;
     if (!planned || !flight.radio || !pair[1]) return state;
     flight.users.forEach(function (user) { if (user.n === planned.u) state.user = user; });
@@ -132,7 +142,7 @@
   }
 
   if (typeof module !== "undefined" && module.exports) {
-    module.exports = { decode: decode, stateAt: stateAt, rateAt: rateAt, geodetic: geodetic, silence: silence };
+    module.exports = { decode: decode, stateAt: stateAt, heardAt: heardAt, rateAt: rateAt, geodetic: geodetic, silence: silence };
     return;
   }
 
@@ -439,7 +449,7 @@
   }
 
   function drawSide(state) {
-    var s = sheet(side), across = facing.value === "north" ? 0 : 1;
+    var s = sheet(side), across = facing.value === "south" ? 0 : 1;
     var middle = across === 0 ? view.x : view.y;
     var span = [middle - view.reach, middle + view.reach], up = [-0.06 * home.top, home.top];
     // As wide as the view from above, and as tall as it must be.
@@ -501,7 +511,6 @@
   }
 
   function watts(w) { return w >= 1 ? w.toFixed(2) + " W" : w >= 1e-3 ? (w * 1e3).toPrecision(3) + " mW" : (w * 1e6).toPrecision(3) + " \u00b5W"; }
-  function decibels(x) { return x > 0 ? (10 * Math.log10(x)).toFixed(1) + " dB" : "none"; }
 
   function tell(state) {
     var rows = [];
@@ -513,11 +522,11 @@
       rows.push([ROLES[which] + "'s radio", vehicle.watts > 0 ? "on, " + watts(vehicle.watts) + ", slot " + vehicle.slot
         : "silent: " + silence(flight, which, t)]);
     });
-    rows.push(["user", state.user ? state.user.n + ", SINR " + decibels(state.userSinr) : "none is served"]);
-    rows.push(["strongest ear", state.user && state.strongest >= 0
-      ? flight.eves[state.strongest].n + ", SINR " + decibels(state.eves[state.strongest]) : "none"]);
-    rows.push(["secrecy rate", state.user ? state.secrecy.toFixed(2) + " bit/s/Hz, "
-      + (state.secrecy * flight.radio.bandwidth / 1e6).toFixed(2) + " Mbit/s" : "0: nothing is sent"]);
+    var heard = state.heard, decibels = function (x) { return ", SINR " + x.toFixed(1).replace("-", "\u2212") + " dB"; };
+    rows.push(["user", heard && state.user ? state.user.n + decibels(heard.user) : "none is served"]);
+    rows.push(["strongest ear", heard && heard.which >= 0 ? flight.eves[heard.which].n + decibels(heard.eve) : "none"]);
+    rows.push(["secrecy rate", heard ? heard.secrecy.toFixed(2) + " bit/s/Hz"
+      + (flight.radio ? ", " + (heard.secrecy * flight.radio.bandwidth / 1e6).toFixed(2) + " Mbit/s" : "") : "0: nothing is sent"]);
     told.textContent = "";
     rows.forEach(function (row) {
       ["dt", "dd"].forEach(function (kind, k) {

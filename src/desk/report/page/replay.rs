@@ -36,6 +36,7 @@ struct Flight<'a> {
     /// Instants, in steps of 0.1 ms, each as the difference from the one before.
     t: Vec<i64>,
     v: [Vehicle<'a>; 2],
+    h: Recorded,
     /// When a vehicle went off the air, which one, and why.
     off: Vec<(f64, u8, String)>,
     /// When a companion came into a phase, which one's, and the phase.
@@ -83,6 +84,39 @@ struct Vehicle<'a> {
     s: Steps<i32>,
     w: Steps<f64>,
     m: Steps<&'a str>,
+}
+
+/// What the record says is heard of I. The script's own figures are those of ideal antennas, as the map's are.
+#[derive(Debug, Serialize)]
+struct Recorded {
+    /// SINR at the user, in hundredths of a decibel, as differences.
+    u: Vec<i64>,
+    /// At the eavesdropper that hears best.
+    e: Vec<i64>,
+    /// Its index; -1 where there is none.
+    k: Steps<i32>,
+    /// Whether anything is heard.
+    on: Steps<bool>,
+}
+
+fn recorded(samples: &[&Sample]) -> Recorded {
+    // Louder than this something is always.
+    const LEAST_DB: f64 = -200.0;
+    let strongest = |sample: &Sample| {
+        let heard = sample.heard.as_ref()?;
+        let each = heard.eavesdropper_sinr.iter().copied().enumerate();
+        each.max_by(|(_, a), (_, b)| a.total_cmp(b))
+    };
+    let decibels = |sinr: Option<f64>| sinr.map_or(0.0, |sinr| (10.0 * sinr.log10()).max(LEAST_DB));
+    let user = |sample: &&Sample| decibels(sample.heard.as_ref().map(|heard| heard.user_sinr));
+    let loudest = |sample: &&Sample| decibels(strongest(sample).map(|(_, sinr)| sinr));
+    let which = |sample: &&Sample| strongest(sample).and_then(|(k, _)| i32::try_from(k).ok()).unwrap_or(-1);
+    Recorded {
+        u: differences(samples.iter().map(user), 1e-2),
+        e: differences(samples.iter().map(loudest), 1e-2),
+        k: steps(samples.iter().map(which)),
+        on: steps(samples.iter().map(|sample| sample.heard.is_some())),
+    }
 }
 
 /// The samples that a page holds.
@@ -232,6 +266,7 @@ fn data(facts: &Facts) -> Option<String> {
         slots: scene.slots.iter().map(|slot| Slot { u: &slot.user }).collect(),
         t: differences(samples.iter().map(|sample| sample.at_s), 1e-4),
         v: Role::BOTH.map(|role| vehicle(&samples, role)),
+        h: recorded(&samples),
         off: facts
             .emissions
             .iter()
@@ -287,7 +322,7 @@ pub fn section(facts: &Facts) -> String {
     format!(
         "<noscript><p>The replay needs a script; everything else on this page does without.</p></noscript>
 <div id=\"replay-view\" class=\"replay\" hidden=\"hidden\">
-<p class=\"muted\">Drag moves the map; the wheel zooms it once it has been clicked, or with Ctrl; two fingers, +, \u{2212} and 0 do too. The ground is coloured by the secrecy rate of this instant if the only eavesdropper were there. Dotted: the antennas' nulls, where almost nothing is heard, and the edge where a hundredth of the gain is.</p>
+<p class=\"muted\">Drag moves the map; the wheel zooms it once it has been clicked, or with Ctrl; two fingers, +, \u{2212} and 0 do too. The ground is coloured by the secrecy rate of this instant if the only eavesdropper were there and the antennas were ideal; the figures beside are the record's. Dotted: the antennas' nulls, where almost nothing is heard, and the edge where a hundredth of the gain is.</p>
 <div class=\"bar\"><button type=\"button\" id=\"replay-play\">Play</button><label>at <select id=\"replay-speed\">{speeds}</select></label><output id=\"replay-now\"></output></div>
 <input type=\"range\" id=\"replay-time\" step=\"0.05\" min=\"0\" max=\"1\" value=\"0\" aria-label=\"flight time in seconds\"/>
 <div class=\"bar\" id=\"replay-marks\">{leaps}</div>
@@ -296,7 +331,7 @@ pub fn section(facts: &Facts) -> String {
 <div class=\"bar\"><button type=\"button\" id=\"replay-closer\" aria-label=\"closer\">+</button><button type=\"button\" id=\"replay-farther\" aria-label=\"farther\">\u{2212}</button><button type=\"button\" id=\"replay-whole\">whole</button><label><input type=\"checkbox\" id=\"replay-rates\" checked=\"checked\"/>secrecy</label><label><input type=\"checkbox\" id=\"replay-nulls\" checked=\"checked\"/>nulls</label></div>
 <div class=\"shades\" aria-hidden=\"true\"></div><div class=\"ends\"><span>0</span><span id=\"replay-top\"></span></div></div>
 <div><canvas id=\"replay-side\" class=\"side\" role=\"img\" aria-label=\"The flight from the side at this instant\"></canvas>
-<div class=\"bar\"><label>seen from <select id=\"replay-facing\"><option value=\"north\">the south</option><option value=\"west\">the east</option></select></label></div>
+<div class=\"bar\"><label>seen from <select id=\"replay-facing\"><option value=\"south\">the south</option><option value=\"east\">the east</option></select></label></div>
 <dl id=\"replay-told\"></dl></div>
 </div>
 <p id=\"replay-pointed\" class=\"muted\"></p>
