@@ -1,5 +1,6 @@
-//! The types of the messages. Those of `foxglove` are as its programs publish them, with every field, whether it is
-//! written or not, since a reader may ask for any of them; those of `veilwing` are ours.
+//! The types of the messages. Those of `foxglove` are as its programs publish them, with every field that is not optional
+//! (a fix's heading and velocity are), whether it is written or not, since a reader may ask for any of them; those of
+//! `veilwing` are ours.
 
 use super::protobuf::Kind::{
     Bool, Bytes, Double, Enum, Fixed32, Int32, Int64, Many, ManyDoubles, ManyFixed32, Of, Text,
