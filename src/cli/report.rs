@@ -117,7 +117,7 @@ fn mission(args: &Args) -> Result<Option<Mission>, Exit> {
 
 /// Writes the report of a flight.
 pub(super) fn write(out: &Path, timeline: &Timeline) -> Result<(), String> {
-    write_whole(out, &report::html(timeline))
+    write_whole(out, report::html(timeline))
 }
 
 fn unusable(message: &str) -> Exit {
