@@ -19,6 +19,14 @@ const FLIGHTS: u64 = 120;
 
 /// What few flights would come to by chance, each in a flight of its own.
 const SCRIPTS: &[&str] = &[
+    // A battery that lasts three minutes.
+    r#"
+        [[fault]]
+        kind = "battery-weak"
+        vehicle = "j"
+        after_s = 0.0
+        times = 10.0
+    "#,
     // A pause that ends.
     r#"
         [[fault]]

@@ -8,7 +8,7 @@ use std::time::Duration;
 use mavlink::MavHeader;
 use mavlink::dialects::ardupilotmega::{COMMAND_LONG_DATA, MavCmd, MavMessage, MavParamType, PARAM_SET_DATA};
 use veilwing::autopilot::{Actuation, FenceDuty};
-use veilwing::config::{Mission, MissionDraft, Vehicle};
+use veilwing::config::{BatteryDraft, Mission, MissionDraft, Vehicle};
 use veilwing::desk::simulation::{self, Given, Observer, on_this_machine, vehicle_draft, world_config};
 pub use veilwing::desk::simulation::{Path, index};
 use veilwing::link::codec::Encoder;
@@ -65,6 +65,7 @@ fn vehicle(mission: &Mission, role: Role, setup: &Setup) -> Vehicle {
     draft.transmitter.accept_orphaned_radio = setup.accept_orphaned_radio;
     draft.pair_tunnel = tunnel;
     draft.autopilot.fence = setup.fence[role];
+    draft.battery = setup.battery.unwrap_or(draft.battery);
     // Nothing is signed in virtual time; what is at stake here is the mission's leave, not the links'.
     draft.autopilot.key_file = (!simulated).then(|| "autopilot.key".into());
     draft.transmitter.key_file = (!simulated && setup.radio_apart).then(|| "radio.key".into());
@@ -110,6 +111,8 @@ pub struct Setup {
     pub tunnel: PerVehicle<bool>,
     /// What becomes of the fence in each autopilot.
     pub fence: PerVehicle<FenceDuty>,
+    /// What both companions are told of their batteries; `None`: what is true.
+    pub battery: Option<BatteryDraft>,
     pub pair: Path,
     /// An ArduCopter of the 6DoF frame, whose bridge script dies of a burst of commands.
     pub bridged: Option<Role>,
@@ -129,6 +132,7 @@ impl Default for Setup {
             devices: PerVehicle::default(),
             tunnel: PerVehicle::default(),
             fence: PerVehicle::default(),
+            battery: None,
             pair: Path::GOOD,
             bridged: None,
             slip: None,

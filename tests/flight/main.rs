@@ -8,6 +8,7 @@ mod agreement;
 mod apart;
 mod devices;
 mod emission;
+mod endurance;
 mod face;
 mod faults;
 mod fence;

@@ -1,0 +1,77 @@
+//! What a battery bears is flown, and no more: the pair is home with its reserve.
+
+use std::time::Duration;
+
+use veilwing::config::BatteryDraft;
+use veilwing::role::{PerVehicle, Role};
+use veilwing_sitl::Fault;
+
+use crate::harness::*;
+
+const RESERVE: f64 = 0.2;
+
+fn of(endurance_s: Option<f64>) -> Setup {
+    Setup { battery: Some(BatteryDraft { endurance_s, reserve: RESERVE }), ..Setup::default() }
+}
+
+/// How a flight ended in which one battery is so many times too weak, with the charges left.
+fn weak(role: Role, times: f64, setup: Setup) -> (Flight, PerVehicle<f64>) {
+    let mut flight = Flight::new(setup);
+    flight.world.inject(Fault::BatteryWeak { vehicle: index(role), times });
+    flight.fly_out();
+    flight.assert_safe();
+    assert!(Role::BOTH.into_iter().all(|role| flight.landed(role)), "{}", flight.story());
+    let left = flight.report().battery_left;
+    (flight, PerVehicle { i: left.i, j: left.j })
+}
+
+#[test]
+fn spec_a_weak_battery_brings_both_home_with_the_reserve_whether_or_not_the_file_knows_one() {
+    for endurance_s in [None, Some(1800.0)] {
+        for role in Role::BOTH {
+            let (flight, left) = weak(role, 18.0, of(endurance_s));
+            assert!(left[role] >= RESERVE && left[role] < 0.6, "{role}: {left:?}\n{}", flight.story());
+            let decided = flight.said(role, "mission aborted: the battery: ").unwrap();
+            // The other does not go on alone.
+            let followed = flight.said(role.peer(), &format!("vehicle {role}")).unwrap();
+            assert!(followed <= decided + Duration::from_secs(3), "{followed:?}\n{}", flight.story());
+        }
+    }
+}
+
+#[test]
+fn spec_a_battery_that_is_enough_changes_nothing() {
+    let (flight, left) = weak(Role::I, 2.0, of(Some(900.0)));
+    assert!(flight.said(Role::I, "aborted").is_none(), "{}", flight.story());
+    assert!(left.i > RESERVE && left.i < left.j, "{left:?}");
+}
+
+#[test]
+fn spec_a_mission_that_does_not_fit_is_not_begun_and_one_that_nobody_can_tell_is_warned_of() {
+    let mut flight = Flight::new(of(Some(60.0)));
+    flight.pass(Duration::from_secs(60));
+    assert!(Role::BOTH.into_iter().all(|role| flight.landed(role)), "{}", flight.story());
+    for role in Role::BOTH {
+        assert!(
+            flight.said(role, "waiting: endurance: the mission takes up to ").is_some(),
+            "{}",
+            flight.story()
+        );
+    }
+    let mut flight = Flight::new(of(None));
+    flight.pass(Duration::from_secs(5));
+    let told = "preflight warning: endurance: [battery] endurance_s is not stated in the vehicle file";
+    assert!(flight.said(Role::I, told).is_some(), "{}", flight.story());
+}
+
+#[test]
+fn spec_a_gauge_that_stands_still_does_not_keep_a_vehicle_in_the_air() {
+    let mut flight = Flight::new(of(Some(150.0)));
+    flight.world.inject(Fault::BatteryWeak { vehicle: 1, times: 12.0 });
+    flight.world.inject(Fault::BatteryLies { vehicle: 1 });
+    flight.fly_out();
+    flight.assert_safe();
+    let left = flight.report().battery_left;
+    assert!(left.j >= RESERVE, "{left:?}\n{}", flight.story());
+    assert!(left.j < 0.6, "{left:?}\n{}", flight.story());
+}
