@@ -67,7 +67,7 @@ pub(super) fn run(args: &Args) -> Exit {
         Err(message) => return unusable(&message),
     };
     if let Some(path) = &args.out
-        && let Err(message) = write_whole(path, &pattern_file(&calibration))
+        && let Err(message) = write_whole(path, pattern_file(&calibration))
     {
         return unusable(&message);
     }

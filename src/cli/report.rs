@@ -1,9 +1,11 @@
-//! `veilwing report`: a flight's directory to one HTML file.
+//! `veilwing report`: a flight's directory to one HTML file, and to an MCAP file.
 
+use std::io;
 use std::path::{Path, PathBuf};
 
 use crate::config::Mission;
 use crate::config::file::write_whole;
+use crate::desk::report::mcap::{ATTACHED, Attached, mcap};
 use crate::desk::report::{self, Timeline, telemetry};
 
 use super::plan::keep_maps;
@@ -26,6 +28,9 @@ pub(super) struct Args {
     /// The HTML file to write; by default report.html in the directory.
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
+    /// The flight as an MCAP file as well, for Foxglove and rerun: poses, axes, powers, leases, SINR, secrecy, events, violations.
+    #[arg(long, value_name = "FILE")]
+    mcap: Option<PathBuf>,
     /// Mission file, for telemetry logs; by default mission.toml in the directory, if it is there.
     #[arg(long, value_name = "FILE")]
     mission: Option<PathBuf>,
@@ -43,10 +48,36 @@ pub(super) fn run(args: &Args) -> Exit {
     match write(&out, &timeline) {
         Ok(()) => {
             eprintln!("report: {}", out.display());
-            write_maps(&out, &timeline)
+            let exit = write_maps(&out, &timeline);
+            match write_mcap(args, &timeline) {
+                Ok(()) => exit,
+                Err(message) => unusable(&message),
+            }
         }
         Err(message) => unusable(&message),
     }
+}
+
+/// Writes the flight as an MCAP file, if that is asked for.
+fn write_mcap(args: &Args, timeline: &Timeline) -> Result<(), String> {
+    let Some(path) = &args.mcap else { return Ok(()) };
+    let leases = telemetry::leases(&args.directory).map_err(|error| error.to_string())?;
+    let mut attached = Vec::new();
+    for (name, media_type) in ATTACHED {
+        let file = args.directory.join(name);
+        match std::fs::read(&file) {
+            Ok(data) => attached.push(Attached { name: name.to_owned(), media_type, data }),
+            Err(error) if error.kind() == io::ErrorKind::NotFound => {}
+            Err(error) => {
+                return Err(format!("cannot read {}: {error}; check its mode and owner", file.display()));
+            }
+        }
+    }
+    let bytes = mcap(timeline, &leases, &attached)
+        .map_err(|error| format!("cannot make {}: {error}", path.display()))?;
+    write_whole(path, &bytes)?;
+    eprintln!("mcap: {}", path.display());
+    Ok(())
 }
 
 /// Writes the flight's maps beside its report, by the report's name.
@@ -86,7 +117,7 @@ fn mission(args: &Args) -> Result<Option<Mission>, Exit> {
 
 /// Writes the report of a flight.
 pub(super) fn write(out: &Path, timeline: &Timeline) -> Result<(), String> {
-    write_whole(out, &report::html(timeline))
+    write_whole(out, report::html(timeline))
 }
 
 fn unusable(message: &str) -> Exit {

@@ -110,7 +110,7 @@ pub(crate) fn usable_directory(path: &Path) -> Result<(), String> {
 ///
 /// # Errors
 /// It cannot be, in words.
-pub(crate) fn write_whole(path: &Path, content: &str) -> Result<(), String> {
+pub(crate) fn write_whole(path: &Path, content: impl AsRef<[u8]>) -> Result<(), String> {
     let mut beside = path.as_os_str().to_owned();
     beside.push(format!(".{}", std::process::id()));
     let beside = Path::new(&beside);

@@ -7,7 +7,9 @@
 #[path = "../command/mod.rs"]
 mod command;
 mod directories;
+mod mcap;
 mod page;
+mod replay;
 mod sample;
 
 use proptest::prelude::*;

@@ -6,7 +6,15 @@ use quick_xml::events::Event as Xml;
 
 use crate::text;
 
-/// Well-formed XML without duplicate identifiers, scripts, or anything to fetch; the text that a reader sees.
+const SCRIPT: &str = include_str!("../../src/desk/report/page/replay.js");
+
+/// The script's data.
+pub fn data(page: &str) -> serde_json::Value {
+    let (_, data) = page.split_once("id=\"replay-data\">").unwrap();
+    serde_json::from_str(data.split_once("</script>").unwrap().0).unwrap()
+}
+
+/// Well-formed XML without duplicate identifiers, scripts but the replay's, or anything to fetch; the text that a reader sees.
 pub fn sound(page: &str) -> String {
     let mut reader = quick_xml::Reader::from_str(page);
     reader.config_mut().check_end_names = true;
@@ -23,7 +31,9 @@ pub fn sound(page: &str) -> String {
             Xml::End(_) => {
                 open.pop();
             }
-            Xml::Text(run) if !open.iter().any(|name| name == "style" || name == "svg") => {
+            Xml::Text(run)
+                if !open.iter().any(|name| ["style", "svg", "script"].contains(&name.as_str())) =>
+            {
                 seen.push_str(&run.decode().unwrap());
             }
             Xml::GeneralRef(reference) => {
@@ -40,9 +50,36 @@ pub fn sound(page: &str) -> String {
         }
     }
     assert!(open.is_empty(), "{open:?} left open");
-    for foreign in ["http:", "https:", "//www", "<script", "<link", "<img", "@import", "url(h"] {
+    // Its data and its code, or neither where there is nothing to replay.
+    let replayed = page.contains("id=\"replay-data\"");
+    assert_eq!(page.matches("<script").count(), if replayed { 2 } else { 0 });
+    assert_eq!(page.contains(SCRIPT), replayed);
+    for foreign in [
+        "http:",
+        "https:",
+        "//www",
+        "<link",
+        "<img",
+        "<iframe",
+        "src=",
+        "@import",
+        "url(h",
+        "fetch(",
+        "XMLHttpRequest",
+        "WebSocket",
+        "import(",
+        "eval(",
+        "new Function",
+        "innerHTML",
+        "document.write",
+    ] {
         assert!(!page.contains(foreign), "{foreign}");
     }
+    assert!(
+        page.contains(
+            "content=\"default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'\""
+        )
+    );
     seen
 }
 

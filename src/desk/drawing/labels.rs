@@ -12,19 +12,27 @@ pub struct Labels {
     /// Size of the lettering.
     text: f64,
     taken: Vec<Box>,
+    lines: Vec<Box>,
 }
 
 /// Distances of a label's box from its point, in points, near ones first.
-const DISTANCES: [f64; 5] = [6.0, 9.0, 13.0, 18.0, 25.0];
+const DISTANCES: [f64; 7] = [6.0, 9.0, 13.0, 18.0, 25.0, 34.0, 46.0];
 /// Directions tried at each distance.
 const DIRECTIONS: usize = 16;
+/// A marker or another label that is covered counts as so many lines: what is written over cannot be read at all.
+const WRITTEN: f64 = 12.0;
 /// Area in square points that a point of distance is worth.
 const NEARNESS: f64 = 0.4;
 
 impl Labels {
     /// Nothing drawn yet; lettering of size `text`.
     pub fn new((x, y): At, (w, h): At, text: f64) -> Self {
-        Self { frame: [x + 1.0, y + 1.0, x + w - 1.0, y + h - 1.0], text, taken: Vec::new() }
+        Self {
+            frame: [x + 1.0, y + 1.0, x + w - 1.0, y + h - 1.0],
+            text,
+            taken: Vec::new(),
+            lines: Vec::new(),
+        }
     }
 
     /// Keeps clear of a marker.
@@ -41,7 +49,7 @@ impl Labels {
             let (x, y) = (from.0 + t * (to.0 - from.0), from.1 + t * (to.1 - from.1));
             let part = [x - 1.5, y - 1.5, x + 1.5, y + 1.5];
             if overlap(&part, &self.frame) > 0.0 {
-                self.taken.push(part);
+                self.lines.push(part);
             }
         }
     }
@@ -58,7 +66,8 @@ impl Labels {
                 let centre = (x + c * (half_w + distance), y - s * (half_h + distance));
                 let label = around(centre);
                 let outside = area(&label) - overlap(&label, &self.frame);
-                let covered: f64 = self.taken.iter().map(|b| overlap(&label, b)).sum();
+                let covered = |boxes: &[Box]| boxes.iter().map(|b| overlap(&label, b)).sum::<f64>();
+                let covered = WRITTEN * covered(&self.taken) + covered(&self.lines);
                 let cost = covered + 10.0 * outside + NEARNESS * distance;
                 if cost < best.1 {
                     best = (centre, cost);
@@ -94,6 +103,24 @@ mod tests {
         let (half_w, half_h) = (text_width("I, 80 m", TEXT_PT) / 2.0, TEXT_PT / 2.0);
         assert!((first.1 - 100.0).abs() > half_h && (second.1 - 100.0).abs() > half_h);
         assert!((first.0 - second.0).abs() >= half_w || (first.1 - second.1).abs() >= 2.0 * half_h);
+    }
+
+    #[test]
+    fn spec_labels_of_a_crowd_do_not_collide() {
+        let mut labels = Labels::new((0.0, 0.0), (300.0, 300.0), TEXT_PT);
+        labels.avoid_line((0.0, 150.0), (300.0, 150.0));
+        let texts: Vec<String> = (0..10).map(|k| format!("slot {k}, 20 m")).collect();
+        let at = |k: usize| (140.0 + 3.0 * k as f64, 150.0);
+        (0..texts.len()).for_each(|k| labels.avoid(at(k), 4.0));
+        let half_h = TEXT_PT / 2.0;
+        let mut boxes: Vec<Box> = Vec::new();
+        for (k, text) in texts.iter().enumerate() {
+            let (x, y) = labels.place(at(k), text);
+            let half_w = text_width(text, TEXT_PT) / 2.0;
+            let own = [x - half_w, y - half_h, x + half_w, y + half_h];
+            assert!(boxes.iter().all(|other| overlap(&own, other) < 1e-9), "{text} collides");
+            boxes.push(own);
+        }
     }
 
     #[test]

@@ -14,6 +14,7 @@ mod charts;
 pub mod directory;
 pub mod facts;
 pub mod maps;
+pub mod mcap;
 mod page;
 mod said;
 pub mod simulated;

@@ -35,6 +35,21 @@ impl Square {
     /// Everything that a flight's maps must show.
     #[must_use]
     pub fn of(facts: &Facts) -> Self {
+        Self::around(facts, &[])
+    }
+
+    /// The same with the geofence and the no-fly areas.
+    #[must_use]
+    pub fn with_airspace(facts: &Facts) -> Self {
+        let air = facts.timeline.scene.airspace.iter();
+        let corners = air.flat_map(|air| {
+            let areas = air.no_fly.iter().flat_map(|area| &area.corners_m);
+            air.area_enu_m.iter().chain(areas).copied()
+        });
+        Self::around(facts, &corners.collect::<Vec<_>>())
+    }
+
+    fn around(facts: &Facts, corners: &[[f64; 2]]) -> Self {
         let scene = &facts.timeline.scene;
         let mut low = [f64::INFINITY; 2];
         let mut high = [f64::NEG_INFINITY; 2];
@@ -44,6 +59,7 @@ impl Square {
                 high[k] = high[k].max(position[k] + around_m);
             }
         };
+        corners.iter().for_each(|[east, north]| take(&[*east, *north, 0.0], 0.0));
         scene.users.iter().for_each(|user| take(&user.position_enu_m, 0.0));
         for listener in &scene.eavesdroppers {
             take(&listener.position_enu_m, circles(listener).into_iter().fold(0.0, f64::max));
@@ -206,7 +222,7 @@ pub fn overview(facts: &Facts, format: Format) -> String {
         Format::Wide => 640.0,
         Format::Narrow => format.width(),
     };
-    let axes = Square::of(facts).axes(width);
+    let axes = Square::with_airspace(facts).axes(width);
     let mut svg = Svg::inline(
         &format!("map-{}", format.name()),
         Square::size(width),

@@ -1,6 +1,7 @@
 //! The page: one HTML file with everything in it, which is also well-formed XML.
 
 mod drawings;
+mod replay;
 mod tables;
 
 use std::fmt::Write as _;
@@ -22,6 +23,8 @@ pub fn html(timeline: &Timeline) -> String {
     let story = tell(&facts);
     let mission = escape(&timeline.scene.mission);
     let mut page = String::from("<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\"/>\n");
+    // Nothing is fetched, whatever somebody has written into a file of the flight.
+    page += "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'\"/>\n";
     page += "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>\n";
     page += &format!("<title>Flight report: {mission}</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n");
     head(&mut page, &facts, &story);
@@ -30,6 +33,7 @@ pub fn html(timeline: &Timeline) -> String {
     section(&mut page, "slots", "The slots", &tables::slots(&facts));
     let square = Square::of(&facts);
     section(&mut page, "map", "From above", &drawings::overview(&facts));
+    section(&mut page, "replay", "The flight again", &replay::section(&facts));
     section(&mut page, "secrecy", "Secrecy on the ground", &drawings::secrecy(&facts, &square));
     section(&mut page, "time", "Over time", &drawings::over_time(&facts));
     section(&mut page, "preflight", "Before the flight", &tables::preflight(&facts));

@@ -5,6 +5,7 @@
 //! acknowledged, and rates follow from the vehicles' own estimates by the mission's model. Where a mission file and a plan
 //! are at hand, they give nodes, users' names and planned rates; poses and powers of the slots are in the logs themselves.
 
+mod leases;
 mod scene;
 mod vehicle;
 
@@ -24,6 +25,7 @@ use crate::radio::link::{Transmitter, sinr};
 use crate::radio::secrecy;
 use crate::role::{PerVehicle, Role};
 use crate::transmitter::wire::MavMessage as RadioMessage;
+pub use leases::{Lease, Said, leases};
 use vehicle::Tracker;
 
 /// The timeline has a sample this often.
