@@ -15,6 +15,7 @@ import argparse
 import json
 import os
 import pathlib
+import re
 import struct
 import tempfile
 import threading
@@ -216,9 +217,11 @@ def by_mavproxy(arguments):
         operator.type("ftp list")
         operator.said(r"parameter\.json", 20, "MAVProxy lists the files", operator.shown)
         operator.type("ftp get parameter.json fetched.json")
-        operator.said(r"Wrote \d+ bytes", 40, "MAVProxy fetches one", operator.shown)
+        wrote = operator.said(r"Wrote \d+ bytes", 40, "MAVProxy fetches one", operator.shown)
+        size = int(re.search(r"Wrote (\d+) bytes", wrote)[1])
         local, end = pathlib.Path(operator.home.name) / "fetched.json", time.monotonic() + 20.0
-        while not local.exists() and time.monotonic() < end:
+        # It says so before it closes the file.
+        while not (local.exists() and local.stat().st_size >= size) and time.monotonic() < end:
             time.sleep(0.1)
         names = [p["name"] for p in json.loads(local.read_text())["parameters"]]
         check("VW_ROLE" in names, f"which describes {len(names)} parameters")

@@ -319,8 +319,8 @@ impl CampaignDocument {
         Ok(())
     }
 
-    /// The flights that ended with less than the reserve, by the fault of the battery that took it; and one by one where there
-    /// was none.
+    /// The flights that ended with less than the reserve, by the fault that took it; and one by one where there
+    /// was none that takes charge unseen.
     fn write_batteries(&self, text: &mut String, replay: impl Fn(u64) -> String) -> std::fmt::Result {
         let reserve = BatteryDraft::default().reserve;
         let mut below: BTreeMap<&str, u64> = BTreeMap::new();
@@ -334,7 +334,7 @@ impl CampaignDocument {
             let named = TAKE_CHARGE.map(FaultKind::name);
             let fault =
                 flight.faults.iter().find_map(|fault| named.into_iter().find(|name| *name == fault.kind));
-            *below.entry(fault.unwrap_or("no fault of the battery")).or_default() += 1;
+            *below.entry(fault.unwrap_or("otherwise")).or_default() += 1;
             if fault.is_none() {
                 unexplained.push((left, flight.seed));
             }
