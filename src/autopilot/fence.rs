@@ -20,7 +20,7 @@ use super::outbox::{Address, Outbox};
 use super::state::VehicleState;
 use crate::geo::polygon::Polygon;
 use crate::geo::{Enu, Geodetic};
-use crate::preflight::Verdict::{Fail, Pass, Warn};
+use crate::preflight::Verdict::{self, Fail, Pass, Warn};
 use crate::preflight::{Check, check};
 use crate::time::Instant;
 use item::Item;
@@ -48,6 +48,8 @@ pub enum FenceDuty {
     Upload,
     /// Read and compared, never written.
     Check,
+    /// The same, on the day before: what differs will be uploaded before a take-off, and is no fault yet.
+    Foresee,
     /// None: the preflight warns.
     None,
 }
@@ -317,7 +319,7 @@ impl Keeper {
                 Pass,
                 format!("{corners} corners as they should be, {MARGIN_M} m outside the area"),
             ),
-            Err(why) => check("fence", Fail, why),
+            Err(why) => check("fence", self.worst(0), why),
         }
     }
 
@@ -332,8 +334,14 @@ impl Keeper {
         }
         Some(match self.judge(RALLY) {
             Ok(()) => check("rally point", Pass, "one, at home"),
-            Err(why) => check("rally point", Fail, why),
+            Err(why) => check("rally point", self.worst(RALLY), why),
         })
+    }
+
+    /// How bad it is that a list is not as it should be.
+    fn worst(&self, number: usize) -> Verdict {
+        let differs = matches!(self.lists[number].known, Known::Differs(_));
+        if differs && self.duty() == FenceDuty::Foresee { Warn } else { Fail }
     }
 
     fn judge(&self, number: usize) -> Result<(), String> {
@@ -343,6 +351,9 @@ impl Keeper {
             Known::Failed(failure) => Err(failure.to_string()),
             Known::Differs(how) if self.duty() == FenceDuty::Check => Err(format!(
                 "the autopilot's is not the mission's ({how}): upload it, or give [autopilot] fence = \"upload\""
+            )),
+            Known::Differs(how) if self.duty() == FenceDuty::Foresee => Err(format!(
+                "the autopilot's is not the mission's yet ({how}): `fly` uploads it before take-off"
             )),
             Known::Differs(how) => Err(format!("being uploaded: {how}")),
             Known::KeptOtherwise(how) => {

@@ -165,7 +165,7 @@ impl Stand<'_> {
             autopilot.transit = Limits::new(0.1, 0.1, 0.1);
         }
         if let Some(fence) = autopilot.fence.as_mut().filter(|fence| fence.duty == FenceDuty::Upload) {
-            fence.duty = FenceDuty::Check;
+            fence.duty = FenceDuty::Foresee;
         }
         Ok(Settings {
             role: vehicle.role,

@@ -356,6 +356,19 @@ fn spec_what_another_station_writes_is_seen_and_put_right() {
 }
 
 #[test]
+fn spec_what_will_be_uploaded_is_foreseen_with_a_warning_and_not_written() {
+    let mut bench = Bench::new(FenceDuty::Foresee);
+    let unread = bench.check("fence");
+    assert_eq!(unread.result, Fail, "{unread:?}");
+    bench.run(20.0);
+    for name in ["fence", "rally point"] {
+        let told = bench.check(name);
+        assert!(told.result == Warn && told.detail.contains("uploads it before take-off"), "{told:?}");
+    }
+    assert_eq!(bench.counts(), 0);
+}
+
+#[test]
 fn spec_check_reads_and_never_writes_and_none_is_warned_of() {
     let mut bench = Bench::new(FenceDuty::Check);
     bench.run(20.0);
