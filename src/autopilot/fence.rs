@@ -319,7 +319,7 @@ impl Keeper {
                 Pass,
                 format!("{corners} corners as they should be, {MARGIN_M} m outside the area"),
             ),
-            Err(why) => check("fence", self.worst(0), why),
+            Err((verdict, why)) => check("fence", verdict, why),
         }
     }
 
@@ -334,32 +334,33 @@ impl Keeper {
         }
         Some(match self.judge(RALLY) {
             Ok(()) => check("rally point", Pass, "one, at home"),
-            Err(why) => check("rally point", self.worst(RALLY), why),
+            Err((verdict, why)) => check("rally point", verdict, why),
         })
     }
 
-    /// How bad it is that a list is not as it should be.
-    fn worst(&self, number: usize) -> Verdict {
-        let differs = matches!(self.lists[number].known, Known::Differs(_));
-        if differs && self.duty() == FenceDuty::Foresee { Warn } else { Fail }
-    }
-
-    fn judge(&self, number: usize) -> Result<(), String> {
-        match &self.lists[number].known {
-            Known::Held => Ok(()),
-            Known::NotYet => Err("not read yet".to_owned()),
-            Known::Failed(failure) => Err(failure.to_string()),
-            Known::Differs(how) if self.duty() == FenceDuty::Check => Err(format!(
-                "the autopilot's is not the mission's ({how}): upload it, or give [autopilot] fence = \"upload\""
-            )),
-            Known::Differs(how) if self.duty() == FenceDuty::Foresee => Err(format!(
-                "the autopilot's is not the mission's yet ({how}): `fly` uploads it before take-off"
-            )),
-            Known::Differs(how) => Err(format!("being uploaded: {how}")),
+    /// Whether a list is as it should be, or how bad it is that it is not.
+    fn judge(&self, number: usize) -> Result<(), (Verdict, String)> {
+        let why = match &self.lists[number].known {
+            Known::Held => return Ok(()),
+            Known::NotYet => "not read yet".to_owned(),
+            Known::Failed(failure) => failure.to_string(),
             Known::KeptOtherwise(how) => {
-                Err(format!("it was uploaded, and the autopilot keeps it otherwise: {how}"))
+                format!("it was uploaded, and the autopilot keeps it otherwise: {how}")
             }
-        }
+            Known::Differs(how) => match self.duty() {
+                FenceDuty::Check => format!(
+                    "the autopilot's is not the mission's ({how}): upload it, or give [autopilot] fence = \"upload\""
+                ),
+                FenceDuty::Foresee => {
+                    let why = format!(
+                        "the autopilot's is not the mission's yet ({how}): `fly` uploads it before take-off"
+                    );
+                    return Err((Warn, why));
+                }
+                FenceDuty::None | FenceDuty::Upload => format!("being uploaded: {how}"),
+            },
+        };
+        Err((Fail, why))
     }
 }
 

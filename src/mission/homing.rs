@@ -32,27 +32,38 @@ impl Executive {
     }
 
     /// After an abort the two must not cross. I goes home first; J when I is down, or is not coming, or took too
-    /// long, or J's battery does not bear the wait: its way keeps clear of I's. If nothing is heard of I, its companion may still be flying it home by the same rule: J gives it time.
-    pub(super) fn may_return(&self, waited: Duration, now: Instant) -> bool {
-        let peer = self.service.peer();
-        if self.settings.role == Role::I || waited > LAND_FIRST || !self.may_wait(now) {
+    /// long, or J's battery does not bear the wait: its way keeps clear of I's. If nothing is heard of I, its companion may
+    /// still be flying it home by the same rule: J gives it time.
+    pub(super) fn may_return(&mut self, waited: Duration, now: Instant) -> bool {
+        if self.settings.role == Role::I || waited > LAND_FIRST {
             return true;
         }
+        if self.endurance.is_due(now) && !self.may_wait(now) {
+            return true;
+        }
+        let peer = self.service.peer();
         if peer.heard_within(self.settings.pair.peer_timeout, now) {
             return peer.says(VeilwingFlags::VEILWING_FLAGS_LANDED)
                 || !peer.says(VeilwingFlags::VEILWING_FLAGS_RETURNING);
         }
-        let way = self.router().ok().zip(peer.position_enu_m).zip(peer.home_enu_m).and_then(
-            |((router, at), home)| {
-                let start = Start { position_enu_m: at, attitude: Attitude::level() };
-                router.alone(Role::I, &start, &home, &[]).ok()
-            },
-        );
-        waited > HOLD + LAND_UNHEARD + way.map_or(LAND_FIRST, |way| way.duration())
+        let way = peer.position_enu_m.and_then(|at| self.way_home(Role::I, at, Attitude::level()));
+        waited > HOLD + LAND_UNHEARD + way.unwrap_or(LAND_FIRST)
     }
 
-    pub(super) fn router(&self) -> Result<Router, TransitError> {
+    fn router(&self) -> Result<Router, TransitError> {
         Router::new(&self.settings.airspace, &self.settings.limits)
+    }
+
+    /// A vehicle's home, as far as it is known.
+    pub(super) fn home_of(&self, role: Role) -> Option<Enu> {
+        if role == self.settings.role { self.home_enu_m } else { self.service.peer().home_enu_m }
+    }
+
+    /// How long a vehicle's way from there to above its home is, whatever the other does.
+    pub(super) fn way_home(&self, role: Role, at: Enu, attitude: Attitude) -> Option<Duration> {
+        let start = Start { position_enu_m: at, attitude };
+        let way = self.router().ok()?.alone(role, &start, &self.home_of(role)?, &[]).ok()?;
+        Some(way.duration())
     }
 
     /// Where the other vehicle may be while we fly home: where it was last seen, and above and at its home.

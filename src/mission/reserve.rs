@@ -6,7 +6,6 @@ use crate::geo::{Attitude, Enu};
 use crate::pair::Commitment;
 use crate::preflight::Check;
 use crate::role::Role;
-use crate::schedule::trajectory::Start;
 use crate::time::Instant;
 
 use super::cause::Cause;
@@ -87,12 +86,11 @@ impl Executive {
 
     /// A vehicle's way from there to the ground at its home.
     fn way(&self, role: Role, at: Enu, attitude: Attitude) -> Option<Duration> {
-        let home = if role == self.settings.role { self.home_enu_m } else { self.service.peer().home_enu_m }?;
+        let home = self.home_of(role)?;
         if self.is_in_own_column(at, home) {
             return Some(landing(at.z - home.z));
         }
-        let start = Start { position_enu_m: at, attitude };
-        let way = self.router().ok()?.alone(role, &start, &home, &[]).ok()?;
-        Some(way.duration() + landing(self.settings.above(home).z - home.z))
+        let way = self.way_home(role, at, attitude)?;
+        Some(way + landing(self.settings.above(home).z - home.z))
     }
 }
