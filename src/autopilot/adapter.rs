@@ -350,6 +350,13 @@ impl Autopilot {
         self.peer.as_ref().is_some_and(|peer| peer.specifics.is_guarding(&self.parameters))
     }
 
+    /// The charge, of 1, down to which a battery falls that the autopilot simulates, as PX4's does within half a minute whatever
+    /// is flown; `None` of a real one.
+    #[must_use]
+    pub fn simulated_charge_floor(&self) -> Option<f64> {
+        self.peer.as_ref()?.specifics.simulated_charge_floor(&self.parameters)
+    }
+
     /// UTC by the autopilot's clock.
     #[must_use]
     pub fn utc(&self, now: Instant) -> Option<Utc> {

@@ -5,7 +5,8 @@
 //! take-off: a gauge that stands still does not hide the time.
 //!
 //! *Rate.* The faster of the file's and of the fall as flown: an old battery, a cold one or a heavy tilt shows in it. A gauge
-//! counts in steps of a percent, so the fall is taken from one step to another; the sag of the first seconds is left out.
+//! counts in steps of a percent, so the fall is taken from one step to another; the sag of the first seconds is left out. PX4's
+//! simulated battery loses half of its charge in half a minute and then nothing more: its fall is no rate.
 //!
 //! *Need.* A vehicle that gives up holds, lets the other land first if it is J, flies home and lands. As soon as the time down
 //! to the reserve is less than that from where it is, or than the next slot and the way home from there, it gives up, and the
@@ -74,15 +75,17 @@ impl Endurance {
         self.battery.reserve
     }
 
-    /// What the autopilot says of the charge, of 1.
-    pub fn feed(&mut self, said: Option<f64>, flies: bool, now: Instant) {
+    /// What the autopilot says of the charge, of 1. `floor`: of a simulated battery the charge down to which its fall is no
+    /// forecast.
+    pub fn feed(&mut self, said: Option<f64>, floor: Option<f64>, flies: bool, now: Instant) {
         self.said = said;
         let Some(said) = said.filter(|_| flies) else {
             (self.took_off, self.lowest) = (None, None);
             return self.steps.clear();
         };
         let (took_off, _) = *self.took_off.get_or_insert((now, said));
-        if now < took_off + SETTLES || self.lowest.is_some_and(|lowest| said >= lowest) {
+        let foretells = floor.is_none_or(|floor| said < floor);
+        if now < took_off + SETTLES || !foretells || self.lowest.is_some_and(|lowest| said >= lowest) {
             return;
         }
         // The first is no step: nobody knows since when it has been so much.
@@ -186,7 +189,7 @@ mod tests {
     fn flown(endurance: &mut Endurance, charge: f64, true_s: f64, seconds: u32) -> Option<f64> {
         for s in (0..=seconds * 2).map(|s| f64::from(s) / 2.0) {
             let left = charge - s / true_s;
-            endurance.feed(Some((left * 100.0).ceil() / 100.0), true, at(s));
+            endurance.feed(Some((left * 100.0).ceil() / 100.0), None, true, at(s));
         }
         endurance.left(at(f64::from(seconds))).map(|left| left.as_secs_f64())
     }
@@ -215,7 +218,7 @@ mod tests {
         for half_s in 0..=130 {
             let s = f64::from(half_s) / 2.0;
             charge -= 0.5 * if s < 55.0 { 0.001 } else { 0.01 };
-            endurance.feed(Some((charge * 100.0_f64).ceil() / 100.0), true, at(s));
+            endurance.feed(Some((charge * 100.0_f64).ceil() / 100.0), None, true, at(s));
         }
         // Ten seconds later, of a window of sixty.
         let left_s = endurance.left(at(65.0)).unwrap().as_secs_f64();
@@ -226,13 +229,13 @@ mod tests {
     fn spec_a_gauge_that_stands_still_does_not_hide_the_time() {
         let mut endurance = of(Some(500));
         for s in 0..=200 {
-            endurance.feed(Some(0.8), true, at(f64::from(s)));
+            endurance.feed(Some(0.8), None, true, at(f64::from(s)));
         }
         assert!((endurance.charge(at(200.0)).unwrap() - 0.4).abs() < 1e-9);
         assert!((endurance.left(at(200.0)).unwrap().as_secs_f64() - 100.0).abs() < 1e-6);
         // Nothing shows it where the file does not say how long the battery lasts.
         let mut endurance = of(None);
-        (0..=200).for_each(|s| endurance.feed(Some(0.8), true, at(f64::from(s))));
+        (0..=200).for_each(|s| endurance.feed(Some(0.8), None, true, at(f64::from(s))));
         assert_eq!(endurance.left(at(200.0)), None);
     }
 
@@ -240,26 +243,47 @@ mod tests {
     fn spec_the_sag_at_take_off_is_no_rate_and_a_fall_to_the_reserve_is_the_end() {
         let mut endurance = of(None);
         for (s, charge) in [(0.0, 0.9), (1.0, 0.87), (3.0, 0.84), (11.0, 0.84), (60.0, 0.83), (110.0, 0.82)] {
-            endurance.feed(Some(charge), true, at(s));
+            endurance.feed(Some(charge), None, true, at(s));
         }
         let left_s = endurance.left(at(110.0)).unwrap().as_secs_f64();
         assert!((left_s - 0.62 * 5000.0).abs() < 1.0, "{left_s}");
-        endurance.feed(Some(0.2), true, at(111.0));
+        endurance.feed(Some(0.2), None, true, at(111.0));
         assert_eq!(endurance.left(at(111.0)), Some(Duration::ZERO));
-        endurance.feed(None, true, at(112.0));
+        endurance.feed(None, None, true, at(112.0));
         assert_eq!(endurance.left(at(112.0)), None, "who says nothing is not asked");
+    }
+
+    #[test]
+    fn spec_the_fall_of_a_simulated_battery_to_its_floor_is_no_rate_and_what_falls_below_is() {
+        let px4 = |s: f64| (1.0 - s / 60.0).max(0.5);
+        for (file, left_s) in [(None, None), (Some(1000), Some(300.0))] {
+            let mut endurance = of(file);
+            for s in (0..=100).map(f64::from) {
+                endurance.feed(Some((px4(s) * 100.0).floor() / 100.0), Some(0.5), true, at(s));
+            }
+            assert_eq!(endurance.left(at(100.0)).map(|left| left.as_secs_f64().round()), left_s);
+            for s in (0..=20).map(f64::from) {
+                endurance.feed(Some(0.5 - s / 100.0), Some(0.5), true, at(100.0 + s));
+            }
+            let left_s = endurance.left(at(120.0)).unwrap().as_secs_f64();
+            assert!((left_s - 10.0).abs() < 1.0, "{left_s}");
+        }
+        // The same of a real battery is one.
+        let mut endurance = of(None);
+        (0..=20).map(f64::from).for_each(|s| endurance.feed(Some(px4(s)), None, true, at(s)));
+        assert!(endurance.left(at(20.0)).unwrap() < Duration::from_secs(40));
     }
 
     #[test]
     fn spec_before_take_off_it_is_said_what_fits() {
         let mut endurance = of(Some(1000));
-        endurance.feed(Some(0.9), false, at(0.0));
+        endurance.feed(Some(0.9), None, false, at(0.0));
         let fits = endurance.check(Duration::from_secs(200), at(100.0));
         assert_eq!(fits.result, Verdict::Pass, "time on the ground costs nothing");
         assert!(fits.detail.contains("11.7 min") && fits.detail.contains("fits 3 times"), "{}", fits.detail);
         let fails = endurance.check(Duration::from_secs(701), at(100.0));
         assert_eq!(fails.result, Verdict::Fail);
-        endurance.feed(None, false, at(101.0));
+        endurance.feed(None, None, false, at(101.0));
         assert_eq!(endurance.check(Duration::from_secs(1), at(101.0)).result, Verdict::Warn);
         assert_eq!(of(None).check(Duration::from_secs(1), at(0.0)).result, Verdict::Warn);
     }

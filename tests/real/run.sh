@@ -103,8 +103,13 @@ for part in "$@"; do
             quad safe quad-gps --keep --do "i@$on=>gps i" --do 't+60=>pilot i land'
             quad safe quad-order-kill --keep --do "i@$on=>cmd j 31011"
             quad safe quad-order-return --keep --do "i@$on=>cmd i 20"
-            quad safe quad-fence --keep --set GUID_TIMEOUT=1 FENCE_ENABLE=1 FENCE_TYPE=5 FENCE_ALT_MAX=95 --do "i@$on=>push i"
+            quad safe quad-fence --keep --set GUID_TIMEOUT=1 FENCE_ENABLE=1 FENCE_TYPE=5 FENCE_ALT_MAX=95 --do "i@$on=>push i" --do 't+75=>pilot i land'
             quad safe quad-way-kill --keep --do "i@$way=>kill i" --do 't+60=>pilot i land'
+            quad safe quad-way-term --keep --do "i@$way=>term i" --do 't+60=>pilot i land'
+            quad safe quad-way-stop --keep --do "i@$way=>stop i 3" --do 't+60=>pilot i land'
+            quad safe quad-way-cut --keep --gate --do "i@$way=>cut i 2" --do 't+60=>cmd i 20'
+            quad safe quad-way-mode --keep --do "i@$way=>pilot i hold" --do 't+60=>pilot i land'
+            quad safe quad-way-gps --keep --do "i@$way=>gps i" --do 't+60=>pilot i land'
             ;;
         six) six completed six --chatter 50 ;;
         six-faults)
@@ -113,10 +118,11 @@ for part in "$@"; do
             six safe six-burst --keep --do "i@$on=>burst i 25"
             six safe six-kill --keep --do "i@$on=>kill i" --do 't+60=>pilot i land'
             six safe six-mode --keep --do "i@$on=>pilot i hold" --do 't+60=>pilot i land'
+            six safe six-way-script-i --keep --do "i@$way=>param i SCR_VM_I_COUNT 1000" --do 't+90=>pilot i land'
             ;;
         # shellcheck disable=SC2086  # three words
         mixed) fly completed mixed --i px4 --j six --altitude 12 22 --settle 5 --bridge-radio --set COM_OBL_RC_ACT=5 j:GUID_TIMEOUT=1 j:VW_TX_FN=94 \
-            j:VW_DBM_LO=-30 j:VW_DBM_HI=0 --timeout 200 ;;
+            j:VW_DBM_LO=-30 j:VW_DBM_HI=0 --limit speed_m_s=2.5 --timeout 200 ;;
         *) echo "there is no part \"$part\"" >&2; exit 2 ;;
     esac
 done

@@ -1,6 +1,7 @@
 //! PX4: `custom_mode` carries the main mode in bits 16-23 and, for AUTO, the sub-mode in bits 24-31.
 
 pub(super) mod airframe;
+pub(super) mod battery;
 pub(super) mod land_detector;
 pub(super) mod preflight;
 pub(super) mod release;
@@ -30,6 +31,7 @@ pub(super) const PARAMETERS: &[&str] = &[
     "MPC_Z_VEL_MAX_UP",
     "MPC_Z_VEL_MAX_DN",
     LAND_DETECTOR_SPEED,
+    battery::FLOOR,
 ];
 
 pub(super) fn mode(custom_mode: u32) -> Mode {

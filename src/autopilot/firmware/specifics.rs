@@ -135,6 +135,14 @@ impl Specifics {
         matches!(self, Self::Px4 { .. }) && LandDetectorGuard::is_off(parameters)
     }
 
+    /// The charge, of 1, down to which a battery falls that the autopilot simulates; `None` of a real one.
+    pub(in crate::autopilot) fn simulated_charge_floor(&self, parameters: &Parameters) -> Option<f64> {
+        match self {
+            Self::Px4 { .. } => px4::battery::floor(parameters),
+            Self::ArduPilot { .. } => None,
+        }
+    }
+
     /// Whether the attitude may leave the level.
     pub(in crate::autopilot) fn allows_tilt(&self, parameters: &Parameters) -> bool {
         match self {
@@ -202,6 +210,7 @@ impl Specifics {
             Self::Px4 { guard, rotors } => {
                 let rotors_n = rotors.as_ref().and_then(RotorScales::thrust_n);
                 let mut all = px4::preflight::checks(parameters, settings, guard.is_ours(), rotors_n);
+                all.extend(px4::battery::checked(parameters));
                 all.extend(version.into_iter().flat_map(|v| px4::release::checks(parameters, settings, v)));
                 all
             }

@@ -44,6 +44,21 @@ fn spec_preflight_names_parameter_value_and_remedy_and_silence_is_not_known() {
 }
 
 #[test]
+fn spec_a_battery_that_px4_simulates_is_known_by_its_parameter_and_a_real_one_has_none() {
+    let of = |firmware, percent: Option<f32>| {
+        let mut fake = Fake::new(firmware);
+        fake.parameters.extend(percent.map(|percent| ("SIM_BAT_MIN_PCT".into(), real(percent))));
+        let mut world = World::new(fake, |_| {});
+        world.connect();
+        let said = world.autopilot.preflight(world.now).into_iter().any(|check| check.name == "SIM_BAT_MIN_PCT");
+        (world.autopilot.simulated_charge_floor(), said)
+    };
+    assert_eq!(of(Firmware::Px4, Some(50.0)), (Some(0.5), true));
+    assert_eq!(of(Firmware::Px4, None), (None, false));
+    assert_eq!(of(Firmware::ArduPilot, Some(50.0)), (None, false));
+}
+
+#[test]
 fn spec_limits_tighter_than_the_transits_are_named_with_both_numbers_by_whatever_name() {
     let find = |world: &World, name: &str| {
         world.autopilot.preflight(world.now).into_iter().find(|check| check.name == name)
