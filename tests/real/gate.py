@@ -30,7 +30,8 @@ def sock(p):
 
 
 px, co, ctl = sock(ONBOARD + i), sock(20000 + ONBOARD + i), sock(GATE_CONTROL + i)
-px_addr, co_addr = ("127.0.0.1", 14580 + i), ("127.0.0.1", 10000 + ONBOARD + i)
+# Where the autopilot is shows once it speaks; before that nothing goes out: another pair's may be at PX4's usual port.
+px_addr, co_addr = None, ("127.0.0.1", 10000 + ONBOARD + i)
 cut_until = 0.0
 delay, jit, loss, rate = A.delay, 0.0, A.loss, A.rate
 q = []
@@ -62,8 +63,10 @@ def put(which, data):
 
 
 def out(which, data):
+    to, address = (co, co_addr) if which == 0 else (px, px_addr)
     try:
-        (co.sendto(data, co_addr) if which == 0 else px.sendto(data, px_addr))
+        if address:
+            to.sendto(data, address)
     except OSError:
         pass
 

@@ -69,6 +69,12 @@ if kind == "completed":
             seconds = slot["on_" + role] / end["missions"]
             bar(f"{name}: on the air, s", round(seconds, 2), seconds >= slot_s - (1.1 if role == "i" else 0.6))
 else:
+    # Nothing goes wrong on a flight that was none.
+    for role in "ij":
+        bar(f"vehicle {role}: flew", score["modes_" + role][-1], any(mode[2] == "armed" for mode in score["modes_" + role]))
+    planned = options["do"][0].split("=>", 1)[1].split("&")[0]
+    done = [event[0] for event in score.get("after", [])]
+    bar("went wrong", done, planned in done)
     for role in "ij":
         print("    ", role, "modes", score["modes_" + role], "ended", score["end_" + role])
     for event in score.get("after", []):
