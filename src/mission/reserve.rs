@@ -27,7 +27,8 @@ impl Executive {
             return;
         }
         let at = self.phase.motion().map(|motion| motion.sample(now));
-        let needed = at.and_then(|at| self.way_down(at.position_enu_m, at.attitude));
+        let of_i = self.service.peer().position_enu_m;
+        let needed = at.and_then(|at| self.way_down(at.position_enu_m, at.attitude, of_i));
         if let Some(cause) = needed.and_then(|needed| self.too_little(needed, None, now)) {
             self.abort(cause, now);
         }
@@ -60,10 +61,11 @@ impl Executive {
         })
     }
 
-    /// From a slot's pose to the ground.
+    /// From a slot's pose to the ground, with the other vehicle in its own.
     fn way_down_from(&self, slot: u16) -> Option<Duration> {
-        let pose = self.itinerary.as_ref()?.entry(slot)?.transit[self.settings.role].end();
-        self.way_down(pose.position_enu_m, pose.attitude)
+        let transit = &self.itinerary.as_ref()?.entry(slot)?.transit;
+        let own = transit[self.settings.role].end();
+        self.way_down(own.position_enu_m, own.attitude, Some(transit.i.end().position_enu_m))
     }
 
     /// Whether the battery bears that the other one lands first.
@@ -73,12 +75,12 @@ impl Executive {
         needed.is_none_or(|needed| self.too_little(needed.mul_f64(MARGIN), None, now).is_none())
     }
 
-    /// From there to the ground as after an abort: the hold, the other's way where it is J that waits for I, the own one.
-    fn way_down(&self, at: Enu, attitude: Attitude) -> Option<Duration> {
+    /// From there to the ground as after an abort: the hold, the way of I from `of_i` where it is J that waits for it, the own one.
+    fn way_down(&self, at: Enu, attitude: Attitude, of_i: Option<Enu>) -> Option<Duration> {
         let own = self.way(self.settings.role, at, attitude)?;
-        let others = match (self.settings.role, self.service.peer().position_enu_m) {
-            (Role::I, _) => Duration::ZERO,
-            (Role::J, at) => at
+        let others = match self.settings.role {
+            Role::I => Duration::ZERO,
+            Role::J => of_i
                 .and_then(|at| self.way(Role::I, at, Attitude::level()))
                 .map_or(LAND_FIRST, |way| way.min(LAND_FIRST)),
         };

@@ -66,12 +66,31 @@ fn spec_a_mission_that_does_not_fit_is_not_begun_and_one_that_nobody_can_tell_is
 
 #[test]
 fn spec_a_gauge_that_stands_still_does_not_keep_a_vehicle_in_the_air() {
-    let mut flight = Flight::new(of(Some(150.0)));
-    flight.world.inject(Fault::BatteryWeak { vehicle: 1, times: 12.0 });
+    let mut flight = Flight::new(of(Some(200.0)));
+    flight.world.inject(Fault::BatteryWeak { vehicle: 1, times: 9.0 });
     flight.world.inject(Fault::BatteryLies { vehicle: 1 });
     flight.fly_out();
     flight.assert_safe();
     let left = flight.report().battery_left;
     assert!(left.j >= RESERVE, "{left:?}\n{}", flight.story());
     assert!(left.j < 0.6, "{left:?}\n{}", flight.story());
+}
+
+#[test]
+fn spec_what_the_preflight_lets_begin_is_flown_to_the_end() {
+    let begun = (10..60).map(|tens| f64::from(tens) * 10.0).find_map(|endurance_s| {
+        let mut flight = Flight::new(of(Some(endurance_s)));
+        for vehicle in 0..2 {
+            flight.world.inject(Fault::BatteryWeak { vehicle, times: 1800.0 / endurance_s });
+        }
+        flight.pass(Duration::from_secs(10));
+        flight.said(Role::I, "taking off").is_some().then_some((flight, endurance_s))
+    });
+    let (mut flight, endurance_s) = begun.expect("ten minutes are enough");
+    assert!(endurance_s > 100.0, "the shortest of them is not");
+    flight.fly_out();
+    flight.assert_safe();
+    assert!(flight.said(Role::J, "aborted").is_none(), "{endurance_s} s:\n{}", flight.story());
+    let left = flight.report().battery_left;
+    assert!(left.i.min(left.j) >= RESERVE, "{endurance_s} s: {left:?}");
 }
