@@ -50,7 +50,8 @@ fn spec_a_battery_that_px4_simulates_is_known_by_its_parameter_and_a_real_one_ha
         fake.parameters.extend(percent.map(|percent| ("SIM_BAT_MIN_PCT".into(), real(percent))));
         let mut world = World::new(fake, |_| {});
         world.connect();
-        let said = world.autopilot.preflight(world.now).into_iter().any(|check| check.name == "SIM_BAT_MIN_PCT");
+        let said =
+            world.autopilot.preflight(world.now).into_iter().any(|check| check.name == "SIM_BAT_MIN_PCT");
         (world.autopilot.simulated_charge_floor(), said)
     };
     assert_eq!(of(Firmware::Px4, Some(50.0)), (Some(0.5), true));
