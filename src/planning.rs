@@ -7,12 +7,13 @@ pub mod timetable;
 
 use std::time::Duration;
 
-use crate::config::{Mission, Optimise};
+use crate::config::{Mission, Mode, Optimise};
 use crate::geo::Pose;
 use crate::planner::plan::SlotPlan;
 use crate::planner::problem::Problem;
 use crate::planner::slots::{Plan, PlannedSlot};
-use crate::planner::volume::{self, Fairness};
+use crate::planner::turning::{self, Standing};
+use crate::planner::volume::{self, Fairness, Service};
 use crate::planner::{Near, Options, PlanError, plan_slot, plan_slot_near};
 use crate::role::PerVehicle;
 use crate::schedule::choice;
@@ -20,6 +21,9 @@ use crate::schedule::order::Order;
 use crate::schedule::transit::Router;
 use crate::schedule::ways;
 use crate::time::Instant;
+
+/// The part of the rate that the tolerances of a turn's knots may cost.
+const TOLERATED: f64 = 0.02;
 
 /// A plan and what each slot's search took, by user.
 #[derive(Debug, Clone)]
@@ -65,9 +69,20 @@ pub fn plan_with(
     options: &Options,
     mut now: impl FnMut() -> Instant,
 ) -> Result<Timed, PlanningError> {
-    if mission.planner.optimise == Optimise::Volume {
-        return superframe(mission, options, now);
-    }
+    let timed = match (mission.planner.optimise, mission.planner.mode) {
+        (Optimise::Rate, _) => each_by_itself(mission, options, &mut now)?,
+        (Optimise::Volume, Mode::Static) => return superframe(mission, options, &mut now),
+        (Optimise::Volume, Mode::Turning) => return turning_superframe(mission, options, &mut now),
+    };
+    if mission.planner.mode == Mode::Turning { through(mission, options, timed, &mut now) } else { Ok(timed) }
+}
+
+/// Every slot by itself, wherever its best poses are.
+fn each_by_itself(
+    mission: &Mission,
+    options: &Options,
+    now: &mut impl FnMut() -> Instant,
+) -> Result<Timed, PlanningError> {
     let mut planning_time = Vec::new();
     let (mut users, mut problems) = (Vec::new(), Vec::new());
     for (index, user) in mission.users.iter().enumerate() {
@@ -108,33 +123,98 @@ fn planned(
     }
 }
 
-/// All slots in one search, by what is delivered over a superframe. Each slot's time is its share of the search's.
+/// What a search for all slots together is given.
+struct Together {
+    problems: Vec<Problem>,
+    service: Service,
+    router: Router,
+}
+
+impl Together {
+    fn of(mission: &Mission) -> Result<Self, PlanningError> {
+        let problems = (0..mission.users.len()).filter_map(|user| mission.problem(user)).collect();
+        let air = &mission.airspace;
+        // What the config checks refuse, and more: an area without an interior, limits that are none.
+        let router = Router::new(air, &mission.transit_limits())
+            .map_err(|_| of_first(mission, PlanError::EmptyArea { vertices: air.area_enu_m.len() }))?;
+        Ok(Self { problems, service: mission.service(), router })
+    }
+
+    /// The slots that it found. Each one's time is its share of the search's.
+    fn slots(
+        &self,
+        mission: &Mission,
+        (plans, slots_s): (Vec<SlotPlan>, Vec<f64>),
+        took: Duration,
+    ) -> Result<(Vec<PlannedSlot>, Vec<Duration>), PlanningError> {
+        let own = self.service.fairness == Fairness::MaxMin;
+        let slots = mission.users.iter().zip(&self.problems).zip(plans.into_iter().zip(slots_s));
+        let slots: Vec<_> = slots
+            .map(|((user, problem), (plan, slot_s))| {
+                let length = own.then(|| Duration::try_from_secs_f64(slot_s).unwrap_or_default());
+                planned(mission, user.name.clone(), plan, length, problem)
+            })
+            .collect::<Result<_, _>>()?;
+        let times = vec![took / u32::try_from(slots.len().max(1)).unwrap_or(u32::MAX); slots.len()];
+        Ok((slots, times))
+    }
+}
+
+/// What is wrong with a search for all users is said of the first.
+fn of_first(mission: &Mission, error: PlanError) -> PlanningError {
+    let user = mission.users.first().map(|user| user.name.clone()).unwrap_or_default();
+    PlanningError { user, error }
+}
+
+/// All slots in one search, by what is delivered over a superframe.
 fn superframe(
     mission: &Mission,
     options: &Options,
-    mut now: impl FnMut() -> Instant,
+    now: &mut impl FnMut() -> Instant,
 ) -> Result<Timed, PlanningError> {
-    let of_first = |error| {
-        let user = mission.users.first().map(|user| user.name.clone()).unwrap_or_default();
-        PlanningError { user, error }
-    };
-    let problems: Vec<Problem> = (0..mission.users.len()).filter_map(|user| mission.problem(user)).collect();
-    let air = &mission.airspace;
-    // What the config checks refuse, and more: an area without an interior, limits that are none.
-    let router = Router::new(air, &mission.transit_limits())
-        .map_err(|_| of_first(PlanError::EmptyArea { vertices: air.area_enu_m.len() }))?;
-    let service = mission.service();
+    let all = Together::of(mission)?;
     let started = now();
-    let found = volume::plan(&problems, &service, &router, options).map_err(of_first)?;
-    let took = now().saturating_since(started) / u32::try_from(problems.len().max(1)).unwrap_or(u32::MAX);
-    let mut slots = Vec::new();
-    let users = mission.users.iter().zip(&problems);
-    for ((user, problem), (plan, slot_s)) in users.zip(found.slots.into_iter().zip(found.slots_s)) {
-        let own = service.fairness == Fairness::MaxMin;
-        let length = own.then(|| Duration::try_from_secs_f64(slot_s).unwrap_or_default());
-        slots.push(planned(mission, user.name.clone(), plan, length, problem)?);
-    }
-    Ok(Timed { planning_time: vec![took; slots.len()], plan: Plan::new(slots) })
+    let found = volume::plan(&all.problems, &all.service, &all.router, options);
+    let found = found.map_err(|error| of_first(mission, error))?;
+    let took = now().saturating_since(started);
+    let (slots, planning_time) = all.slots(mission, (found.slots, found.slots_s), took)?;
+    Ok(Timed { planning_time, plan: Plan::new(slots) })
+}
+
+/// The same with the pair on the air while it turns.
+fn turning_superframe(
+    mission: &Mission,
+    options: &Options,
+    now: &mut impl FnMut() -> Instant,
+) -> Result<Timed, PlanningError> {
+    let all = Together::of(mission)?;
+    let started = now();
+    let found = turning::plan(&all.problems, &all.service, &all.router, options, Some(TOLERATED));
+    let found = found.map_err(|error| of_first(mission, error))?;
+    let took = now().saturating_since(started);
+    let (slots, planning_time) = all.slots(mission, (found.slots, found.slots_s), took)?;
+    Ok(Timed { planning_time, plan: Plan::turning(slots, found.protected) })
+}
+
+/// Gives slots that were planned by themselves their turns.
+fn through(
+    mission: &Mission,
+    options: &Options,
+    timed: Timed,
+    now: &mut impl FnMut() -> Instant,
+) -> Result<Timed, PlanningError> {
+    let Timed { plan, mut planning_time } = timed;
+    let all = Together::of(mission)?;
+    let started = now();
+    let vehicles: Vec<_> = plan.slots.iter().map(|slot| slot.plan.vehicles).collect();
+    let slots_s = vec![mission.tdma.slot_s; vehicles.len()];
+    let standing = Standing { vehicles: &vehicles, slots_s: &slots_s, order: None };
+    let turns =
+        turning::through(&all.problems, &standing, &all.service, &all.router, options, Some(TOLERATED));
+    let turns = turns.map_err(|error| of_first(mission, error))?;
+    let share = now().saturating_since(started) / u32::try_from(vehicles.len().max(1)).unwrap_or(u32::MAX);
+    planning_time.iter_mut().for_each(|time| *time += share);
+    Ok(Timed { planning_time, plan: Plan::turning(plan.slots, turns) })
 }
 
 /// What a plan delivers in a superframe, and what that takes; per superframe that follows another.
@@ -153,6 +233,14 @@ pub struct Delivered {
 /// What a plan of this mission delivers.
 #[must_use]
 pub fn delivered(mission: &Mission, plan: &Plan) -> Delivered {
+    if let Some(turns) = &plan.turns {
+        return Delivered {
+            volume_bits: turns.volume_bits(),
+            least_user_volume_bits: turns.least_user_volume_bits(),
+            on_air_s: turns.share_on_air() * turns.superframe_s,
+            superframe_s: Some(turns.superframe_s),
+        };
+    }
     let timing = mission.timing();
     let lengths = plan.lengths(timing.slot);
     let air_s = |length: &Duration| length.saturating_sub(timing.guard).as_secs_f64();

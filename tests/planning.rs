@@ -11,11 +11,13 @@ use std::time::Duration;
 use serde_json::Value;
 use veilwing::config::{Mission, Optimise};
 use veilwing::geo::{Attitude, Pose};
+use veilwing::planner::plan::VehiclePlan;
 use veilwing::planner::slots::{Plan, hex};
+use veilwing::planner::turning::Knot;
 use veilwing::planner::volume::Fairness;
 use veilwing::planner::{EvaluateOptions, evaluate};
-use veilwing::planning;
-use veilwing::role::PerVehicle;
+use veilwing::planning::{self, Delivered};
+use veilwing::role::{PerVehicle, Role};
 use veilwing::schedule::order::Order;
 use veilwing::schedule::table::Table;
 use veilwing::schedule::trajectory::Start;
@@ -120,6 +122,111 @@ fn val_what_a_plan_delivers_is_what_its_poses_and_the_slot_table_give() {
     let [rate, volume, fair] = per_second[..] else { panic!("{per_second:?}") };
     assert!(volume[0] > 1.1 * rate[0], "{per_second:?}");
     assert!(fair[1] >= volume[1] * (1.0 - 1e-2), "{per_second:?}");
+}
+
+/// The pair where it is, with the axes of a knot's poses part of the way to the next one's.
+fn between(from: &Knot, to: &Knot, share: f64) -> PerVehicle<VehiclePlan> {
+    PerVehicle::from_fn(|role| {
+        let (here, there) = (from.vehicles[role], to.vehicles[role].pose);
+        let mix = |a: f64, b: f64| a + share * (b - a);
+        let pose = Pose {
+            roll_rad: mix(here.pose.roll_rad, there.roll_rad),
+            pitch_rad: mix(here.pose.pitch_rad, there.pitch_rad),
+            ..here.pose
+        };
+        VehiclePlan { pose, ..here }
+    })
+}
+
+#[test]
+fn val_what_is_delivered_through_turns_is_what_its_knots_give() {
+    for optimise in ["rate", "volume"] {
+        let planned = |mode: &str| {
+            let mission = yard(&format!("optimise = \"{optimise}\"\nmode = \"{mode}\""));
+            let plan = planning::plan(&mission).unwrap();
+            let delivered = planning::delivered(&mission, &plan);
+            (mission, plan, delivered)
+        };
+        let (_, held, before) = planned("static");
+        let (mission, plan, after) = planned("turning");
+        assert!(held.turns.is_none() && held.digest != plan.digest, "{optimise}");
+        let per_second = |delivered: &Delivered| delivered.volume_bits / delivered.superframe_s.unwrap();
+        assert!(per_second(&after) >= per_second(&before) * (1.0 - 2e-3), "{optimise}: {before:?} {after:?}");
+
+        let turns = plan.turns.as_ref().unwrap();
+        let guard_s = mission.tdma.guard_s;
+        let (mut volumes, mut on_air_s) = (vec![0.0; mission.users.len()], 0.0);
+        for slot in &turns.slots {
+            assert!(slot.silence_s >= guard_s - 1e-9, "{optimise}: {}", slot.silence_s);
+            for pair in slot.knots.windows(2) {
+                let [from, to] = pair else { unreachable!() };
+                let length_s = to.at_s - from.at_s;
+                for role in Role::BOTH {
+                    let [a, b] = [from, to].map(|knot| knot.vehicles[role].pose);
+                    let turned_rad = (a.roll_rad - b.roll_rad).hypot(a.pitch_rad - b.pitch_rad);
+                    let most_rad = mission.vehicles[role].tilt_rate_rad_s * length_s;
+                    assert!(turned_rad <= most_rad * (1.0 + 1e-9) + 1e-12, "{optimise}: {role} {turned_rad}");
+                    assert_eq!(a.position_enu_m, b.position_enu_m);
+                }
+                let Some(user) = from.served else { continue };
+                let problem = mission.problem(user).unwrap();
+                let options = EvaluateOptions { seed: 99, ..EvaluateOptions::default() };
+                // Simpson's rule.
+                let rate =
+                    |share| evaluate(&problem, &between(from, to, share), &options).unwrap().secrecy_rate_bps;
+                volumes[user] += length_s * (rate(0.0) + 4.0 * rate(0.5) + rate(1.0)) / 6.0;
+                on_air_s += length_s;
+            }
+        }
+        let close = |a: f64, b: f64| (a / b - 1.0).abs() < 1e-2;
+        assert!(close(after.volume_bits, volumes.iter().sum()), "{optimise}: {after:?} {volumes:?}");
+        let least = volumes.iter().copied().fold(f64::INFINITY, f64::min);
+        assert!(close(after.least_user_volume_bits, least), "{optimise}: {after:?} {volumes:?}");
+        assert!((after.on_air_s - on_air_s).abs() < 1e-9, "{optimise}: {after:?} {on_air_s}");
+    }
+}
+
+#[test]
+fn spec_a_plan_that_turns_is_told_by_its_knots_the_same_on_any_threads_and_not_flown() {
+    let directory = command::directory("turning-plan");
+    let file = directory.join("mission.toml");
+    let text = format!("{}[planner]\noptimise = \"volume\"\nmode = \"turning\"\n", mission("listed"));
+    std::fs::write(&file, &text).unwrap();
+    let file = file.to_str().unwrap();
+    let planned = document(&["plan", file, "--json"]);
+    let again = document(&["plan", file, "--json", "--threads", "3"]);
+    assert_eq!(planned["plan_digest"], again["plan_digest"]);
+    let number = |value: &Value| value.as_f64().unwrap();
+    let (mut volume, mut length_s) = (0.0, 0.0);
+    for slot in planned["slots"].as_array().unwrap() {
+        assert_eq!(slot["knots"], again["slots"][if slot["user"] == "user-1" { 0 } else { 1 }]["knots"]);
+        let knots = slot["knots"].as_array().unwrap();
+        let told: f64 = knots
+            .windows(2)
+            .map(|pair| {
+                let user = pair[0]["served"].as_str().unwrap();
+                assert_eq!(user, slot["user"].as_str().unwrap());
+                number(&pair[0]["secrecy_rate_bps"]) * (number(&pair[1]["at_s"]) - number(&pair[0]["at_s"]))
+            })
+            .sum();
+        assert!((told / number(&slot["secrecy_volume_bits"]) - 1.0).abs() < 1e-9, "{slot}");
+        assert!(knots.last().unwrap()["served"].is_null());
+        assert!(number(&knots[0]["tolerance"]["pointing_deg"]["j"]) > 0.0);
+        volume += told;
+        length_s += number(&slot["on_air_s"]) + number(&slot["silence_s"]);
+    }
+    assert!((volume / number(&planned["secrecy_volume_bits"]) - 1.0).abs() < 1e-9);
+    assert!((length_s - number(&planned["superframe_s"])).abs() < 1e-9);
+
+    let table = command::veilwing(&["plan", file]).output().unwrap();
+    let table = String::from_utf8(table.stdout).unwrap();
+    assert!(table.contains("silent_s") && table.contains("no vehicle flies this yet"), "{table}");
+    for flown in [&["campaign", file, "--runs", "1"][..], &["sitl", file]] {
+        let refused = command::veilwing(flown).output().unwrap();
+        let said = command::said(&refused);
+        assert_eq!(refused.status.code(), Some(2), "{said}");
+        assert!(said.contains("set mode = \"static\""), "{said}");
+    }
 }
 
 #[test]

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use crate::config::file::{read_text, text_of};
-use crate::config::{Diagnostics, Mission, plan_of_text};
+use crate::config::{Diagnostics, Mission, Mode, plan_of_text};
 use crate::planner::assessment::assess;
 use crate::planner::document::{EditedPlan, EditedSlot, PlanDocument};
 use crate::planner::explanation::explain;
@@ -53,6 +53,9 @@ pub(super) fn run(args: &Args) -> Exit {
             return Exit::Unusable;
         }
     };
+    if mission.planner.mode == Mode::Turning {
+        eprintln!("{name}: warning: scored as poses that are held: turns are not scored");
+    }
     let scored = limits::possible(&edited).and_then(|()| {
         for warning in limits::exceeded(&mission, &edited) {
             eprintln!("{name}: warning: {warning}");

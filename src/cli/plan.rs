@@ -12,6 +12,7 @@ use crate::planner::document::{PlanDocument, SlotDocument};
 use crate::planner::plan::BoundKind;
 use crate::planner::problem::{Airframe, Method, PowerSteps};
 use crate::planner::slots::Plan;
+use crate::planner::turning::{Between, Protected};
 use crate::planning;
 use crate::planning::maps::Map;
 use crate::planning::timetable::timetable;
@@ -201,7 +202,10 @@ fn write_superframe(text: &mut String, mission: &Mission, document: &PlanDocumen
 
 /// What a slot delivers, bits.
 fn slot_volume(mission: &Mission, slot: &SlotDocument) -> f64 {
-    (slot.slot_s - mission.tdma.guard_s) * slot.secrecy_rate_bps
+    slot.turning.as_ref().map_or_else(
+        || (slot.slot_s - mission.tdma.guard_s) * slot.secrecy_rate_bps,
+        |turning| turning.secrecy_volume_bits,
+    )
 }
 
 fn write_slot(text: &mut String, mission: &Mission, slot: &SlotDocument) -> std::fmt::Result {
@@ -371,8 +375,31 @@ fn write_bound(text: &mut String, slot: &SlotDocument, per_hz: impl Fn(f64) -> f
 /// Slots that are listed; a mission may have tens of thousands.
 const LISTED: usize = 20;
 
+/// Who is served when in a superframe in which the vehicles turn on the air.
+fn write_turns(text: &mut String, plan: &Plan, turns: &Protected) -> std::fmt::Result {
+    writeln!(text, "\nuser                 begins_s  on_air_s  silent_s  between")?;
+    for slot in &turns.slots {
+        let user = plan.slots.get(slot.user).map_or("", |slot| slot.user.as_str());
+        let user: String = user.chars().take(20).collect();
+        let begins_s = slot.knots.first().map_or(0.0, |knot| knot.at_s);
+        let between = match slot.between {
+            Between::Turn(_) => "turn",
+            Between::Transit => "transit",
+        };
+        writeln!(
+            text,
+            "{user:<20} {begins_s:>8.1} {:>9.1} {:>9.2}  {between}",
+            slot.on_air_s, slot.silence_s
+        )?;
+    }
+    writeln!(text, "and again after {:.1} s; no vehicle flies this yet", turns.superframe_s)
+}
+
 /// When each slot is flown, and how long all of them take.
 fn write_times(text: &mut String, mission: &Mission, plan: &Plan) -> std::fmt::Result {
+    if let Some(turns) = &plan.turns {
+        return write_turns(text, plan, turns);
+    }
     let table = match timetable(mission, plan) {
         Ok(Some(table)) => table,
         Ok(None) => {

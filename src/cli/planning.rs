@@ -6,7 +6,7 @@ use crate::config::{METHODS, Mission};
 use crate::link::clock::Clock;
 use crate::planner::assessment::{Assessment, assess};
 use crate::planner::bound::{Budget, best_bound};
-use crate::planner::document::{FORMAT, PlanDocument, SlotDocument};
+use crate::planner::document::{FORMAT, PlanDocument, SlotDocument, TurningDocument};
 use crate::planner::explanation::{Explanation, explain, unprotected};
 use crate::planner::problem::{Method, Problem};
 use crate::planner::slots::{Plan, PlannedSlot, hex};
@@ -122,9 +122,15 @@ pub(crate) fn plan_document(
     seed: u64,
     method: &str,
     plan: &Plan,
-    slots: Vec<SlotDocument>,
+    mut slots: Vec<SlotDocument>,
 ) -> PlanDocument {
     let delivered = planning::delivered(mission, plan);
+    let users: Vec<&str> = mission.users.iter().map(|user| user.name.as_str()).collect();
+    for turn in plan.turns.iter().flat_map(|turns| &turns.slots) {
+        if let Some(slot) = slots.get_mut(turn.user) {
+            slot.turning = Some(TurningDocument::new(turn, &users));
+        }
+    }
     PlanDocument {
         format: FORMAT,
         mission_digest: mission.digest_hex(),

@@ -93,6 +93,7 @@ impl Default for MissionDraft {
                 method: Method::Veilwing,
                 objective: Objective::Mean,
                 optimise: Optimise::Rate,
+                mode: Mode::Static,
                 fairness: Fairness::Slots,
                 free_yaw: false,
                 target_rate_bps: None,
@@ -434,6 +435,16 @@ pub enum Optimise {
     Volume,
 }
 
+/// What a vehicle may do while it radiates.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Mode {
+    /// It holds one pose from a slot's beginning to its end.
+    #[default]
+    Static,
+    /// It turns where it is: users served from the same positions follow each other with no more silence than the change asks for.
+    Turning,
+}
+
 /// How slots are planned.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PlannerSettings {
@@ -443,6 +454,8 @@ pub struct PlannerSettings {
     pub objective: Objective,
     /// The rate of each slot, or what is delivered over a superframe.
     pub optimise: Optimise,
+    /// What a vehicle may do while it radiates.
+    pub mode: Mode,
     /// Who comes first in a superframe.
     pub fairness: Fairness,
     /// The desired yaw is a variable instead of 0.

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::document::Document;
-use super::draft::{MissionDraft, NoFlyDraft, Optimise, PlannerSettings, Position};
+use super::draft::{MissionDraft, Mode, NoFlyDraft, Optimise, PlannerSettings, Position};
 use super::mission_file::{FAR_M, NOWHERE};
 use super::{link_checks, mission_warnings};
 use crate::geo::polygon::{Polygon, check_simple};
@@ -427,29 +427,38 @@ fn tdma(draft: &MissionDraft, file: &mut Document) {
 /// What a plan for volume, or for the least-served user, asks of other settings.
 fn volume(draft: &MissionDraft, file: &mut Document) {
     const LIMITS: [&str; 2] = ["tdma.slot_min_s", "tdma.slot_max_s"];
-    let PlannerSettings { method, objective, optimise, fairness, .. } = draft.planner;
+    let PlannerSettings { method, objective, optimise, mode, fairness, .. } = draft.planner;
     if optimise == Optimise::Rate && fairness == Fairness::MaxMin {
         let message =
             "`fairness` is about volumes, and `optimise` is \"rate\": every slot is planned by itself"
                 .to_owned();
         refuse(file, "planner.fairness", message, "set optimise = \"volume\", or leave fairness out");
     }
-    if optimise == Optimise::Volume {
+    let together = match (optimise, mode) {
+        (_, Mode::Turning) => Some(("turns from one user to the next", "mode = \"static\"")),
+        (Optimise::Volume, Mode::Static) => Some(("volume", "optimise = \"rate\"")),
+        (Optimise::Rate, Mode::Static) => None,
+    };
+    if let Some((what, instead)) = together {
         if method != Method::Veilwing {
-            let message = "this `method` plans each slot by itself, and knows nothing of volume".to_owned();
-            refuse(file, "planner.method", message, "use \"veilwing\", or set optimise = \"rate\"");
+            let message = format!("this `method` plans each slot by itself, and knows nothing of {what}");
+            refuse(file, "planner.method", message, &format!("use \"veilwing\", or set {instead}"));
         }
         if matches!(objective, Objective::Quantile | Objective::WorstCase) {
-            let message = "`objective` is about what goes wrong in one slot; a volume is the sum over many slots, and is \
-                           planned for its mean"
-                .to_owned();
+            let message = format!(
+                "`objective` is about what goes wrong in one slot; {what} are planned over many slots, for their mean"
+            );
             refuse(
                 file,
                 "planner.objective",
                 message,
-                "use \"mean\" or \"nominal\", or set optimise = \"rate\"",
+                &format!("use \"mean\" or \"nominal\", or set {instead}"),
             );
         }
+    }
+    if mode == Mode::Turning {
+        let message = "`mode` is \"turning\": `plan` plans it, and no vehicle flies it yet".to_owned();
+        file.warning(file.at("planner.mode"), message, "set mode = \"static\" to fly".to_owned());
     }
     if fairness != Fairness::MaxMin {
         for path in LIMITS.into_iter().filter(|path| file.given(path)).collect::<Vec<_>>() {

@@ -4,7 +4,7 @@ use nalgebra::Vector2;
 
 use super::area_file::AreaFile;
 use super::draft::{
-    Emission, JitterDraft, MissionDraft, NoFlyDraft, NodeDraft, Optimise, PlannedVehicleDraft,
+    Emission, JitterDraft, MissionDraft, Mode, NoFlyDraft, NodeDraft, Optimise, PlannedVehicleDraft,
     PlannerSettings, RadioDraft, Tdma,
 };
 use super::kind::{Choice, Each, FieldFile, Flag, Integer, List, Moment, Number, Numbers, Period, Text};
@@ -515,6 +515,13 @@ fn planner(s: &mut Section<'_, '_>, planner: &mut PlannerSettings) {
         Choice(&[("rate", Optimise::Rate), ("volume", Optimise::Volume)]),
         &Optimise::default(),
         &mut planner.optimise,
+    );
+    s.set_newer(
+        "mode",
+        "What a vehicle may do while it radiates: hold its pose (\"static\"), or turn from one user to the next (\"turning\").",
+        Choice(&[("static", Mode::Static), ("turning", Mode::Turning)]),
+        &Mode::default(),
+        &mut planner.mode,
     );
     s.set_newer(
         "fairness",

@@ -9,6 +9,7 @@ use crate::geo::Pose;
 use crate::planner::assessment::Assessment;
 use crate::planner::explanation::{Explanation, Limit};
 use crate::planner::plan::{SlotPlan, Status, VehiclePlan};
+use crate::planner::turning::{self, Knot};
 use crate::role::PerVehicle;
 
 /// The document's `format`.
@@ -86,10 +87,75 @@ pub struct SlotDocument {
     pub vehicles: PerVehicle<VehicleDocument>,
     /// How far each vehicle's attitude may be off its pose while the slot is served, degrees.
     pub attitude_tolerance_deg: PerVehicle<f64>,
+    /// How the user is served where the vehicles turn on the air (`mode = "turning"`).
+    #[serde(flatten, skip_serializing_if = "Option::is_none")]
+    pub turning: Option<TurningDocument>,
     /// The search alone, seconds; of all slots in one, this one's share.
     pub planning_time_s: f64,
     /// The search for a bound better than the cap alone, seconds; 0 if none was asked for.
     pub bound_time_s: f64,
+}
+
+/// One user's part of a superframe in which the vehicles turn on the air. `vehicles` of its slot is the pose in which it is served
+/// between two turns, and the slot's rates are those of that pose.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct TurningDocument {
+    /// How long the user is served, seconds.
+    pub on_air_s: f64,
+    /// How long both vehicles are silent afterwards, seconds.
+    pub silence_s: f64,
+    /// Secret bits that the user gets, turns included.
+    pub secrecy_volume_bits: f64,
+    /// In order of time, from where the user's service begins to where the silence after it does.
+    pub knots: Vec<KnotDocument>,
+}
+
+/// Poses and powers at an instant of a superframe.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct KnotDocument {
+    /// Seconds from the superframe's beginning, which is that of the first user's service.
+    pub at_s: f64,
+    /// The user who is served from here to the next knot; `null`: both vehicles are silent.
+    pub served: Option<String>,
+    /// `E[R]` from here to the next knot, bit/s.
+    pub secrecy_rate_bps: f64,
+    /// Poses here, and powers from here to the next knot. Roll and pitch run evenly to the next knot's while a user is served.
+    pub vehicles: PerVehicle<VehicleDocument>,
+    /// What may be wrong here at a cost of 2% of the rate.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub tolerance: Option<ToleranceDocument>,
+}
+
+/// Errors of a pose.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct ToleranceDocument {
+    /// Of each vehicle's antenna axis, degrees.
+    pub pointing_deg: PerVehicle<f64>,
+    /// Of each vehicle's position, metres.
+    pub position_m: PerVehicle<f64>,
+}
+
+impl TurningDocument {
+    /// The document of one user's part. `users`: the mission's names.
+    #[must_use]
+    pub fn new(slot: &turning::Slot, users: &[&str]) -> Self {
+        let knot = |knot: &Knot| KnotDocument {
+            at_s: knot.at_s,
+            served: knot.served.and_then(|user| users.get(user)).map(ToString::to_string),
+            secrecy_rate_bps: knot.rate_bps,
+            vehicles: knot.vehicles.map(VehicleDocument::from),
+            tolerance: knot.tolerance.map(|tolerance| ToleranceDocument {
+                pointing_deg: tolerance.pointing_rad.map(f64::to_degrees),
+                position_m: tolerance.position_m,
+            }),
+        };
+        Self {
+            on_air_s: slot.on_air_s,
+            silence_s: slot.silence_s,
+            secrecy_volume_bits: slot.volume_bits,
+            knots: slot.knots.iter().map(knot).collect(),
+        }
+    }
 }
 
 /// SINRs, linear.
@@ -168,6 +234,7 @@ impl SlotDocument {
             },
             vehicles: slot.vehicles.map(VehicleDocument::from),
             attitude_tolerance_deg,
+            turning: None,
             planning_time_s,
             bound_time_s,
         }

@@ -30,7 +30,7 @@ pub enum PlanError {
     PowerSteps,
     /// The paper's methods plan one slot at a time.
     #[error(
-        "this method plans each slot by itself, and knows nothing of what is delivered over a superframe; plan with \"veilwing\", or set planner.optimise = \"rate\""
+        "this method plans each slot by itself, and knows nothing of what is delivered over a superframe; plan with \"veilwing\", or set planner.optimise = \"rate\" and planner.mode = \"static\""
     )]
     VolumeMethod,
     /// A volume is a mean over what stays wrong in many slots.

@@ -4,7 +4,8 @@ use std::time::Duration;
 
 use sha2::{Digest, Sha256};
 
-use super::plan::SlotPlan;
+use super::plan::{SlotPlan, VehiclePlan};
+use super::turning::Protected;
 use crate::role::PerVehicle;
 
 /// One user's slot.
@@ -24,10 +25,13 @@ pub struct PlannedSlot {
 /// In which order they are flown the slot table settles, which knows where the vehicles start (`schedule::table`).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plan {
-    /// SHA-256 over users, poses, powers and lengths that the plan has chosen, bit for bit: what the two companions compare.
+    /// SHA-256 over users, poses, powers, lengths that the plan has chosen and knots, bit for bit: what the two companions compare.
     pub digest: [u8; 32],
     /// By user, in the mission file's order.
     pub slots: Vec<PlannedSlot>,
+    /// The superframe as it is served where the vehicles turn on the air: each user's pose above is the one it is served in between
+    /// two turns. `None`: they hold their poses.
+    pub turns: Option<Protected>,
 }
 
 impl Plan {
@@ -40,23 +44,43 @@ impl Plan {
     /// Seals the slots with their digest.
     #[must_use]
     pub fn new(slots: Vec<PlannedSlot>) -> Self {
+        Self::sealed(slots, None)
+    }
+
+    /// Seals the slots and the turns between them with their digest.
+    #[must_use]
+    pub fn turning(slots: Vec<PlannedSlot>, turns: Protected) -> Self {
+        Self::sealed(slots, Some(turns))
+    }
+
+    fn sealed(slots: Vec<PlannedSlot>, turns: Option<Protected>) -> Self {
         let mut hash = Sha256::new();
         for slot in &slots {
             // The length keeps one name's end apart from the next number's start.
             hash.update((slot.user.len() as u64).to_le_bytes());
             hash.update(slot.user.as_bytes());
-            for vehicle in [&slot.plan.vehicles.i, &slot.plan.vehicles.j] {
-                let pose = &vehicle.pose;
-                let angles = [pose.roll_rad, pose.pitch_rad, pose.yaw_rad, vehicle.tx_power_w];
-                for value in pose.position_enu_m.iter().chain(&angles) {
-                    hash.update(value.to_le_bytes());
-                }
-            }
+            flown(&mut hash, &slot.plan.vehicles.i);
+            flown(&mut hash, &slot.plan.vehicles.j);
             if let Some(length) = slot.length {
                 hash.update(length.as_nanos().to_le_bytes());
             }
         }
-        Self { digest: hash.finalize().into(), slots }
+        for knot in turns.iter().flat_map(Protected::knots) {
+            hash.update(knot.at_s.to_le_bytes());
+            hash.update(knot.served.map_or(u64::MAX, |user| user as u64).to_le_bytes());
+            flown(&mut hash, &knot.vehicles.i);
+            flown(&mut hash, &knot.vehicles.j);
+        }
+        Self { digest: hash.finalize().into(), slots, turns }
+    }
+}
+
+/// Takes in a vehicle's pose and power.
+fn flown(hash: &mut Sha256, vehicle: &VehiclePlan) {
+    let pose = &vehicle.pose;
+    let angles = [pose.roll_rad, pose.pitch_rad, pose.yaw_rad, vehicle.tx_power_w];
+    for value in pose.position_enu_m.iter().chain(&angles) {
+        hash.update(value.to_le_bytes());
     }
 }
 
@@ -72,7 +96,7 @@ mod tests {
 
     use super::*;
     use crate::geo::Pose;
-    use crate::planner::plan::{BoundKind, Status, VehiclePlan};
+    use crate::planner::plan::{BoundKind, Status};
 
     fn slot(user: &str, x: f64) -> PlannedSlot {
         let pose =

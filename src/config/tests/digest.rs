@@ -55,6 +55,7 @@ fn spec_the_digest_changes_with_every_single_value() {
         "nominal",
         "rate",
         "max-min",
+        "turning",
     ];
     // The paper's methods plan for rates alone.
     let rates = DEMO.replace("optimise = \"volume\"", "optimise = \"rate\"");
