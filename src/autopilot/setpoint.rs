@@ -108,12 +108,15 @@ impl Stream {
         }
     }
 
-    /// Ends the stream: the next one begins anew, with what the controller had integrated forgotten.
+    /// Ends the stream: the next one begins anew, with what the controller had integrated forgotten. The thrust that was being
+    /// raised is kept as the one that lifts: the vehicle may have left the ground on it meanwhile.
     pub(super) fn stop(&mut self) {
         self.set_at = None;
         self.run = None;
-        self.spool = None;
         self.control.reset();
+        if let Some(lifts) = self.spool.take() {
+            self.control.lifted_off(lifts);
+        }
     }
 
     /// How long setpoints have gone out without a gap.
@@ -211,7 +214,9 @@ impl Stream {
         let thrust = match around.footing {
             Footing::Standing => Vector3::new(0.0, 0.0, -IDLE_THRUST),
             Footing::Lifting => {
-                let spool = self.spool.unwrap_or(IDLE_THRUST) + SPOOL_RATE_S * dt_s;
+                // After a pause no more than after a period: what the last thrust does is not seen yet.
+                let spool =
+                    self.spool.unwrap_or(IDLE_THRUST) + SPOOL_RATE_S * dt_s.min(self.period.as_secs_f64());
                 Vector3::new(0.0, 0.0, -*self.spool.insert(spool.min(1.0)))
             }
             Footing::Airborne => {
@@ -338,6 +343,25 @@ mod tests {
             Some(MavMessage::SET_ATTITUDE_TARGET(target)) => f64::from(-target.thrust_body[2]),
             other => panic!("{other:?}"),
         }
+    }
+
+    #[test]
+    fn regress_a_vehicle_that_lifts_off_in_a_pause_is_flown_on_the_thrust_that_lifted_it() {
+        let mut stream = stream(Actuation::ThrustVector);
+        let mut out = Outbox::default();
+        let mut now = Instant::from_start(Duration::from_secs(1));
+        let mut step = |stream: &mut Stream, footing, after: Duration| {
+            now = now + after;
+            stream.set(&setpoint(0.0), Some(&around(footing)), now, &mut out);
+            thrust(&mut out)
+        };
+        let lifts = (0..40).map(|_| step(&mut stream, Footing::Lifting, PERIOD)).last().unwrap();
+        assert!((lifts - (IDLE_THRUST + 40.0 * 0.02 * SPOOL_RATE_S)).abs() < 1e-6, "{lifts}");
+        // A pause that does not end the stream does not raise it at a leap either.
+        let after = step(&mut stream, Footing::Lifting, settings().setpoint_lifetime);
+        assert!((after - lifts - 0.02 * SPOOL_RATE_S).abs() < 1e-6, "{after}");
+        let hovers = step(&mut stream, Footing::Airborne, Duration::from_millis(650));
+        assert!((hovers - after).abs() < 1e-6 && (stream.hover_thrust() - after).abs() < 1e-6, "{hovers}");
     }
 
     #[test]

@@ -17,6 +17,9 @@ use super::phase::HOLD;
 /// The way home is asked for so much longer than it is planned: wind, and a gauge that counts in percents.
 const MARGIN: f64 = 1.1;
 
+/// From the first thrust until the vehicle rises: thrust is raised slowly to find the one that lifts it.
+const LIFTS_OFF: Duration = Duration::from_secs(5);
+
 impl Executive {
     /// Takes in what the autopilot says of the battery; gives up, once no more is left than the way home takes.
     pub(super) fn watch_battery(&mut self, now: Instant) {
@@ -46,7 +49,9 @@ impl Executive {
     pub(super) fn endurance_check(&self, now: Instant) -> Option<Check> {
         let itinerary = self.itinerary.as_ref()?;
         let last = u16::try_from(itinerary.slots().checked_sub(1)?).ok()?;
-        let mission = self.climb_time() + itinerary.to_the_end(0, false)? + self.way_down_from(last)?;
+        let agreements = self.service.agreement_time() * (u32::from(last) + 1);
+        let slots = agreements + itinerary.to_the_end(0, false)?;
+        let mission = LIFTS_OFF + self.climb_time() + slots + self.way_down_from(last)?;
         Some(self.endurance.check(mission, now))
     }
 

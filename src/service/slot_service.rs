@@ -323,6 +323,12 @@ impl SlotService {
         self.pair.clock_offset().map(|offset| offset.offset_us as f64 * 1e-6)
     }
 
+    /// How long before its transit a slot is proposed, as things are.
+    #[must_use]
+    pub fn agreement_time(&self) -> Duration {
+        self.agreement_time.time(&self.pair)
+    }
+
     /// The transmitter behind the interlock, for everything but power.
     #[must_use]
     pub fn interlock(&self) -> &Interlock {
@@ -347,7 +353,8 @@ impl SlotService {
             if self.is_over(slot, now) {
                 self.end_slot(now);
             } else {
-                self.watch_peer_ending(slot.commitment.slot, Some(slot.radiate_until), now);
+                let last = self.pair.slot_terms(slot.commitment.slot.saturating_add(1)).is_none();
+                self.watch_peer_ending(last && now >= slot.radiate_until);
             }
         }
         // At once after a slot: who hears that it is over here may already propose the next one.
@@ -516,10 +523,11 @@ impl SlotService {
 
     /// Wants the slot `next`: J is ready for it, I proposes it.
     fn seek(&mut self, next: u16, refusals: Refusals, since: Instant, utc: Option<Utc>, now: Instant) {
-        if self.watch_peer_ending(next, None, now) {
+        let terms = self.pair.slot_terms(next).map(|terms| (terms.opens, terms.lead));
+        if self.watch_peer_ending(terms.is_none()) {
             return;
         }
-        let Some((opens, lead)) = self.pair.slot_terms(next).map(|terms| (terms.opens, terms.lead)) else {
+        let Some((opens, lead)) = terms else {
             self.leave(now);
             self.events.push_back(Event::AllOver);
             return;
@@ -544,7 +552,7 @@ impl SlotService {
             Role::I => {
                 let may = peer_ready && !self.pair.is_proposing();
                 let Some(utc) = utc.filter(|_| may && refusals.may_propose(now)) else { return };
-                let earliest = now + self.agreement_time.time(&self.pair) + lead;
+                let earliest = now + self.agreement_time() + lead;
                 let opens_at = self.table_zero.map_or(earliest, |zero| (zero + opens).max(earliest));
                 // Before a start at a given time both hover: a proposal now would be agreed on too early.
                 if opens_at <= earliest + EARLY {
@@ -569,9 +577,7 @@ impl SlotService {
     }
 
     /// Whether the peer has ended its mission while ours goes on: not so in the last slot, once its airtime is over.
-    fn watch_peer_ending(&mut self, slot: u16, radiate_until: Option<Instant>, now: Instant) -> bool {
-        let last = self.pair.slot_terms(slot.saturating_add(1)).is_none();
-        let winding_up = last && radiate_until.is_none_or(|until| now >= until);
+    fn watch_peer_ending(&mut self, winding_up: bool) -> bool {
         let ended = self.peer().says(VeilwingFlags::VEILWING_FLAGS_ENDED) && !winding_up;
         if ended {
             self.events.push_back(Event::GiveUp(GiveUp::PeerEnded));

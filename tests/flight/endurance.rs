@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use mavlink::dialects::ardupilotmega::MavCmd;
 use veilwing::config::BatteryDraft;
 use veilwing::role::{PerVehicle, Role};
 use veilwing_sitl::Fault;
@@ -69,11 +70,28 @@ fn spec_a_gauge_that_stands_still_does_not_keep_a_vehicle_in_the_air() {
     let mut flight = Flight::new(of(Some(200.0)));
     flight.world.inject(Fault::BatteryWeak { vehicle: 1, times: 9.0 });
     flight.world.inject(Fault::BatteryLies { vehicle: 1 });
+    // A pause that nobody ends.
+    flight.pass(Duration::from_secs(20));
+    flight.command(Role::I, MavCmd::MAV_CMD_DO_PAUSE_CONTINUE);
     flight.fly_out();
     flight.assert_safe();
+    assert!(flight.said(Role::J, "mission aborted: the battery: ").is_some(), "{}", flight.story());
     let left = flight.report().battery_left;
-    assert!(left.j >= RESERVE, "{left:?}\n{}", flight.story());
-    assert!(left.j < 0.6, "{left:?}\n{}", flight.story());
+    assert!(left.j >= RESERVE && left.j < 0.6, "{left:?}\n{}", flight.story());
+}
+
+#[test]
+fn regress_a_vehicle_whose_peer_gave_up_before_the_last_slot_follows_it_at_once() {
+    let mut flight = Flight::new(of(Some(1800.0)));
+    // J's battery loses half of its charge while slot 0 is served.
+    assert!(flight.until(|flight| flight.said(Role::J, "slot 0: on").is_some()), "{}", flight.story());
+    flight.world.inject(Fault::BatteryWeak { vehicle: 1, times: 24.0 });
+    flight.fly_out();
+    flight.assert_safe();
+    let gave_up = flight.said(Role::J, "mission aborted: the battery: ").expect("too little for slot 1");
+    let followed = flight.said(Role::I, "aborted").unwrap();
+    assert!(followed <= gave_up + Duration::from_secs(1), "{followed:?}\n{}", flight.story());
+    assert!(flight.said(Role::I, "returning home") < flight.said(Role::J, "returning home"), "I first");
 }
 
 #[test]
