@@ -435,18 +435,18 @@ fn volume(draft: &MissionDraft, file: &mut Document) {
         refuse(file, "planner.fairness", message, "set optimise = \"volume\", or leave fairness out");
     }
     let together = match (optimise, mode) {
-        (_, Mode::Turning) => Some(("turns from one user to the next", "mode = \"static\"")),
-        (Optimise::Volume, Mode::Static) => Some(("volume", "optimise = \"rate\"")),
+        (_, Mode::Turning) => Some(("turns", "turns are", "mode = \"static\"")),
+        (Optimise::Volume, Mode::Static) => Some(("volume", "a volume is", "optimise = \"rate\"")),
         (Optimise::Rate, Mode::Static) => None,
     };
-    if let Some((what, instead)) = together {
+    if let Some((what, it_is, instead)) = together {
         if method != Method::Veilwing {
             let message = format!("this `method` plans each slot by itself, and knows nothing of {what}");
             refuse(file, "planner.method", message, &format!("use \"veilwing\", or set {instead}"));
         }
         if matches!(objective, Objective::Quantile | Objective::WorstCase) {
             let message = format!(
-                "`objective` is about what goes wrong in one slot; {what} are planned over many slots, for their mean"
+                "`objective` is about what goes wrong in one slot; {it_is} over many slots, and planned for the mean"
             );
             refuse(
                 file,
