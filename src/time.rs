@@ -30,6 +30,12 @@ impl Instant {
     pub fn saturating_since(self, earlier: Self) -> Duration {
         self.0.saturating_sub(earlier.0)
     }
+
+    /// `self - other` in seconds, negative if `other` is later.
+    #[must_use]
+    pub fn seconds_since(self, other: Self) -> f64 {
+        self.saturating_since(other).as_secs_f64() - other.saturating_since(self).as_secs_f64()
+    }
 }
 
 impl Add<Duration> for Instant {

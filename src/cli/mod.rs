@@ -287,21 +287,6 @@ fn load_vehicle(path: &std::path::Path) -> Result<crate::config::Vehicle, Exit> 
     }
 }
 
-/// As [`load_mission`], of one that is to be flown.
-fn load_flown_mission(path: &std::path::Path) -> Result<crate::config::Mission, Exit> {
-    let mission = load_mission(path)?;
-    match mission.planner.mode {
-        crate::config::Mode::Static => Ok(mission),
-        crate::config::Mode::Turning => {
-            eprintln!(
-                "{}: a mission whose planner.mode is \"turning\" cannot be flown yet: set mode = \"static\"",
-                path.display()
-            );
-            Err(Exit::Unusable)
-        }
-    }
-}
-
 /// Loads a mission; warnings and errors go to stderr as `file:line:column: message`.
 fn load_mission(path: &std::path::Path) -> Result<crate::config::Mission, Exit> {
     match crate::config::Mission::load(path) {

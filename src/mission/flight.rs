@@ -8,6 +8,7 @@ use crate::pair::orders::Order;
 use crate::pair::wire::VeilwingFlags;
 use crate::preflight::{Check, Verdict, check};
 use crate::role::PerVehicle;
+use crate::planner::turning::Track;
 use crate::schedule::trajectory::{Start, Trajectory};
 use crate::service::{Served, Silence};
 use crate::time::Instant;
@@ -97,7 +98,7 @@ impl Executive {
         self.service.orders_mut().begin();
         self.notice(Notice::Emission(self.settings.permission.statement.clone()));
         self.notice(Notice::TakingOff);
-        self.phase = Phase::TakingControl(Motion { trajectory: Trajectory::rest(&start), starts_at: now });
+        self.phase = Phase::TakingControl(Motion::new(Trajectory::rest(&start), now));
         self.autopilot.take_control(now);
     }
 
@@ -277,13 +278,49 @@ impl Executive {
         if let Some(cause) = self.too_little_for(&commitment, now) {
             return self.abort(cause, now);
         }
-        self.phase = Phase::InService {
-            motion: Motion { trajectory, starts_at: commitment.leaves_at },
-            turns: peer.map(Turns::new),
+        let track = self.track();
+        let limits = &self.settings.limits[self.settings.role];
+        let attitude = self.phase.motion().map(|motion| motion.sample(now).attitude);
+        let trajectory = match attitude.filter(|_| track.is_some()) {
+            // Where a slot ended early, the vehicle is between two attitudes.
+            Some(attitude) => trajectory.from_attitude(attitude, limits),
+            None => trajectory,
         };
+        let motion = Motion { track, ..Motion::new(trajectory, commitment.leaves_at) };
+        self.phase = Phase::InService { motion, turns: peer.map(Turns::new) };
+        self.agreed(&commitment, now);
+    }
+
+    /// The slot that is over is carried on by the next: the vehicle stays, and turns on.
+    pub(super) fn carry_on(&mut self, commitment: Commitment, now: Instant) {
+        let Phase::InService { motion, .. } = &self.phase else { return };
+        if let Some(cause) = self.too_little_for(&commitment, now) {
+            return self.abort(cause, now);
+        }
+        let motion = Motion { track: self.track(), ..motion.stopped(now) };
+        self.phase = Phase::InService { motion, turns: None };
+        self.agreed(&commitment, now);
+    }
+
+    /// How the vehicle turns in the slot that is agreed on.
+    fn track(&self) -> Option<(Track, Instant)> {
+        let slot = self.service.slot()?;
+        slot.track.clone().map(|track| (track, slot.commitment.opens_at))
+    }
+
+    fn agreed(&mut self, commitment: &Commitment, now: Instant) {
         let user = self.user(commitment.slot);
         let opens_in = commitment.opens_at.saturating_since(now);
         self.notice(Notice::SlotAgreed { slot: commitment.slot, user, opens_in });
+    }
+
+    /// Between two slots the vehicle stays as it is: one that ended early has left it on its way from one attitude to another.
+    fn stop_turning(&mut self, now: Instant) {
+        if let Phase::InService { motion, .. } = &mut self.phase
+            && motion.track.is_some()
+        {
+            *motion = motion.stopped(now);
+        }
     }
 
     /// On a transit in turns: waits for the other, and gives up once that costs the slot's opening.
@@ -299,7 +336,15 @@ impl Executive {
     }
 
     /// A slot's time is over, served or not.
-    pub(super) fn slot_over(&mut self, slot: u16, served: Served) {
+    /// A slot that carried on the one before ended early, and is agreed on again.
+    pub(super) fn put_off(&mut self, slot: u16, now: Instant) {
+        self.stop_turning(now);
+        let user = self.user(slot);
+        self.notice(Notice::SlotPutOff(slot, user));
+    }
+
+    pub(super) fn slot_over(&mut self, slot: u16, served: Served, now: Instant) {
+        self.stop_turning(now);
         let user = self.user(slot);
         match served {
             Served::Yes => self.notice(Notice::SlotOver(slot, user)),
@@ -384,7 +429,7 @@ impl Executive {
         let start = Start { position_enu_m: sample.position_enu_m, attitude: sample.attitude };
         let mut trajectory = Trajectory::rest(&start);
         trajectory.turn(Attitude::level(), 0.0, &self.settings.limits[self.settings.role]);
-        self.phase = Phase::Holding { motion: Motion { trajectory, starts_at: now }, since: now };
+        self.phase = Phase::Holding { motion: Motion::new(trajectory, now), since: now };
     }
 
     /// From here to the bottom of the altitude band.
@@ -405,7 +450,7 @@ impl Executive {
     pub(super) fn climb(&mut self, now: Instant) {
         let (Some(home), Some(trajectory)) = (self.home_enu_m, self.way_up()) else { return };
         self.autopilot.take_off(self.settings.above(home).z - home.z, now);
-        self.phase = Phase::Climbing(Motion { trajectory, starts_at: now });
+        self.phase = Phase::Climbing(Motion::new(trajectory, now));
     }
 
     fn has_arrived(&self, motion: &Motion, now: Instant) -> bool {

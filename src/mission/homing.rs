@@ -26,7 +26,7 @@ impl Executive {
     pub(super) fn finish(&mut self, now: Instant) {
         self.notice(Notice::AllSlotsOver);
         match self.itinerary.as_ref().and_then(|itinerary| itinerary.way_home.clone()) {
-            Some(trajectory) => self.phase = Phase::Returning(Motion { trajectory, starts_at: now }),
+            Some(trajectory) => self.phase = Phase::Returning(Motion::new(trajectory, now)),
             None => self.hold_here(now),
         }
     }
@@ -101,7 +101,7 @@ impl Executive {
         match way {
             Ok(trajectory) => {
                 self.notice(Notice::ReturningHome);
-                self.phase = Phase::Returning(Motion { trajectory, starts_at: now });
+                self.phase = Phase::Returning(Motion::new(trajectory, now));
             }
             Err(error) => {
                 self.notice(Notice::NoWayHome(error));

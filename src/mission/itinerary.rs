@@ -5,6 +5,7 @@ use std::time::Duration;
 use crate::geo::{Attitude, Enu};
 use crate::pair::{PlanTerms, SlotTerms};
 use crate::planner::slots::Plan;
+use crate::planner::turning::Track;
 use crate::role::{PerVehicle, Role};
 use crate::schedule::table::{Entry, Table, TableError};
 use crate::schedule::trajectory::{Start, Trajectory};
@@ -27,6 +28,8 @@ pub(super) struct Itinerary {
     table: Table,
     /// From the last slot's poses to above the homes, where both can fly at once.
     pub way_home: Option<Trajectory>,
+    /// By slot, where the plan has the vehicles turn on the air.
+    tracks: Vec<PerVehicle<Track>>,
 }
 
 impl Itinerary {
@@ -35,19 +38,18 @@ impl Itinerary {
         let start =
             homes.map(|home| Start { position_enu_m: settings.above(home), attitude: Attitude::level() });
         let router = Router::new(&settings.airspace, &settings.limits)?;
-        let users: Vec<_> = plan.slots.iter().map(|slot| vec![slot.plan.vehicles.map(|v| v.pose)]).collect();
-        let lengths = plan.lengths(settings.timing.slot);
-        let table = Table::with_lengths(&router, &start, &users, &lengths, &settings.timing, settings.order)?;
+        let table = Table::of_plan(&router, &start, plan, &settings.timing, settings.order)?;
         let way_home = match table.entries.last() {
             Some(last) => {
-                let from = PerVehicle::from_fn(|role| last.transit[role].end());
-                let home = router.home(&from, homes)?;
+                let home = router.home(&last.leaves, homes)?;
                 let together = home.separation == Separation::Paths;
                 together.then(|| home.trajectories[settings.role].clone())
             }
             None => None,
         };
-        Ok(Self { table, way_home })
+        let tracks = plan.turns.as_ref().map(|turns| turns.tracks(settings.timing.guard.as_secs_f64()));
+        let tracks = flown(&table, &tracks.unwrap_or_default());
+        Ok(Self { table, way_home, tracks })
     }
 
     /// What the two companions agree on, slot by slot.
@@ -57,9 +59,11 @@ impl Itinerary {
             let slot = plan.slots.get(entry.user_index)?;
             Some(SlotTerms {
                 vehicles: slot.plan.vehicles,
+                tracks: self.tracks.get(usize::from(entry.slot)).cloned(),
                 lean_rad: slot.lean_rad.map(Option::unwrap_or_default),
                 opens: entry.opens,
-                lead: entry.opens.saturating_sub(entry.transit_starts),
+                lead: entry.lead,
+                carries_on_after: entry.carries_on_after,
                 radiate_from: after_opening(entry.radiate_from),
                 radiate_until: after_opening(entry.radiate_until),
                 length: after_opening(entry.closes),
@@ -96,4 +100,17 @@ impl Itinerary {
         let in_turns = entry.separation == Separation::Time;
         Some((entry.transit[role].clone(), in_turns.then(|| entry.transit[role.peer()].clone())))
     }
+}
+
+/// The tracks of all the table's slots, from those of a superframe: a slot that no other one carries on ends at rest.
+fn flown(table: &Table, superframe: &[PerVehicle<Track>]) -> Vec<PerVehicle<Track>> {
+    let entries = table.entries.iter().zip(superframe.iter().cycle());
+    let tracks = entries.map(|(entry, tracks)| {
+        let next = table.entries.get(usize::from(entry.slot) + 1);
+        match next.is_some_and(|next| next.carries_on_after.is_some()) {
+            true => tracks.clone(),
+            false => tracks.clone().map(Track::to_rest),
+        }
+    });
+    tracks.collect()
 }

@@ -93,6 +93,9 @@ pub enum Notice {
     /// A slot's time is over, in which this vehicle radiated.
     #[error("slot {0} for {1}: over")]
     SlotOver(u16, String),
+    /// A slot that carried on the one before ended before this vehicle was on the air in it; it will be agreed on by itself.
+    #[error("slot {0} for {1}: put off")]
+    SlotPutOff(u16, String),
     /// A slot's time is over, in which this vehicle did not radiate.
     #[error("slot {slot} for {user}: not served{}", words::because(silence))]
     SlotNotServed {
@@ -290,6 +293,7 @@ impl Notice {
             | Self::SlotAgreed { .. }
             | Self::On(..)
             | Self::SlotOver(..)
+            | Self::SlotPutOff(..)
             | Self::AllSlotsOver
             | Self::ReturningHome
             | Self::LandingBelowBand

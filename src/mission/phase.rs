@@ -2,7 +2,8 @@
 
 use std::time::Duration;
 
-use crate::schedule::trajectory::{Sample, Trajectory};
+use crate::planner::turning::Track;
+use crate::schedule::trajectory::{Sample, Start, Trajectory};
 use crate::time::Instant;
 
 use super::turns::Turns;
@@ -12,11 +13,28 @@ use super::turns::Turns;
 pub(super) struct Motion {
     pub trajectory: Trajectory,
     pub starts_at: Instant,
+    /// How the vehicle turns once the trajectory is flown, and the opening of the slot in which it does.
+    pub track: Option<(Track, Instant)>,
 }
 
 impl Motion {
+    /// Along a trajectory, and to rest.
+    pub fn new(trajectory: Trajectory, starts_at: Instant) -> Self {
+        Self { trajectory, starts_at, track: None }
+    }
+
     pub fn sample(&self, now: Instant) -> Sample {
-        self.trajectory.sample(now.saturating_since(self.starts_at))
+        let mut sample = self.trajectory.sample(now.saturating_since(self.starts_at));
+        if let Some((track, opens_at)) = self.track.as_ref().filter(|_| self.is_over(now)) {
+            sample.attitude = track.attitude(now.seconds_since(*opens_at));
+        }
+        sample
+    }
+
+    /// At rest where it is at `now`.
+    pub fn stopped(&self, now: Instant) -> Self {
+        let Sample { position_enu_m, attitude, .. } = self.sample(now);
+        Self::new(Trajectory::rest(&Start { position_enu_m, attitude }), now)
     }
 
     pub fn ends_at(&self) -> Instant {

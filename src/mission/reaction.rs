@@ -102,7 +102,9 @@ impl Executive {
             ServiceEvent::JammedInVain(slot, jamming) => {
                 self.notice(Notice::JammedInVain { peer, slot, jamming })
             }
-            ServiceEvent::Over(slot, served) => self.slot_over(slot, served),
+            ServiceEvent::Over(slot, served) => self.slot_over(slot, served, now),
+            ServiceEvent::CarriedOn(commitment) => self.carry_on(commitment, now),
+            ServiceEvent::PutOff(slot) => self.put_off(slot, now),
             ServiceEvent::AllOver => self.finish(now),
             ServiceEvent::GiveUp(why) => self.lose_peer(why, now),
             ServiceEvent::Abandoned => self.break_off(now),

@@ -68,9 +68,9 @@ impl Executive {
 
     /// From a slot's pose to the ground, with the other vehicle in its own.
     fn way_down_from(&self, slot: u16) -> Option<Duration> {
-        let transit = &self.itinerary.as_ref()?.entry(slot)?.transit;
-        let own = transit[self.settings.role].end();
-        self.way_down(own.position_enu_m, own.attitude, Some(transit.i.end().position_enu_m))
+        let leaves = &self.itinerary.as_ref()?.entry(slot)?.leaves;
+        let own = leaves[self.settings.role];
+        self.way_down(own.position_enu_m, own.attitude, Some(leaves.i.position_enu_m))
     }
 
     /// Whether the battery bears that the other one lands first.

@@ -153,6 +153,18 @@ impl Coordinator {
         self.next_status = now;
     }
 
+    /// The committed slot has ended by the clock at `closes_at`, and the next one carries it on: it is agreed on from now on, by
+    /// what was agreed on before. `None`, and nothing is changed, where the plan has it otherwise, or where the peer is not known
+    /// to be still in it.
+    pub fn carry_on(&mut self, closes_at: Instant) -> Option<Commitment> {
+        let agreed = self.agreed.filter(|agreed| agreed.peer_went_along && !agreed.peer_left)?;
+        let slot = agreed.commitment.slot.checked_add(1)?;
+        let opens_at = closes_at + self.slot_terms(slot)?.carries_on_after?;
+        let commitment = Commitment { slot, opens_at, leaves_at: closes_at, ..agreed.commitment };
+        self.agreed = Some(Agreed { commitment, ..agreed });
+        Some(commitment)
+    }
+
     /// I: whether leases are asked for.
     pub fn want_lease(&mut self, wanted: bool, now: Instant) {
         if let Part::I(leader) = &mut self.part {
@@ -458,7 +470,7 @@ impl Coordinator {
         }
         if known {
             self.next_status = now; // I has not heard yet.
-        } else if let Some(commitment) = follower.take_commit(commit, now) {
+        } else if let Some(commitment) = follower.take_commit(commit, self.plan.as_ref(), now) {
             self.agree(commitment, now);
         }
     }

@@ -33,15 +33,6 @@ pub fn timetable(mission: &Mission, plan: &Plan) -> Result<Option<Table>, NoTime
         attitude: Attitude::level(),
     });
     let router = Router::new(&mission.airspace, &mission.transit_limits())?;
-    let users: Vec<_> = plan.slots.iter().map(|slot| vec![slot.plan.vehicles.map(|v| v.pose)]).collect();
-    let timing = mission.timing();
-    let table = Table::with_lengths(
-        &router,
-        &start,
-        &users,
-        &plan.lengths(timing.slot),
-        &timing,
-        mission.tdma.order,
-    )?;
+    let table = Table::of_plan(&router, &start, plan, &mission.timing(), mission.tdma.order)?;
     Ok(Some(table))
 }

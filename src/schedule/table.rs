@@ -8,6 +8,10 @@
 //!   | transit | settle  | guard/2 |     radiating     | guard/2    |
 //! ```
 //!
+//! A slot that is served through its turns, from where the one before was, carries that one on: both vehicles turn from its last
+//! attitude in what is left of the two guards' halves and the silence between them. Should it be agreed on by itself, since the
+//! one before ended early, its transit is the turn from that one's last attitude, and the vehicles come to rest.
+//!
 //! All times are since the mission's start instant, which both vehicles agree on. The table is a pure function of its
 //! inputs: the same plan, limits and starting positions give the same table on both vehicles, bit for bit.
 
@@ -17,8 +21,10 @@ pub use super::error::TableError;
 use super::legs::Legs;
 use super::order::{Order, Tour};
 use super::trajectory::{Start, Trajectory};
-use super::transit::{Router, Separation};
+use super::transit::{Router, Separation, Transit};
 use crate::geo::Pose;
+use crate::planner::slots::Plan;
+use crate::planner::turning::{Between, Knot, Protected};
 use crate::role::PerVehicle;
 
 /// Slots open on multiples of this: both vehicles' logs and clocks show round figures.
@@ -61,6 +67,12 @@ pub struct Entry {
     pub transit: PerVehicle<Trajectory>,
     /// What keeps the vehicles apart on the way.
     pub separation: Separation,
+    /// Where both are when the user's service ends: where the transit has brought them, unless they turn on the air.
+    pub leaves: PerVehicle<Start>,
+    /// How long the transit and coming to rest take.
+    pub lead: Duration,
+    /// It carries on the slot before, and opens so long after that one's close; without the lead.
+    pub carries_on_after: Option<Duration>,
     /// When both vehicles leave (one of them perhaps with a hold).
     pub transit_starts: Duration,
     /// When the slot begins: both vehicles have arrived and settled.
@@ -73,6 +85,40 @@ pub struct Entry {
     pub radiate_until: Duration,
 }
 
+/// A user who is served through the vehicles' turns, in the order of service.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Turned {
+    /// The user, by position in the mission's list.
+    pub user_index: usize,
+    /// Poses where its service begins, and where it ends.
+    pub ends: [PerVehicle<Pose>; 2],
+    /// The slot's length.
+    pub length: Duration,
+    /// From the close of the slot before, which is served from the same positions, to this one's opening; the last one's, of the
+    /// first.
+    pub carries_on_after: Option<Duration>,
+}
+
+impl Turned {
+    /// The users of a plan, where it has the vehicles turn on the air.
+    fn of(turns: &Protected, guard: Duration) -> Option<Vec<Self>> {
+        let guard_s = guard.as_secs_f64();
+        let before = |place: usize| &turns.slots[(place + turns.slots.len() - 1) % turns.slots.len()];
+        let users = turns.slots.iter().enumerate().map(|(place, slot)| {
+            let poses = |knot: &Knot| knot.vehicles.map(|vehicle| vehicle.pose);
+            let carries_on = matches!(before(place).between, Between::Turn(_));
+            let after_s = (before(place).silence_s - guard_s).max(0.0);
+            Some(Self {
+                user_index: slot.user,
+                ends: [poses(slot.knots.first()?), poses(slot.knots.last()?)],
+                length: Duration::try_from_secs_f64(slot.on_air_s + guard_s).ok()?,
+                carries_on_after: Duration::try_from_secs_f64(after_s).ok().filter(|_| carries_on),
+            })
+        });
+        users.collect()
+    }
+}
+
 /// All slots of a mission in order.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Table {
@@ -83,6 +129,59 @@ pub struct Table {
 }
 
 impl Table {
+    /// The table of a plan, from `start`.
+    ///
+    /// # Errors
+    /// As [`build`](Self::build).
+    pub fn of_plan(
+        router: &Router,
+        start: &PerVehicle<Start>,
+        plan: &Plan,
+        timing: &Timing,
+        order: Order,
+    ) -> Result<Self, TableError> {
+        if let Some(users) = plan.turns.as_ref().and_then(|turns| Turned::of(turns, timing.guard)) {
+            return Self::turned(router, start, &users, timing);
+        }
+        let users: Vec<_> = plan.slots.iter().map(|slot| vec![slot.plan.vehicles.map(|v| v.pose)]).collect();
+        Self::with_lengths(router, start, &users, &plan.lengths(timing.slot), timing, order)
+    }
+
+    /// The table of users who are served through the vehicles' turns, in their order, `timing.superframes` times over.
+    ///
+    /// # Errors
+    /// As [`build`](Self::build).
+    pub fn turned(
+        router: &Router,
+        start: &PerVehicle<Start>,
+        users: &[Turned],
+        timing: &Timing,
+    ) -> Result<Self, TableError> {
+        check(users.len(), users.len(), users.iter().map(|user| user.length), timing)?;
+        let hover = |pose: Pose| Start { position_enu_m: pose.position_enu_m, attitude: pose.attitude() };
+        let mut entries: Vec<Entry> = Vec::new();
+        let mut before: Option<&Turned> = None;
+        for (slot, user) in (0..=u16::MAX).zip((0..timing.superframes).flat_map(|_| users)) {
+            let from = before.map_or(*start, |before| before.ends[1].map(hover));
+            let transit = router.plan(&from, &user.ends[0]).map_err(|source| TableError::Transit {
+                from: before.map(|before| before.user_index),
+                to: user.user_index,
+                source,
+            })?;
+            let closed = entries.last().map_or(Duration::ZERO, |entry| entry.closes);
+            let leaves = user.ends[1].map(hover);
+            let way = Way { transit, leaves, carries_on_after: before.and(user.carries_on_after) };
+            entries.push(Entry::new(slot, (user.user_index, 0), way, closed, user.length, timing));
+            before = Some(user);
+        }
+        Ok(Self::ended(entries))
+    }
+
+    fn ended(entries: Vec<Entry>) -> Self {
+        let ends = entries.last().map_or(Duration::ZERO, |entry| entry.closes);
+        Self { entries, ends }
+    }
+
     /// The table of a mission: from `start` through every user's poses, `timing.superframes` times over. `users` are in
     /// the mission's order; a user with several candidates is served from the one that makes transits short.
     ///
@@ -110,19 +209,9 @@ impl Table {
         timing: &Timing,
         order: Order,
     ) -> Result<Self, TableError> {
-        let superframes = timing.superframes;
         let served = users.iter().filter(|candidates| !candidates.is_empty()).count();
-        if served == 0 || served < users.len() || superframes == 0 {
-            return Err(TableError::Empty { users: served, superframes });
-        }
-        let slots = users.len().saturating_mul(usize::from(superframes));
-        if slots > usize::from(u16::MAX) {
-            return Err(TableError::TooMany { slots, limit: u16::MAX });
-        }
-        if let Some(slot) = lengths.iter().find(|slot| timing.guard >= **slot) {
-            let (slot_s, guard_s) = (slot.as_secs_f64(), timing.guard.as_secs_f64());
-            return Err(TableError::NoAirtime { slot_s, guard_s });
-        }
+        check(users.len(), served, lengths.iter().copied(), timing)?;
+        let superframes = timing.superframes;
         let mut legs = Legs::new(router, Some(start), users);
         let tour = legs.tour(superframes, order)?;
         entries(&mut legs, &tour, lengths, timing)
@@ -135,34 +224,83 @@ impl Table {
     }
 }
 
+/// Whether there is anything to do, and time to do it in.
+fn check(
+    users: usize,
+    served: usize,
+    mut lengths: impl Iterator<Item = Duration>,
+    timing: &Timing,
+) -> Result<(), TableError> {
+    let superframes = timing.superframes;
+    if served == 0 || served < users || superframes == 0 {
+        return Err(TableError::Empty { users: served, superframes });
+    }
+    let slots = users.saturating_mul(usize::from(superframes));
+    if slots > usize::from(u16::MAX) {
+        return Err(TableError::TooMany { slots, limit: u16::MAX });
+    }
+    if let Some(slot) = lengths.find(|slot| timing.guard >= *slot) {
+        let (slot_s, guard_s) = (slot.as_secs_f64(), timing.guard.as_secs_f64());
+        return Err(TableError::NoAirtime { slot_s, guard_s });
+    }
+    Ok(())
+}
+
 /// Strings the tour's transits and slots together.
 fn entries(legs: &mut Legs, tour: &Tour, lengths: &[Duration], timing: &Timing) -> Result<Table, TableError> {
-    let mut entries = Vec::new();
-    let mut transit_starts = Duration::ZERO;
+    let mut entries: Vec<Entry> = Vec::new();
     let mut before = None;
     let visits = (0..timing.superframes).flat_map(|_| &tour.visits);
     for (slot, &(user_index, place)) in (0..=u16::MAX).zip(visits) {
         let transit = legs.transit(before, place)?;
-        let arrived = transit_starts.saturating_add(transit.duration());
-        let opens = rounded_up(arrived.saturating_add(timing.settle));
+        let leaves = PerVehicle::from_fn(|role| transit.trajectories[role].end());
+        let way = Way { transit, leaves, carries_on_after: None };
+        let closed = entries.last().map_or(Duration::ZERO, |entry| entry.closes);
         let length = lengths.get(user_index).copied().unwrap_or(timing.slot);
+        let user = (user_index, legs.candidate(user_index, place));
+        entries.push(Entry::new(slot, user, way, closed, length, timing));
+        before = Some(place);
+    }
+    Ok(Table::ended(entries))
+}
+
+/// How both vehicles come to a slot, and where they leave it.
+struct Way {
+    transit: Transit,
+    leaves: PerVehicle<Start>,
+    carries_on_after: Option<Duration>,
+}
+
+impl Entry {
+    /// A slot after one that has closed at `closed`.
+    fn new(
+        slot: u16,
+        (user_index, candidate): (usize, usize),
+        way: Way,
+        closed: Duration,
+        length: Duration,
+        timing: &Timing,
+    ) -> Self {
+        let Way { transit, leaves, carries_on_after } = way;
+        let rested = closed.saturating_add(transit.duration()).saturating_add(timing.settle);
+        let opens = carries_on_after.map_or_else(|| rounded_up(rested), |after| closed.saturating_add(after));
         let closes = opens.saturating_add(length);
-        entries.push(Entry {
+        Self {
             slot,
             user_index,
-            candidate: legs.candidate(user_index, place),
+            candidate,
+            lead: rounded_up(rested).saturating_sub(closed),
             transit: transit.trajectories,
             separation: transit.separation,
-            transit_starts,
+            leaves,
+            carries_on_after,
+            transit_starts: closed,
             opens,
             closes,
             radiate_from: opens.saturating_add(timing.guard / 2),
             radiate_until: closes.saturating_sub(timing.guard / 2),
-        });
-        transit_starts = closes;
-        before = Some(place);
+        }
     }
-    Ok(Table { entries, ends: transit_starts })
 }
 
 /// `t` rounded up to the grid.

@@ -186,6 +186,17 @@ impl Trajectory {
             Turn { from, to: attitude, starts_s, lasts_s: from.angle_to(&attitude) / limits.tilt_rate_rad_s };
     }
 
+    /// The same from another attitude: the turn takes as long as it then does.
+    #[must_use]
+    pub fn from_attitude(mut self, attitude: Attitude, limits: &Limits) -> Self {
+        if attitude != self.turn.from {
+            let Turn { to, starts_s, .. } = self.turn;
+            self.turn.from = attitude;
+            self.turn(to, starts_s, limits);
+        }
+        self
+    }
+
     /// When position and attitude have both arrived, rounded up to a nanosecond.
     #[must_use]
     pub fn duration(&self) -> Duration {

@@ -17,7 +17,7 @@ mod terms;
 
 pub use evidence::Vehicle;
 pub use interlock::{Ceilings, Permit, Silence};
-pub use pose_monitor::{Off, PoseMonitor, Tolerance};
+pub use pose_monitor::{Off, PoseMonitor, Reference, Tolerance};
 pub use protection::Jamming;
 pub use slot::{Served, Slot};
 pub use slot_service::SlotService;

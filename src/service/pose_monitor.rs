@@ -23,6 +23,9 @@
 //! *A place.* A position comes with the error of who measures it, so that a vehicle which glides towards its pose would be
 //! told to radiate some centimetres before it is there. It comes in at [`ARRIVED`] of the tolerance, and stays to all of it.
 //!
+//! *A turn.* In a slot that is served through its turns the plan's attitude moves, and a sample is compared with the one at its
+//! own time. What the plan bears there may be less than the tolerance: then that counts, down to what a vehicle can hold.
+//!
 //! Jitter is taken to be independent from sample to sample, as the plan takes it. A body that swings slower than that
 //! counts as what it is, out of its pose.
 
@@ -31,6 +34,7 @@ use std::time::Duration;
 use nalgebra::Vector3;
 
 use crate::geo::{Attitude, Enu, Pose};
+use crate::planner::turning::{Slack, Track};
 use crate::time::Instant;
 
 use super::evidence::Vehicle;
@@ -42,8 +46,9 @@ const QUANTILE: f64 = 6.3;
 /// The share of the position's tolerance at which a vehicle comes into its pose: 0.15 m of the metre are left to its
 /// estimator, five deviations of a good one's noise.
 const ARRIVED: f64 = 0.85;
-/// What control and estimator leave of an attitude that is held, radians.
+/// What control and estimator leave of an attitude that is held, radians, and of a position, metres.
 const HELD_RAD: f64 = 1f64.to_radians();
+const HELD_M: f64 = 0.5;
 
 /// How far a pose may be off.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -96,6 +101,17 @@ impl Tolerance {
         Self { attitude_rad, held_rad: self.held_rad + wider_rad, ..self }
     }
 
+    /// The same where the plan bears no more than this: never wider, and never stricter than what a vehicle can hold.
+    #[must_use]
+    pub fn within(self, slack: Slack) -> Self {
+        let attitude_rad = self.jitter_rad + slack.pointing_rad.max(HELD_RAD);
+        Self {
+            position_m: self.position_m.min(slack.position_m.max(HELD_M)),
+            attitude_rad: self.attitude_rad.min(attitude_rad),
+            ..self
+        }
+    }
+
     /// The limit of an error that holds this share of the jitter's variance.
     fn limit_rad(&self, share: f64) -> f64 {
         self.attitude_rad.max(self.held_rad + QUANTILE * self.jitter_rad * share.sqrt())
@@ -133,10 +149,32 @@ impl Smoothed {
     }
 }
 
+/// What a pose is compared with.
+#[derive(Debug, Clone)]
+pub struct Reference {
+    /// The plan's.
+    pub pose: Pose,
+    /// How its attitude moves, where it does.
+    pub track: Option<Track>,
+    /// When the slot opens, from which the track counts.
+    pub opens_at: Instant,
+}
+
+impl Reference {
+    fn attitude(&self, at: Instant) -> Attitude {
+        let moving = self.track.as_ref().map(|track| track.attitude(at.seconds_since(self.opens_at)));
+        moving.unwrap_or_else(|| self.pose.attitude())
+    }
+
+    fn slack(&self, at: Instant) -> Option<Slack> {
+        self.track.as_ref()?.slack(at.seconds_since(self.opens_at))
+    }
+}
+
 /// Watches one pose.
 #[derive(Debug, Clone)]
 pub struct PoseMonitor {
-    target: Pose,
+    target: Reference,
     tolerance: Tolerance,
     /// Rotation vectors from the planned to the measured attitude, the last sample's and the filters', and when they
     /// were last fed.
@@ -149,7 +187,7 @@ pub struct PoseMonitor {
 impl PoseMonitor {
     /// A monitor that has seen nothing.
     #[must_use]
-    pub fn new(target: Pose, tolerance: Tolerance) -> Self {
+    pub fn new(target: Reference, tolerance: Tolerance) -> Self {
         Self { target, tolerance, errors: None, position_error_m: None, placed: false }
     }
 
@@ -165,16 +203,16 @@ impl PoseMonitor {
 
     /// Feeds the measured position.
     pub fn position(&mut self, position_enu_m: Enu) {
-        let error_m = (position_enu_m - self.target.position_enu_m).norm();
+        let error_m = (position_enu_m - self.target.pose.position_enu_m).norm();
         let share = if self.placed { 1.0 } else { ARRIVED };
         self.position_error_m = Some(error_m);
         // What is no number is no place.
-        self.placed = error_m <= share * self.tolerance.position_m;
+        self.placed = error_m <= share * self.tolerance().position_m;
     }
 
     /// Feeds the attitude measured at `at`; a sample already fed is ignored.
     pub fn attitude(&mut self, attitude: &Attitude, at: Instant) {
-        let error = (self.target.attitude().rotation().inverse() * attitude.rotation()).scaled_axis();
+        let error = (self.target.attitude(at).rotation().inverse() * attitude.rotation()).scaled_axis();
         let sample = Smoothed { error, share: 1.0 };
         let Some((errors, last)) = &mut self.errors else {
             self.errors = Some(([sample; 1 + FILTERS.len()], at));
@@ -191,9 +229,16 @@ impl PoseMonitor {
             smoothed.take(error, 1.0 - (-dt_s / constant.as_secs_f64()).exp());
         }
         // On the way to the pose the slow filter would only remember where it came from.
-        if fast.beyond(&self.tolerance).is_some() {
+        let slack = self.target.slack(at);
+        if fast.beyond(&slack.map_or(self.tolerance, |slack| self.tolerance.within(slack))).is_some() {
             *slow = *fast;
         }
+    }
+
+    /// What is asked at the time of the last attitude.
+    fn tolerance(&self) -> Tolerance {
+        let slack = self.errors.as_ref().and_then(|(_, at)| self.target.slack(*at));
+        slack.map_or(self.tolerance, |slack| self.tolerance.within(slack))
     }
 
     /// `Ok` while the pose is held.
@@ -207,7 +252,8 @@ impl PoseMonitor {
         if !self.placed {
             return Err(Off::Position(position_m));
         }
-        match errors.iter().find_map(|error| error.beyond(&self.tolerance)) {
+        let tolerance = self.tolerance();
+        match errors.iter().find_map(|error| error.beyond(&tolerance)) {
             Some(rad) => Err(Off::Attitude(rad)),
             None => Ok(()),
         }
@@ -224,13 +270,17 @@ mod tests {
         Pose { position_enu_m: Vector3::new(1.0, 2.0, 80.0), roll_rad: 0.9, pitch_rad: -0.3, yaw_rad: 0.0 }
     }
 
+    fn still() -> Reference {
+        Reference { pose: pose(), track: None, opens_at: at(0) }
+    }
+
     fn at(ms: u64) -> Instant {
         Instant::from_start(Duration::from_millis(ms))
     }
 
     #[test]
     fn spec_unknown_until_both_are_fed() {
-        let mut monitor = PoseMonitor::new(pose(), Tolerance::for_jitter(0.0));
+        let mut monitor = PoseMonitor::new(still(), Tolerance::for_jitter(0.0));
         assert_eq!(monitor.check(), Err(Off::Unknown));
         monitor.position(pose().position_enu_m);
         assert_eq!(monitor.check(), Err(Off::Unknown));
@@ -240,7 +290,7 @@ mod tests {
 
     #[test]
     fn spec_position_beyond_a_metre_is_off() {
-        let mut monitor = PoseMonitor::new(pose(), Tolerance::for_jitter(0.0));
+        let mut monitor = PoseMonitor::new(still(), Tolerance::for_jitter(0.0));
         monitor.attitude(&pose().attitude(), at(0));
         monitor.position(pose().position_enu_m);
         monitor.position(pose().position_enu_m + Vector3::new(0.0, 0.0, 0.99));
@@ -253,7 +303,7 @@ mod tests {
 
     #[test]
     fn spec_a_vehicle_that_comes_has_to_come_nearer_than_one_that_stays() {
-        let mut monitor = PoseMonitor::new(pose(), Tolerance::for_jitter(0.0));
+        let mut monitor = PoseMonitor::new(still(), Tolerance::for_jitter(0.0));
         monitor.attitude(&pose().attitude(), at(0));
         let mut is_placed = |off_m: f64| {
             monitor.position(pose().position_enu_m + Vector3::new(off_m, 0.0, 0.0));
@@ -303,7 +353,7 @@ mod tests {
             let tolerance = Tolerance::for_jitter(f64::to_radians(std_deg));
             // Slots of 10 s, in a pose that is held to a degree.
             for slot in 0..400 {
-                let mut monitor = PoseMonitor::new(pose(), tolerance);
+                let mut monitor = PoseMonitor::new(still(), tolerance);
                 monitor.position(pose().position_enu_m);
                 for k in 0..500 {
                     monitor.attitude(&jittered(&mut rng, 1.0, std_deg), at(RATE_MS * k));
@@ -315,7 +365,7 @@ mod tests {
 
     /// How long after a turn of the held pose by `off_deg` the loss is found.
     fn found_after_ms(rng: &mut rand_chacha::ChaCha8Rng, off_deg: f64, std_deg: f64) -> u64 {
-        let mut monitor = PoseMonitor::new(pose(), Tolerance::for_jitter(std_deg.to_radians()));
+        let mut monitor = PoseMonitor::new(still(), Tolerance::for_jitter(std_deg.to_radians()));
         monitor.position(pose().position_enu_m);
         (0..200).for_each(|k| monitor.attitude(&jittered(rng, 0.0, std_deg), at(RATE_MS * k)));
         let found = (200..1000).find(|k| {
@@ -359,7 +409,7 @@ mod tests {
             let calm = Tolerance::for_jitter(f64::to_radians(std_deg));
             let leaning = calm.leaning(10f64.to_radians());
             let held = |rng: &mut rand_chacha::ChaCha8Rng, tolerance, lean_deg| {
-                let mut monitor = PoseMonitor::new(pose(), tolerance);
+                let mut monitor = PoseMonitor::new(still(), tolerance);
                 monitor.position(pose().position_enu_m);
                 (0..500).all(|k| {
                     monitor.attitude(&jittered(rng, lean_deg, std_deg), at(RATE_MS * k));
@@ -393,7 +443,7 @@ mod tests {
 
     #[test]
     fn spec_small_step_is_seen_within_100_ms() {
-        let mut monitor = PoseMonitor::new(pose(), Tolerance::for_jitter(2f64.to_radians()));
+        let mut monitor = PoseMonitor::new(still(), Tolerance::for_jitter(2f64.to_radians()));
         monitor.position(pose().position_enu_m);
         (0..50).for_each(|k| monitor.attitude(&pose().attitude(), at(RATE_MS * k)));
         let off = Attitude::from_euler(0.9 + 8f64.to_radians(), -0.3, 0.0);
@@ -406,7 +456,7 @@ mod tests {
 
     #[test]
     fn spec_a_pose_that_is_reached_is_held_soon_after() {
-        let mut monitor = PoseMonitor::new(pose(), Tolerance::for_jitter(10f64.to_radians()));
+        let mut monitor = PoseMonitor::new(still(), Tolerance::for_jitter(10f64.to_radians()));
         monitor.position(pose().position_enu_m);
         let before = Attitude::from_euler(0.9 - 1.5, -0.3, 0.0);
         (0..50).for_each(|k| monitor.attitude(&before, at(RATE_MS * k)));

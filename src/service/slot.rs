@@ -1,12 +1,13 @@
 //! A committed slot: its times on our monotonic clock, our power and pose in it.
 
 use crate::pair::{Commitment, SlotTerms};
+use crate::planner::turning::Track;
 use crate::role::Role;
 use crate::time::Instant;
 use crate::transmitter::{NotReady, Trouble};
 
 use super::interlock::{Silence, Window};
-use super::pose_monitor::{PoseMonitor, Tolerance};
+use super::pose_monitor::{PoseMonitor, Reference, Tolerance};
 use super::protection::{Jamming, Protection};
 
 /// See the module.
@@ -14,8 +15,11 @@ use super::protection::{Jamming, Protection};
 pub struct Slot {
     /// What was agreed on.
     pub commitment: Commitment,
-    /// The plan's power in watts.
-    pub power_w: f64,
+    power_w: f64,
+    /// How this vehicle turns in it, where it is served through its turns.
+    pub track: Option<Track>,
+    /// It carries on the slot before, by the clock.
+    pub carried_on: bool,
     /// I may radiate from here ...
     pub radiate_from: Instant,
     /// ... to here; J from the opening until I is off, at most to the close.
@@ -44,23 +48,41 @@ pub enum Served {
 }
 
 impl Slot {
-    /// The slot agreed on, by the plan's terms.
-    pub(super) fn new(role: Role, commitment: Commitment, terms: &SlotTerms, tolerance: Tolerance) -> Self {
+    /// The slot agreed on, by the plan's terms; or one that carries on the one before, and is agreed on with that.
+    pub(super) fn new(
+        role: Role,
+        commitment: Commitment,
+        carried_on: bool,
+        terms: &SlotTerms,
+        tolerance: Tolerance,
+    ) -> Self {
         let vehicle = terms.vehicles[role];
+        let track = terms.tracks.as_ref().map(|tracks| tracks[role].clone());
+        let track = if carried_on { track } else { track.map(Track::from_rest) };
+        let reference = Reference { pose: vehicle.pose, track: track.clone(), opens_at: commitment.opens_at };
         Self {
             commitment,
             power_w: vehicle.tx_power_w,
+            track,
+            carried_on,
             radiate_from: commitment.opens_at + terms.radiate_from,
             radiate_until: commitment.opens_at + terms.radiate_until,
             closes_at: commitment.opens_at + terms.length,
             closing: false,
-            monitor: PoseMonitor::new(vehicle.pose, tolerance.leaning(terms.lean_rad[role])),
+            monitor: PoseMonitor::new(reference, tolerance.leaning(terms.lean_rad[role])),
             protection: Protection::default(),
             jamming: Jamming::Unconfirmed,
             served: Served::No(None),
             achieved: false,
             trouble: None,
         }
+    }
+
+    /// The plan's power in watts.
+    #[must_use]
+    pub fn power_w(&self, now: Instant) -> f64 {
+        let since_opening_s = now.seconds_since(self.commitment.opens_at);
+        self.track.as_ref().map_or(self.power_w, |track| track.tx_power_w(since_opening_s))
     }
 
     /// Whether this vehicle's transmitter was on, as far as is known: a permit is nothing where the radio's device never did it.
@@ -71,6 +93,12 @@ impl Slot {
             }
             (served, _) => served,
         }
+    }
+
+    /// Whether the next slot to be agreed on is this one again: it was carried on to, and ended before this vehicle was on the air
+    /// in it. The other one may not have begun it at all.
+    pub(super) fn is_to_be_repeated(&self, now: Instant) -> bool {
+        self.carried_on && now < self.closes_at && matches!(self.served, Served::No(_))
     }
 
     /// When `role` may radiate. `leases_outstanding`: I may hold a lease of J.
@@ -84,6 +112,6 @@ impl Slot {
             }
             Role::J => (self.commitment.opens_at, self.closes_at),
         };
-        Window { slot: self.commitment.slot, from, until, power_w: self.power_w }
+        Window { slot: self.commitment.slot, from, until, power_w: self.power_w(now) }
     }
 }

@@ -475,9 +475,9 @@ impl SlotService {
                 let on = self.interlock.is_on() && now < slot.radiate_until && !slot.closing;
                 let confirmed = self.interlock.transmitter().on_until_at_least(now);
                 let confirmed = confirmed.filter(|vouched| on && vouched.slot == slot.commitment.slot);
-                let radiates = confirmed.filter(|vouched| vouched.power_w >= FULL_POWER * slot.power_w);
+                let radiates = confirmed.filter(|vouched| vouched.power_w >= FULL_POWER * slot.power_w(now));
                 if let Some(vouched) = confirmed {
-                    let (given_w, planned_w) = (vouched.power_w, slot.power_w);
+                    let (given_w, planned_w) = (vouched.power_w, slot.power_w(now));
                     slot.jamming = if radiates.is_some() {
                         Jamming::Full
                     } else {
@@ -593,10 +593,30 @@ impl SlotService {
     fn end_slot(&mut self, now: Instant) {
         let Some(slot) = self.slot() else { return };
         let (number, served) = (slot.commitment.slot, slot.outcome());
-        self.events.push_back(Event::Over(number, served));
+        let to_be_repeated = slot.is_to_be_repeated(now);
+        if let Some(next) = self.carried_on(slot.closes_at, now) {
+            self.events.push_back(Event::Over(number, served));
+            self.events.push_back(Event::CarriedOn(next.commitment));
+            self.stage = Stage::Committed(Box::new(next));
+            return;
+        }
+        self.events.push_back(if to_be_repeated { Event::PutOff(number) } else { Event::Over(number, served) });
         self.pair.release(now);
-        let next = number.saturating_add(1);
+        let next = if to_be_repeated { number } else { number.saturating_add(1) };
         self.stage = Stage::Between { next, refusals: Refusals::none(now), since: now };
+    }
+
+    /// The slot that carries on one which closes at `closes_at`, if it does: by the clock, and by nobody's word.
+    fn carried_on(&mut self, closes_at: Instant, now: Instant) -> Option<Slot> {
+        let in_order = self.slot().is_some_and(|slot| !slot.closing) && now >= closes_at;
+        if !in_order || self.abandoning || self.orders().is_paused() || self.orders().is_killed() {
+            return None;
+        }
+        let commitment = self.pair.carry_on(closes_at)?;
+        let terms = self.pair.slot_terms(commitment.slot)?;
+        let mut slot = Slot::new(self.role, commitment, true, terms, self.tolerance);
+        slot.monitor.feed(&self.vehicle);
+        Some(slot)
     }
 
     /// J jams while I may radiate, whatever ends the mission, unless a fault of its own silences it (S3).
@@ -635,6 +655,13 @@ impl SlotService {
                 Event::GiveUp(GiveUp::PeerSilent(reason))
             }
             Pair::PeerLeft => {
+                // The other has ended the slot before in its own way, just before its end: both go on from where they are.
+                if let Stage::Committed(slot) = &mut self.stage
+                    && slot.carried_on
+                {
+                    slot.closing = true;
+                    return;
+                }
                 // Later in a slot the leases decide, and the clocks may differ at its end.
                 let on_the_way = self.slot().is_some_and(|slot| now < slot.commitment.opens_at);
                 if !on_the_way || self.orders().is_paused() {
@@ -686,7 +713,7 @@ impl SlotService {
             return false;
         }
         let Some(terms) = self.pair.slot_terms(commitment.slot) else { return false };
-        let mut slot = Slot::new(self.role, commitment, terms, self.tolerance);
+        let mut slot = Slot::new(self.role, commitment, false, terms, self.tolerance);
         slot.monitor.feed(&self.vehicle);
         // Until the owner has begun the transit.
         self.vehicle.arrived = false;

@@ -108,6 +108,10 @@ pub enum Event {
     JammedInVain(u16, Jamming),
     /// A slot's time is over, or it was ended early and all is quiet.
     Over(u16, Served),
+    /// The slot that carries on the one that is just over has begun, by the clock.
+    CarriedOn(Commitment),
+    /// A slot that carried on the one before is ended early, and will be agreed on by itself.
+    PutOff(u16),
     /// Every slot is over.
     AllOver,
     /// The owner should give the mission up, and say so by [`super::SlotService::abandon`].

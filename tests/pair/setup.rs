@@ -39,9 +39,11 @@ fn vehicles(slot: u16) -> PerVehicle<VehiclePlan> {
 fn plan(length: Duration) -> PlanTerms {
     let terms = |slot: u16| SlotTerms {
         vehicles: vehicles(slot),
+        tracks: None,
         lean_rad: PerVehicle { i: 0.0, j: 0.0 },
         opens: (LEAD + length) * u32::from(slot) + LEAD,
         lead: LEAD,
+        carries_on_after: None,
         radiate_from: GUARD / 2,
         radiate_until: length - GUARD / 2,
         length,

@@ -101,9 +101,11 @@ fn plan() -> PlanTerms {
     let vehicle = VehiclePlan { pose: POSE, tx_power_w: POWER_W };
     let terms = SlotTerms {
         vehicles: PerVehicle { i: vehicle, j: vehicle },
+        tracks: None,
         lean_rad: PerVehicle { i: 0.0, j: 0.0 },
         opens: NEEDS,
         lead: NEEDS,
+        carries_on_after: None,
         radiate_from: Duration::ZERO,
         radiate_until: SLOT,
         length: SLOT,

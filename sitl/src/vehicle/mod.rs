@@ -385,6 +385,11 @@ impl Vehicle {
         self.bias
     }
 
+    /// When its autopilot's clock shows this.
+    pub(crate) fn time_of(&self, utc_us: u64, now: Duration) -> Duration {
+        self.autopilot.time_of(utc_us, now)
+    }
+
     pub(crate) fn airborne(&self) -> bool {
         !self.autopilot.grounded
     }

@@ -4,6 +4,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 use thiserror::Error;
 
 use super::scattering::Fading;
+use super::turning::{PlannedKnot, PlannedTurns};
 use crate::frames::Euler;
 use crate::geodesy::Origin;
 use crate::vehicle::antenna::Antenna;
@@ -116,8 +117,10 @@ pub struct PlannedSlot {
     pub user: String,
     /// The plan's expectation.
     pub secrecy_rate_bps: f64,
-    /// I and J.
+    /// I and J; of a slot that is served through its turns as they are between two turns.
     pub poses: [PlannedPose; 2],
+    /// How they turn while they radiate, if they do.
+    pub turns: Option<PlannedTurns>,
 }
 
 /// How far a vehicle may be from its planned pose, judged without the injected jitter.
@@ -201,6 +204,8 @@ pub(crate) struct Reference {
     pub attitude: UnitQuaternion<f64>,
     pub euler: Euler,
     pub power_w: f64,
+    /// The most that it may radiate: more, while another power is on its way to the radio.
+    pub most_w: f64,
     pub lean_deg: f64,
 }
 
@@ -211,6 +216,7 @@ impl From<&PlannedPose> for Reference {
             attitude: pose.attitude(),
             euler: pose.euler(),
             power_w: pose.tx_power_w,
+            most_w: pose.tx_power_w,
             lean_deg: pose.lean_deg,
         }
     }
@@ -357,6 +363,14 @@ impl WorldConfig {
                         .chain(&pose.position_enu_m)
                         .map(|v| (format!("pose of slot {k}"), *v, false)),
                 );
+            }
+            let turns = slot.turns.iter();
+            let knots = turns.flat_map(|turns| {
+                turns.knots.iter().flatten().chain(turns.before.iter().flatten()).chain(turns.after.iter().flatten())
+            });
+            for PlannedKnot { at_s, angles_rad, tx_power_w, .. } in knots {
+                let numbers = angles_rad.iter().chain([at_s, tx_power_w]);
+                all.extend(numbers.map(|v| (format!("knot of slot {k}"), *v, false)));
             }
         }
         all

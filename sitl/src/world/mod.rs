@@ -12,6 +12,7 @@ pub mod report;
 pub mod scattering;
 mod score;
 mod trail;
+pub mod turning;
 pub mod violation;
 
 use std::time::Duration;
@@ -32,6 +33,7 @@ use receiver::{Kind, Receiver};
 use report::FlightReport;
 use score::{PoseError, SlotScore};
 use trail::Trail;
+use turning::Openings;
 
 /// Relative difference from the planned power that still protects (INTERFACES: "at its planned power").
 const PLANNED_POWER_MARGIN: f64 = 0.01;
@@ -63,7 +65,9 @@ pub struct World {
     users: Vec<Receiver>,
     eavesdroppers: Vec<Receiver>,
     /// I's and J's plan in each slot, and the index of the slot's user.
-    plans: Vec<([Reference; 2], usize)>,
+    /// The user of each slot.
+    users_of: Vec<usize>,
+    openings: Openings,
     scores: Vec<SlotScore>,
     /// Samples of radiation in no slot of the plan.
     outside_slots: [u32; 2],
@@ -91,11 +95,7 @@ impl World {
             )
         };
         let user_of = |name: &str| config.users.iter().position(|u| u.name == name).unwrap_or(0);
-        let plans = config
-            .slots
-            .iter()
-            .map(|s| ([Reference::from(&s.poses[0]), Reference::from(&s.poses[1])], user_of(&s.user)))
-            .collect();
+        let users_of = config.slots.iter().map(|s| user_of(&s.user)).collect();
         Ok(Self {
             vehicles: [vehicle(0), vehicle(1)],
             users: Receiver::all(&config.users, Kind::User, config.fading.user, config.seed),
@@ -105,7 +105,8 @@ impl World {
                 config.fading.eavesdropper,
                 config.seed,
             ),
-            plans,
+            users_of,
+            openings: Openings::default(),
             scores: vec![SlotScore::default(); config.slots.len()],
             outside_slots: [0; 2],
             monitor: Monitor::default(),
@@ -238,6 +239,13 @@ impl World {
         }
     }
 
+    /// I's companion proposes that a slot opens at this UTC, by its vehicle's clock. A plan whose vehicles turn on the air counts
+    /// from there.
+    pub fn propose(&mut self, slot: usize, opens_utc_us: u64) {
+        let at = self.vehicles[0].time_of(opens_utc_us, self.now);
+        self.openings.propose(slot, at, &self.config.slots);
+    }
+
     /// From now on a vehicle radiates what another device does, as its host says, and not what its own radio was told by MAVLink.
     pub fn set_device_power(&mut self, vehicle: usize, power: DevicePower) {
         let Some(target) = self.vehicles.get_mut(vehicle) else { return };
@@ -251,16 +259,21 @@ impl World {
     /// The slot that a vehicle's power command names, if the plan has it.
     fn slot_of(&self, vehicle: usize) -> Option<usize> {
         let emission = self.vehicles[vehicle].transmitter().emission()?;
-        usize::try_from(emission.slot).ok().filter(|slot| *slot < self.plans.len())
+        usize::try_from(emission.slot).ok().filter(|slot| *slot < self.config.slots.len())
     }
 
-    /// `planned_w`: what the plan of I's slot asks of this vehicle.
-    fn seen(&self, k: usize, planned_w: Option<f64>) -> Seen {
+    /// What the plan has a vehicle do in a slot at an instant.
+    fn reference(&self, slot: usize, vehicle: usize, at: Duration) -> Reference {
+        self.openings.reference(slot, &self.config.slots[slot], vehicle, at)
+    }
+
+    /// `of_i`: what the plan of I's slot asks of this vehicle.
+    fn seen(&self, k: usize, of_i: Option<Reference>) -> Seen {
         let vehicle = &self.vehicles[k];
         let (position, attitude) = (vehicle.position_enu_m(), vehicle.nominal_attitude());
         let supposed = vehicle.supposed_position_enu_m();
         let slot = self.slot_of(k);
-        let plan = slot.map(|s| self.plans[s].0[k]);
+        let plan = slot.map(|s| self.reference(s, k, self.now));
         let mode = vehicle.mode();
         let power_w = vehicle.transmitter().power_w();
         let own = vehicle.own_attitude();
@@ -286,23 +299,28 @@ impl World {
                 true => Cause::RadioOutOfOrder,
                 false => Cause::RadioWithoutExpiry,
             }),
-            full_power: planned_w.is_some_and(|planned_w| {
-                (power_w.unwrap_or(0.0) - planned_w).abs() <= PLANNED_POWER_MARGIN * planned_w
+            full_power: of_i.is_some_and(|plan| {
+                let power_w = power_w.unwrap_or(0.0);
+                let [least_w, most_w] =
+                    [plan.power_w * (1.0 - PLANNED_POWER_MARGIN), plan.most_w * (1.0 + PLANNED_POWER_MARGIN)];
+                (least_w..=most_w).contains(&power_w)
             }),
             begins_out: turns_on
-                && plan.is_some_and(|p| {
+                && slot.is_some_and(|slot| {
                     let late = self.monitor.command_is_late_by(k);
-                    self.trails[k].was_out(off, &p, &self.config.tolerance, self.now, late)
+                    let plan = |at| self.reference(slot, k, at);
+                    self.trails[k].was_out(off, plan, &self.config.tolerance, self.now, late)
                 }),
         }
     }
 
     /// The monitor's look at this instant.
     fn watch(&mut self) -> [Seen; 2] {
-        let plan = self.slot_of(0).map(|slot| &self.plans[slot].0);
-        let planned_w = |k: usize| plan.map(|plan| plan[k].power_w);
-        let seen = [self.seen(0, planned_w(0)), self.seen(1, planned_w(1))];
-        let planned_silent = planned_w(1) == Some(0.0);
+        let slot = self.slot_of(0);
+        let planned_w = |k: usize| slot.map(|slot| self.reference(slot, k, self.now));
+        let [of_i, of_j] = [planned_w(0), planned_w(1)];
+        let seen = [self.seen(0, of_i), self.seen(1, of_j)];
+        let planned_silent = of_j.is_some_and(|plan| plan.power_w == 0.0);
         self.monitor.observe(
             self.now,
             &seen,
@@ -318,7 +336,7 @@ impl World {
     fn sample(&mut self) {
         for k in 0..2 {
             // While it radiates in pose, the angles that the body is meant to have are the plan's.
-            let meant = self.slot_of(k).map(|s| self.plans[s].0[k]).filter(|plan| {
+            let meant = self.slot_of(k).map(|s| self.reference(s, k, self.now)).filter(|plan| {
                 let v = &self.vehicles[k];
                 let off = self.config.tolerance.judge(plan, &v.own_position_enu_m(), &v.own_attitude());
                 off == Off::Nothing
@@ -335,9 +353,9 @@ impl World {
         self.secrecy_rate_bps = None;
         let (Some(power_i), Some(slot)) = (seen[0].power_w, seen[0].slot) else { return };
         let (i, j) = (self.emitter(0, power_i), self.emitter(1, seen[1].power_w.unwrap_or(0.0)));
-        let (_, user) = &self.plans[slot];
+        let user = self.users_of[slot];
         let rate =
-            radio::secrecy_rate_bps(&self.config.radio, &i, &j, &self.users[*user], &self.eavesdroppers);
+            radio::secrecy_rate_bps(&self.config.radio, &i, &j, &self.users[user], &self.eavesdroppers);
         self.secrecy_rate_bps = Some(rate);
         let score = &mut self.scores[slot];
         score.rate.add(rate);

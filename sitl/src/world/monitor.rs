@@ -238,7 +238,7 @@ impl Monitor {
         let (off_m, off_deg) = seen.error;
         self.set(now, Some(v), Breach::OutOfPose { off_m, off_deg }, too_long);
 
-        let allowed_w = seen.plan.map_or(max_power_w, |plan| plan.power_w.min(max_power_w));
+        let allowed_w = seen.plan.map_or(max_power_w, |plan| plan.most_w.min(max_power_w));
         let power_w = seen.power_w.unwrap_or(0.0);
         let too_much = radiates && power_w > allowed_w * (1.0 + POWER_MARGIN);
         self.set(now, Some(v), Breach::Power { power_w, allowed_w }, too_much);

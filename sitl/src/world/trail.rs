@@ -39,7 +39,7 @@ impl Trail {
     pub fn was_out(
         &self,
         off: Off,
-        plan: &Reference,
+        plan: impl Fn(Duration) -> Reference,
         tolerance: &Tolerance,
         now: Duration,
         under_way: Duration,
@@ -50,6 +50,6 @@ impl Trail {
             Off::Much => POSE_REACTION,
         };
         let recent = self.steps.iter().rev().take_while(|step| step.at + reaction + under_way >= now);
-        recent.map(|step| tolerance.judge(plan, &step.position, &step.attitude)).all(|was| was >= off)
+        recent.map(|step| tolerance.judge(&plan(step.at), &step.position, &step.attitude)).all(|was| was >= off)
     }
 }

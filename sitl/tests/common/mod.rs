@@ -49,6 +49,7 @@ pub fn config() -> WorldConfig {
         },
         jitter: JitterConfig::default(),
         slots: vec![PlannedSlot {
+            turns: None,
             user: "alpha".into(),
             secrecy_rate_bps: 20e6,
             poses: [pose([-20.0, 15.0, 30.0], 60.0, -20.0, 0.4), pose([25.0, -30.0, 40.0], 0.0, 0.0, 0.01)],

@@ -6,7 +6,7 @@ use std::time::Duration;
 use veilwing_sitl::vehicle::RADIO_LINK;
 use veilwing_sitl::{Passage, World};
 
-use crate::desk::simulation::{Asked, Path, index};
+use crate::desk::simulation::{Asked, Path, Proposals, index};
 use crate::link::HostPort;
 use crate::role::{PerVehicle, Role};
 
@@ -23,6 +23,8 @@ pub(super) struct Links {
     hosts: PerVehicle<Option<Port>>,
     /// What the hosts were asked for.
     asked: PerVehicle<Asked>,
+    /// What vehicle I's companion proposes to the other.
+    proposals: Proposals,
     ground: Vec<GroundStation>,
 }
 
@@ -79,6 +81,7 @@ impl Links {
                 }
             },
             asked: PerVehicle::default(),
+            proposals: Proposals::default(),
             ground,
         })
     }
@@ -139,6 +142,9 @@ impl Links {
             }
             self.pair[role].listen(now);
             while let Some(bytes) = self.pair[role].receive(now) {
+                if role == Role::I {
+                    self.proposals.hear(&bytes, world);
+                }
                 self.pair[role.peer()].send(&bytes, now);
             }
         }

@@ -19,6 +19,7 @@ use super::index;
 use super::observer::{Observer, Wire};
 use super::path::{Path, Pipe};
 use super::process::{Given, Process};
+use super::turning::tell_proposal;
 
 /// How many datagrams wait in a socket while its process does not read; further ones are lost. Linux's default receive buffer
 /// of 208 KiB, divided by what it accounts for a small datagram.
@@ -512,6 +513,9 @@ impl Flight {
         let own = process.executive.own();
         while let Some(outgoing) = process.executive.poll_transmit() {
             observer.sent(self.now, role, &outgoing);
+            if let (Role::I, Outgoing::Pair(message)) = (role, &outgoing) {
+                tell_proposal(message, &mut self.world);
+            }
             let (wire, frame) = match &outgoing {
                 Outgoing::Autopilot(message) => (Wire::Autopilot, process.encoder.encode(own, &**message)),
                 Outgoing::Radio(message) => (Wire::Radio, process.to_radio.encode(own, &**message)),

@@ -18,6 +18,7 @@ mod process;
 mod scenario;
 mod station;
 mod supervisor;
+mod turning;
 mod vehicle;
 mod world;
 
@@ -33,6 +34,7 @@ pub use process::Given;
 pub use scenario::{Flown, LONGEST, Scenario, ScenarioError, Witness};
 pub use station::STATION_LINK;
 pub use supervisor::{Host, Supervisor};
+pub use turning::Proposals;
 pub use vehicle::{on_this_machine, vehicle, vehicle_draft};
 pub use world::world_config;
 

@@ -7,7 +7,7 @@ use crate::config::Mission;
 use crate::geo::Attitude;
 use crate::planner::plan::VehiclePlan;
 use crate::planner::problem::{Airframe, JitterAxes, JitterModel, NoFly};
-use crate::planner::slots::{Plan, PlannedSlot};
+use crate::planner::slots::Plan;
 use crate::role::{PerVehicle, Role};
 use crate::schedule::table::Table;
 use crate::schedule::trajectory::Start;
@@ -15,6 +15,7 @@ use crate::schedule::transit::Router;
 use crate::units::{Dbm, Watts};
 
 use super::imperfections::{Imperfections, uncertainty};
+use super::turning;
 
 /// The air where nothing is said of it: its mean velocity, and the wind at 6 m that its turbulence belongs to.
 const BREEZE_ENU_M_S: [f64; 3] = [2.0, -1.0, 0.0];
@@ -93,15 +94,7 @@ pub(super) fn world_over(
             },
             correlation_s: 0.0,
         },
-        slots: served(mission, plan, homes)?
-            .into_iter()
-            .map(|slot| sim::PlannedSlot {
-                user: slot.user.clone(),
-                secrecy_rate_bps: slot.plan.secrecy_rate_bps,
-                poses: [Role::I, Role::J]
-                    .map(|role| pose(&slot.plan.vehicles[role], slot.lean_rad[role].unwrap_or_default())),
-            })
-            .collect(),
+        slots: slots(mission, plan, homes)?,
         tolerance: sim::Tolerance::under_jitter(mission.jitter.std_rad.to_degrees()),
     })
 }
@@ -116,22 +109,37 @@ fn no_fly(area: &NoFly) -> sim::NoFlyConfig {
 }
 
 /// The slots in the order in which they are flown, over all superframes.
-fn served<'a>(
+fn slots(
     mission: &Mission,
-    plan: &'a Plan,
+    plan: &Plan,
     homes: [Vector2<f64>; 2],
-) -> Result<Vec<&'a PlannedSlot>, String> {
+) -> Result<Vec<sim::PlannedSlot>, String> {
     let bottom_m = mission.airspace.altitude_m[0];
     let start = PerVehicle { i: homes[0], j: homes[1] }
         .map(|home| Start { position_enu_m: home.push(bottom_m), attitude: Attitude::level() });
     let router =
         Router::new(&mission.airspace, &mission.transit_limits()).map_err(|error| error.to_string())?;
-    let users: Vec<_> = plan.slots.iter().map(|slot| vec![slot.plan.vehicles.map(|v| v.pose)]).collect();
     let timing = mission.timing();
-    let lengths = plan.lengths(timing.slot);
-    let table = Table::with_lengths(&router, &start, &users, &lengths, &timing, mission.tdma.order)
-        .map_err(|e| e.to_string())?;
-    Ok(table.entries.iter().filter_map(|entry| plan.slots.get(entry.user_index)).collect())
+    let table = Table::of_plan(&router, &start, plan, &timing, mission.tdma.order).map_err(|e| e.to_string())?;
+    let carried_on = table.entries.iter().skip(1).map(|next| next.carries_on_after.is_some());
+    let slots = table.entries.iter().zip(carried_on.chain([false])).filter_map(|(entry, carried_on)| {
+        let slot = plan.slots.get(entry.user_index)?;
+        let turns = plan.turns.as_ref().map(|turns| {
+            let place = usize::from(entry.slot) % turns.slots.len().max(1);
+            (&turns.slots[place], turning::planned(turns, place, entry, carried_on, timing.guard.as_secs_f64()))
+        });
+        Some(sim::PlannedSlot {
+            user: slot.user.clone(),
+            secrecy_rate_bps: match &turns {
+                Some((turned, _)) => turned.volume_bits / turned.on_air_s,
+                None => slot.plan.secrecy_rate_bps,
+            },
+            poses: [Role::I, Role::J]
+                .map(|role| pose(&slot.plan.vehicles[role], slot.lean_rad[role].unwrap_or_default())),
+            turns: turns.map(|(_, planned)| planned),
+        })
+    });
+    Ok(slots.collect())
 }
 
 fn pose(vehicle: &VehiclePlan, lean_rad: f64) -> sim::PlannedPose {

@@ -308,7 +308,7 @@ impl Executive {
                 _ => 1.0,
             }),
             Figure::Power => dbm(vouched.filter(|_| interlock.is_on())?.power_w),
-            Figure::PlannedPower => dbm(slot?.power_w),
+            Figure::PlannedPower => dbm(slot?.power_w(now)),
             Figure::Lease => slot.map(|_| self.service.lease_end(now).map_or(0.0, |end| until(end).max(0.0))),
             Figure::Peer => self.service.peer().silent_for(now).map(|silent| silent.as_secs_f64()),
             Figure::Clock => self.service.clock_offset_s(),

@@ -98,7 +98,7 @@ impl Follower {
             return Err(VeilwingAnswer::VEILWING_ANSWER_WRONG_PLAN);
         }
         // Only the very next: the transit to any other begins where J is not.
-        let terms = plan.slots.get(usize::from(propose.slot)).filter(|_| propose.slot == next);
+        let terms = plan.slots.get(usize::from(propose.slot)).filter(|_| plan.can_follow(propose.slot, next));
         let terms = terms.ok_or(VeilwingAnswer::VEILWING_ANSWER_WRONG_SLOT)?;
         let vehicles = &terms.vehicles;
         if !same(&propose.i_position_enu_m, &propose.i_euler_rad, propose.i_power_w, &vehicles.i)
@@ -117,9 +117,16 @@ impl Follower {
     }
 
     /// Commits, if it is still ready and there is still time to say so.
-    pub fn take_commit(&mut self, commit: &wire::VEILWING_COMMIT_DATA, now: Instant) -> Option<Commitment> {
+    pub fn take_commit(
+        &mut self,
+        commit: &wire::VEILWING_COMMIT_DATA,
+        plan: Option<&PlanTerms>,
+        now: Instant,
+    ) -> Option<Commitment> {
         let commitment = self.accepted.take_if(|accepted| accepted.proposal == commit.proposal)?;
-        if self.readiness != Some(commitment.slot) || now + CONFIRM > commitment.leaves_at {
+        let ready =
+            self.readiness.zip(plan).is_some_and(|(next, plan)| plan.can_follow(commitment.slot, next));
+        if !ready || now + CONFIRM > commitment.leaves_at {
             self.finished = self.finished.max(commitment.proposal);
             return None;
         }

@@ -6,6 +6,7 @@ use super::super::orders::{Change, Record};
 use super::super::wire::{VeilwingAnswer, VeilwingFlags, VeilwingSilence};
 use crate::geo::Enu;
 use crate::planner::plan::VehiclePlan;
+use crate::planner::turning::Track;
 use crate::role::{PerVehicle, Role};
 use crate::time::Instant;
 
@@ -37,17 +38,32 @@ pub struct PlanTerms {
     pub slots: Vec<SlotTerms>,
 }
 
+impl PlanTerms {
+    /// Whether `slot` can follow where `next` is to be agreed on: that one, or the one before where it carries on another: the
+    /// other side may not have begun it, and both are where it is served.
+    #[must_use]
+    pub fn can_follow(&self, slot: u16, next: u16) -> bool {
+        let again = || self.slots.get(usize::from(slot)).is_some_and(|terms| terms.carries_on_after.is_some());
+        slot == next || slot.checked_add(1) == Some(next) && again()
+    }
+}
+
 /// One slot of the plan, as the slot table has it.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct SlotTerms {
-    /// Poses and powers.
+    /// Poses and powers; of a slot that is served through its turns those between two turns.
     pub vehicles: PerVehicle<VehiclePlan>,
+    /// How the vehicles turn, and J's power with them, in a slot that is served through its turns.
+    pub tracks: Option<PerVehicle<Track>>,
     /// The largest tilt from its pose that the slot bears of each vehicle, radians; 0 of one that has no reason to lean.
     pub lean_rad: PerVehicle<f64>,
     /// From the instant that the slot table counts from to the slot's opening.
     pub opens: Duration,
     /// The transit to the slot begins this long before its opening.
     pub lead: Duration,
+    /// The slot carries on the one before, from the same positions: where that one ends by the clock on both sides, it opens so
+    /// long after, under the same proposal.
+    pub carries_on_after: Option<Duration>,
     /// I may radiate from this long after the opening ...
     pub radiate_from: Duration,
     /// ... to this long after it.

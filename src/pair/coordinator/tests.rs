@@ -38,9 +38,11 @@ fn coordinator_of(role: Role, boot_id: u32, mission_digest: [u8; 32], plan_diges
     let mut coordinator = Coordinator::new(settings, Instant::ZERO);
     let terms = SlotTerms {
         vehicles: PerVehicle { i: vehicle, j: vehicle },
+        tracks: None,
         lean_rad: PerVehicle { i: 0.0, j: 0.0 },
         opens: NEEDS,
         lead: NEEDS,
+        carries_on_after: None,
         radiate_from: Duration::ZERO,
         radiate_until: Duration::from_secs(1),
         length: Duration::from_secs(1),

@@ -36,12 +36,14 @@ mod ramp;
 #[cfg(test)]
 mod tests;
 mod tolerance;
+mod track;
 mod turn;
 mod ways;
 
 pub use path::{Between, Knot, Protected, Slot, State};
 pub use tolerance::{LARGEST_M, LARGEST_RAD, Tolerance};
-pub use turn::Course;
+pub use track::{Slack, Track};
+pub use turn::{Angles, Course};
 
 use super::error::PlanError;
 use super::expectation::kernel::{ANGLES, POWER, Raw, VEHICLE};
@@ -55,7 +57,6 @@ use super::volume::{self, Fairness, Service, Ways};
 use super::{Options, parallel};
 use crate::role::{PerVehicle, Role};
 use change::{Change, Changed, STEPS, Step};
-use turn::Angles;
 use ways::{Turning, at_one_place, on_air};
 
 /// The part of its slot's time on the air that a ramp takes at most.

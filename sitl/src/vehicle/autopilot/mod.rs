@@ -250,6 +250,13 @@ impl Autopilot {
         (self.utc_start_us + now.as_micros() as u64).saturating_add_signed(gained_us as i64)
     }
 
+    /// When the clock shows this, if it goes on as it does; not before the simulation begins.
+    pub fn time_of(&self, utc_us: u64, now: Duration) -> Duration {
+        let shows_us = self.utc_us(now);
+        let ahead = Duration::from_micros(utc_us.saturating_sub(shows_us));
+        (now + ahead).saturating_sub(Duration::from_micros(shows_us.saturating_sub(utc_us)))
+    }
+
     /// Why the vehicle cannot arm, if it cannot.
     fn unready(&self, now: Duration) -> Option<&'static str> {
         if self.uptime(now) < self.ready_after {

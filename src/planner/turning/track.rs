@@ -1,0 +1,183 @@
+//! One vehicle's part of a slot that is served through its turns: attitudes and powers by the time since the slot opens.
+//!
+//! A slot opens half a guard before its user is served, and closes half a guard after. What a vehicle turns in silence, from one
+//! user's last attitude to the next one's first, lies in the two half guards and in what there is between them: the tracks of
+//! both slots know their end of it.
+
+use std::sync::Arc;
+
+use super::path::{Between, Knot, Protected};
+use super::turn::{Angles, Course};
+use super::ways::angles;
+use crate::geo::Attitude;
+use crate::role::{PerVehicle, Role};
+
+/// A power that rises at a knot is asked for so much before it, in seconds: until then the command is on its way to the radio.
+const UNDER_WAY_S: f64 = 0.15;
+
+/// An even turn.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Leg {
+    /// Seconds since the slot opens; before it negative.
+    begins_s: f64,
+    ends_s: f64,
+    from: Angles,
+    to: Angles,
+    course: Course,
+}
+
+impl Leg {
+    fn attitude(&self, since_opening_s: f64) -> Attitude {
+        let share = (since_opening_s - self.begins_s) / (self.ends_s - self.begins_s);
+        // Of a leg without length it is no number.
+        let share = if share.is_nan() { 1.0 } else { share.clamp(0.0, 1.0) };
+        self.course.at(&self.from, &self.to, share)
+    }
+}
+
+/// From one knot to the next.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Step {
+    leg: Leg,
+    tx_power_w: f64,
+    /// At the step's beginning and at its end.
+    slack: [Option<Slack>; 2],
+}
+
+/// How wrong a pose may be.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Slack {
+    /// Of the antenna's axis, radians.
+    pub pointing_rad: f64,
+    /// Of the position, metres.
+    pub position_m: f64,
+}
+
+/// See the module. Cheap to clone.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Track {
+    /// While the user is served; at least one.
+    steps: Arc<[Step]>,
+    /// The silent turns to the first attitude and from the last one.
+    before: Option<Leg>,
+    after: Option<Leg>,
+}
+
+impl Protected {
+    /// Each slot's tracks, in the order of service, for slots that open half of `guard_s` before their users are served.
+    #[must_use]
+    pub fn tracks(&self, guard_s: f64) -> Vec<PerVehicle<Track>> {
+        let before = |place: usize| (place + self.slots.len() - 1) % self.slots.len();
+        let places = 0..self.slots.len();
+        let all = places.map(|place| {
+            let track = |role| self.track(before(place), place, role, guard_s);
+            Some(PerVehicle { i: track(Role::I)?, j: track(Role::J)? })
+        });
+        all.collect::<Option<_>>().unwrap_or_default()
+    }
+
+    /// `None` of a slot without a knot.
+    fn track(&self, before: usize, place: usize, role: Role, guard_s: f64) -> Option<Track> {
+        let (slot, before) = (&self.slots[place], &self.slots[before]);
+        let next = &self.slots[(place + 1) % self.slots.len()];
+        let turned = |knot: &Knot| angles(&knot.vehicles[role].pose);
+        let slack = |knot: &Knot| {
+            let tolerance = knot.tolerance?;
+            Some(Slack { pointing_rad: tolerance.pointing_rad[role], position_m: tolerance.position_m[role] })
+        };
+        let (first, last) = (slot.knots.first()?, slot.knots.last()?);
+        let since_opening_s = |at_s: f64| at_s - first.at_s + guard_s / 2.0;
+        let steps = slot.knots.windows(2).map(|knots| {
+            let leg = Leg {
+                begins_s: since_opening_s(knots[0].at_s),
+                ends_s: since_opening_s(knots[1].at_s),
+                from: turned(&knots[0]),
+                to: turned(&knots[1]),
+                course: Course::EvenAngles,
+            };
+            Step { leg, tx_power_w: knots[0].vehicles[role].tx_power_w, slack: [slack(&knots[0]), slack(&knots[1])] }
+        });
+        let steps: Arc<[Step]> = steps.collect();
+        if steps.is_empty() {
+            return None;
+        }
+        let silent = |of: &super::path::Slot, from: &Knot, to: &Knot, begins_s: f64| match of.between {
+            Between::Turn(courses) => Some(Leg {
+                begins_s,
+                ends_s: begins_s + of.silence_s,
+                from: turned(from),
+                to: turned(to),
+                course: courses[role],
+            }),
+            Between::Transit => None,
+        };
+        let begins_s = since_opening_s(first.at_s) - before.silence_s;
+        Some(Track {
+            steps,
+            before: silent(before, before.knots.last()?, first, begins_s),
+            after: silent(slot, last, next.knots.first()?, since_opening_s(last.at_s)),
+        })
+    }
+}
+
+impl Track {
+    /// The same for a vehicle that has come to rest in the first attitude before the slot opens.
+    #[must_use]
+    pub fn from_rest(self) -> Self {
+        Self { before: None, ..self }
+    }
+
+    /// The same for a vehicle that rests in the last attitude afterwards.
+    #[must_use]
+    pub fn to_rest(self) -> Self {
+        Self { after: None, ..self }
+    }
+
+    /// The attitude at a time since the opening: before the track begins its first one, after its end its last one.
+    #[must_use]
+    pub fn attitude(&self, since_opening_s: f64) -> Attitude {
+        let served = self.step(since_opening_s).leg;
+        let leg = match (self.before, self.after) {
+            (Some(before), _) if since_opening_s < before.ends_s => before,
+            (_, Some(after)) if since_opening_s >= after.begins_s => after,
+            _ => served,
+        };
+        leg.attitude(since_opening_s)
+    }
+
+    /// The power in watts: before the user is served that of the first step, afterwards that of the last, and of one that is about
+    /// to begin where it is more.
+    #[must_use]
+    pub fn tx_power_w(&self, since_opening_s: f64) -> f64 {
+        let soon = self.steps.iter().filter(|step| {
+            step.leg.begins_s <= since_opening_s + UNDER_WAY_S && since_opening_s < step.leg.ends_s
+        });
+        soon.map(|step| step.tx_power_w).fold(self.step(since_opening_s).tx_power_w, f64::max)
+    }
+
+    /// How wrong the pose may be, by the stricter of the knots before and after; `None` where nobody is served, or nothing is asked.
+    #[must_use]
+    pub fn slack(&self, since_opening_s: f64) -> Option<Slack> {
+        let Step { leg, slack, .. } = self.step(since_opening_s);
+        if !(leg.begins_s..leg.ends_s).contains(&since_opening_s) {
+            return None;
+        }
+        let known = slack.iter().flatten();
+        known.copied().reduce(|a, b| Slack {
+            pointing_rad: a.pointing_rad.min(b.pointing_rad),
+            position_m: a.position_m.min(b.position_m),
+        })
+    }
+
+    /// Roll, pitch and yaw in radians where the user's service begins, and where it ends.
+    #[must_use]
+    pub fn ends(&self) -> [Angles; 2] {
+        [self.steps[0].leg.from, self.steps[self.steps.len() - 1].leg.to]
+    }
+
+    /// The step that is under way, or the nearest one.
+    fn step(&self, since_opening_s: f64) -> &Step {
+        let begun = self.steps.partition_point(|step| step.leg.begins_s <= since_opening_s);
+        &self.steps[begun.saturating_sub(1)]
+    }
+}
