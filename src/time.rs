@@ -31,6 +31,13 @@ impl Instant {
         self.0.saturating_sub(earlier.0)
     }
 
+    /// So many seconds later, or earlier if negative; to the clock's first instant at most.
+    #[must_use]
+    pub fn after_s(self, seconds: f64) -> Self {
+        let by = Duration::try_from_secs_f64(seconds.abs()).unwrap_or_default();
+        Self(if seconds < 0.0 { self.0.saturating_sub(by) } else { self.0.saturating_add(by) })
+    }
+
     /// `self - other` in seconds, negative if `other` is later.
     #[must_use]
     pub fn seconds_since(self, other: Self) -> f64 {

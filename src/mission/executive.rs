@@ -21,6 +21,7 @@ use super::endurance::Endurance;
 use super::ground::Ground;
 use super::ground_station::GroundStation;
 use super::itinerary::Itinerary;
+use super::lag::AttitudeLag;
 use super::lean;
 use super::notice::Notice;
 use super::phase::Phase;
@@ -84,6 +85,7 @@ pub struct Executive {
     pub(super) autopilot: Autopilot,
     pub(super) service: SlotService,
     pub(super) phase: Phase,
+    pub(super) lag: AttitudeLag,
     pub(super) plan: Option<Plan>,
     pub(super) itinerary: Option<Itinerary>,
     pub(super) home_enu_m: Option<Enu>,
@@ -125,6 +127,7 @@ impl Executive {
             autopilot: Autopilot::new(settings.autopilot.clone(), now),
             service: SlotService::new(service, transmitter, tolerance, now),
             phase: Phase::Connecting,
+            lag: AttitudeLag::default(),
             plan: None,
             itinerary: None,
             home_enu_m: None,

@@ -10,6 +10,7 @@ mod ground;
 mod ground_station;
 mod homing;
 mod itinerary;
+mod lag;
 mod lean;
 pub mod notice;
 mod operator;

@@ -24,11 +24,21 @@ impl Motion {
     }
 
     pub fn sample(&self, now: Instant) -> Sample {
+        self.commanded(now, Duration::ZERO)
+    }
+
+    /// What to command, so that a vehicle that turns `late` is where it should be on its track.
+    pub fn commanded(&self, now: Instant, late: Duration) -> Sample {
         let mut sample = self.trajectory.sample(now.saturating_since(self.starts_at));
         if let Some((track, opens_at)) = self.track.as_ref().filter(|_| self.is_over(now)) {
-            sample.attitude = track.attitude(now.seconds_since(*opens_at));
+            sample.attitude = track.attitude((now + late).seconds_since(*opens_at));
         }
         sample
+    }
+
+    /// Whether the track has taken over.
+    pub fn is_on_track(&self, now: Instant) -> bool {
+        self.track.is_some() && self.is_over(now)
     }
 
     /// At rest where it is at `now`.

@@ -12,7 +12,10 @@ impl Executive {
             return;
         }
         if let Some(motion) = self.phase.motion() {
-            let sample = motion.sample(now);
+            if let Some((attitude, measured_at)) = self.autopilot.attitude() {
+                self.lag.hear(motion, &attitude, measured_at);
+            }
+            let sample = motion.commanded(now, self.lag.lead());
             let setpoint = Setpoint {
                 position_enu_m: sample.position_enu_m,
                 velocity_enu_m_s: sample.velocity_enu_m_s,

@@ -22,8 +22,10 @@ pub struct Slot {
     pub carried_on: bool,
     /// I may radiate from here ...
     pub radiate_from: Instant,
-    /// ... to here; J from the opening until I is off, at most to the close.
+    /// ... to here; J from the opening, or from when it is turned, until I is off, at most to the close.
     pub radiate_until: Instant,
+    /// From when to when the vehicle is turned as serving the user asks for.
+    in_place: [Instant; 2],
     /// The slot's end.
     pub closes_at: Instant,
     /// To be ended early, in order: I is off at once, J vouches no more and is off once I is.
@@ -60,6 +62,9 @@ impl Slot {
         let track = terms.tracks.as_ref().map(|tracks| tracks[role].clone());
         let track = if carried_on { track } else { track.map(Track::from_rest) };
         let reference = Reference { pose: vehicle.pose, track: track.clone(), opens_at: commitment.opens_at };
+        let (opens_at, closes_at) = (commitment.opens_at, commitment.opens_at + terms.length);
+        let turned = track.as_ref().map_or([None; 2], Track::in_place);
+        let turned = turned.map(|since_s| since_s.map(|since_s| opens_at.after_s(since_s)));
         Self {
             commitment,
             power_w: vehicle.tx_power_w,
@@ -67,7 +72,11 @@ impl Slot {
             carried_on,
             radiate_from: commitment.opens_at + terms.radiate_from,
             radiate_until: commitment.opens_at + terms.radiate_until,
-            closes_at: commitment.opens_at + terms.length,
+            in_place: [
+                turned[0].map_or(opens_at, |at| at.max(opens_at)),
+                turned[1].map_or(closes_at, |at| at.min(closes_at)),
+            ],
+            closes_at,
             closing: false,
             monitor: PoseMonitor::new(reference, tolerance.leaning(terms.lean_rad[role])),
             protection: Protection::default(),
@@ -83,6 +92,20 @@ impl Slot {
     pub fn power_w(&self, now: Instant) -> f64 {
         let since_opening_s = now.seconds_since(self.commitment.opens_at);
         self.track.as_ref().map_or(self.power_w, |track| track.tx_power_w(since_opening_s))
+    }
+
+    /// J: up to when I may rest on this much power, if it may: not beyond where the plan asks for more, nor on a vehicle that turns
+    /// away.
+    pub(super) fn suffices_until(&self, power_w: f64, now: Instant) -> Option<Instant> {
+        let opens_at = self.commitment.opens_at;
+        let more_at = match &self.track {
+            Some(track) => {
+                let outgrown_s = track.outgrows(power_w, now.seconds_since(opens_at));
+                outgrown_s.map(|since_s| opens_at.after_s(since_s))
+            }
+            None => (power_w < self.power_w).then_some(now),
+        };
+        Some(more_at.map_or(self.in_place[1], |at| at.min(self.in_place[1]))).filter(|until| now < *until)
     }
 
     /// Whether this vehicle's transmitter was on, as far as is known: a permit is nothing where the radio's device never did it.
@@ -108,9 +131,9 @@ impl Slot {
             Role::I => (self.radiate_from, self.radiate_until),
             // Once I has said that it is off and holds nothing, J has no more to protect.
             Role::J if (self.closing || now >= self.radiate_until) && !leases_outstanding => {
-                (self.commitment.opens_at, now)
+                (self.in_place[0], now)
             }
-            Role::J => (self.commitment.opens_at, self.closes_at),
+            Role::J => (self.in_place[0], self.closes_at),
         };
         Window { slot: self.commitment.slot, from, until, power_w: self.power_w(now) }
     }

@@ -475,18 +475,20 @@ impl SlotService {
                 let on = self.interlock.is_on() && now < slot.radiate_until && !slot.closing;
                 let confirmed = self.interlock.transmitter().on_until_at_least(now);
                 let confirmed = confirmed.filter(|vouched| on && vouched.slot == slot.commitment.slot);
-                let radiates = confirmed.filter(|vouched| vouched.power_w >= FULL_POWER * slot.power_w(now));
+                // What is as good as the full power suffices for as long as that does.
+                let vouch = confirmed.and_then(|vouched| {
+                    let suffices_until = slot.suffices_until(vouched.power_w / FULL_POWER, now);
+                    Some(Vouch { until: vouched.until, closes_at: suffices_until? })
+                });
                 if let Some(vouched) = confirmed {
                     let (given_w, planned_w) = (vouched.power_w, slot.power_w(now));
-                    slot.jamming = if radiates.is_some() {
+                    slot.jamming = if vouch.is_some() {
                         Jamming::Full
                     } else {
                         Jamming::Short { given_w, planned_w }
                     };
                 }
-                self.pair.set_vouch(
-                    radiates.map(|vouched| Vouch { until: vouched.until, closes_at: slot.closes_at }),
-                );
+                self.pair.set_vouch(vouch);
             }
         }
     }

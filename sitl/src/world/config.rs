@@ -364,11 +364,9 @@ impl WorldConfig {
                         .map(|v| (format!("pose of slot {k}"), *v, false)),
                 );
             }
-            let turns = slot.turns.iter();
-            let knots = turns.flat_map(|turns| {
-                turns.knots.iter().flatten().chain(turns.before.iter().flatten()).chain(turns.after.iter().flatten())
-            });
-            for PlannedKnot { at_s, angles_rad, tx_power_w, .. } in knots {
+            for PlannedKnot { at_s, angles_rad, tx_power_w } in
+                slot.turns.iter().flat_map(|turns| turns.knots.iter().flatten())
+            {
                 let numbers = angles_rad.iter().chain([at_s, tx_power_w]);
                 all.extend(numbers.map(|v| (format!("knot of slot {k}"), *v, false)));
             }

@@ -1,4 +1,6 @@
-//! Slots in which the vehicles turn while they radiate: what the plan has them do, by the time since the slot opened.
+//! Slots in which the vehicles turn while they radiate: what the plan has them do, by the time since the slot opened. Before its
+//! user is served they are to have the attitudes with which that begins, afterwards those with which it ends: what they turn in
+//! between is nobody's business while they are silent, and no excuse for a jammer that is on.
 //!
 //! The world hears when a slot is proposed to open, and reckons by itself when those that carry it on do.
 
@@ -12,15 +14,6 @@ const LOWERED_S: f64 = 0.65;
 /// One that raises it is given so much ahead at most, seconds.
 const AHEAD_S: f64 = 0.35;
 
-/// How a vehicle comes from one knot to the next.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Turn {
-    /// Roll, pitch and yaw each evenly.
-    EvenAngles,
-    /// By the shortest rotation, at one rate.
-    Shortest,
-}
-
 /// An instant of a vehicle's turning.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PlannedKnot {
@@ -30,8 +23,6 @@ pub struct PlannedKnot {
     pub angles_rad: [f64; 3],
     /// Watts from here to the next knot.
     pub tx_power_w: f64,
-    /// To the next knot.
-    pub turn: Turn,
 }
 
 /// A slot that is served through its turns.
@@ -43,75 +34,54 @@ pub struct PlannedTurns {
     pub length_s: f64,
     /// I's and J's knots while the user is served, at least two each, in the order of time.
     pub knots: [Vec<PlannedKnot>; 2],
-    /// Where the silent turn before begins, if the slot carries another on.
-    pub before: Option<[PlannedKnot; 2]>,
-    /// Where the one after ends, if another carries this one on.
-    pub after: Option<[PlannedKnot; 2]>,
-}
-
-/// When a slot opens.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Opening {
-    at: Duration,
-    /// It carries on the one before: the vehicles come turning.
-    carried_on: bool,
 }
 
 /// When the slots open, as far as that is known.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Openings {
-    by_slot: Vec<Option<Opening>>,
+    by_slot: Vec<Option<Duration>>,
 }
 
 impl Openings {
     /// A slot is proposed to open at this instant: those that carry it on follow.
     pub fn propose(&mut self, slot: usize, at: Duration, slots: &[PlannedSlot]) {
         self.by_slot.resize(slots.len(), None);
-        let mut opening = Opening { at, carried_on: false };
+        let mut opens_at = at;
         for number in slot..slots.len() {
-            self.by_slot[number] = Some(opening);
+            self.by_slot[number] = Some(opens_at);
             let next = slots.get(number + 1).and_then(|next| next.turns.as_ref()?.carries_on_after_s);
             let (Some(turns), Some(after_s)) = (&slots[number].turns, next) else { break };
-            let closes = opening.at.saturating_add(seconds(turns.length_s));
-            opening = Opening { at: closes.saturating_add(seconds(after_s)), carried_on: true };
+            opens_at = opens_at.saturating_add(seconds(turns.length_s + after_s));
         }
     }
 
     /// What the plan has a vehicle do in a slot at an instant: where it turns, and the slot's opening is known, on its way.
     pub fn reference(&self, slot: usize, planned: &PlannedSlot, vehicle: usize, at: Duration) -> Reference {
         let standing = Reference::from(&planned.poses[vehicle]);
-        let opening = self.by_slot.get(slot).copied().flatten();
-        match (&planned.turns, opening) {
-            (Some(turns), Some(opening)) => turns.reference(standing, opening, vehicle, at),
+        match (&planned.turns, self.by_slot.get(slot).copied().flatten()) {
+            (Some(turns), Some(opens_at)) => {
+                turns.reference(standing, vehicle, at.as_secs_f64() - opens_at.as_secs_f64())
+            }
             _ => standing,
         }
     }
 }
 
 impl PlannedTurns {
-    fn reference(&self, standing: Reference, opening: Opening, vehicle: usize, at: Duration) -> Reference {
-        let since_s = at.as_secs_f64() - opening.at.as_secs_f64();
+    fn reference(&self, standing: Reference, vehicle: usize, since_s: f64) -> Reference {
         let served = &self.knots[vehicle];
-        let before = self.before.filter(|_| opening.carried_on);
-        let before = before.map(|ends| ends[vehicle]);
-        let all: Vec<PlannedKnot> =
-            before.into_iter().chain(served.iter().copied()).chain(self.after.map(|ends| ends[vehicle])).collect();
-        let begun = all.partition_point(|knot| knot.at_s <= since_s);
-        let attitude = match (begun.checked_sub(1).map(|k| all[k]), all.get(begun)) {
+        let begun = served.partition_point(|knot| knot.at_s <= since_s);
+        let angles = match (begun.checked_sub(1).map(|k| served[k]), served.get(begun)) {
             (Some(from), Some(to)) => {
                 let share = (since_s - from.at_s) / (to.at_s - from.at_s);
-                let [a, b] = [from, *to].map(|knot| euler(knot.angles_rad).rotation());
-                match from.turn {
-                    Turn::Shortest => a.try_slerp(&b, share, 1e-9).unwrap_or(b),
-                    Turn::EvenAngles => {
-                        let between = |k: usize| from.angles_rad[k] + share * (to.angles_rad[k] - from.angles_rad[k]);
-                        euler([between(0), between(1), between(2)]).rotation()
-                    }
-                }
+                Some([0, 1, 2].map(|k: usize| from.angles_rad[k] + share * (to.angles_rad[k] - from.angles_rad[k])))
             }
-            (Some(only), None) => euler(only.angles_rad).rotation(),
-            (None, first) => first.map_or(standing.attitude, |knot| euler(knot.angles_rad).rotation()),
+            (Some(only), None) => Some(only.angles_rad),
+            (None, first) => first.map(|knot| knot.angles_rad),
         };
+        let attitude = angles.map_or(standing.attitude, |[roll_rad, pitch_rad, yaw_rad]| {
+            Euler { roll_rad, pitch_rad, yaw_rad }.rotation()
+        });
         // Powers are those of the served part: its first before it, its last after it.
         let power_w = |at_s: f64| {
             let steps = &served[..served.len().saturating_sub(1)];
@@ -126,10 +96,6 @@ impl PlannedTurns {
             .fold(power_w(since_s), f64::max);
         Reference { attitude, euler: Euler::of(&attitude), power_w: power_w(since_s), most_w, ..standing }
     }
-}
-
-fn euler([roll_rad, pitch_rad, yaw_rad]: [f64; 3]) -> Euler {
-    Euler { roll_rad, pitch_rad, yaw_rad }
 }
 
 fn seconds(s: f64) -> Duration {

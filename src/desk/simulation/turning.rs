@@ -7,7 +7,7 @@ use crate::link::codec::Decoder;
 use crate::link::counters::Counters;
 use crate::link::envelope::Enclosed;
 use crate::pair::wire::MavMessage;
-use crate::planner::turning::{Between, Course, Knot, Protected};
+use crate::planner::turning::Slot;
 use crate::role::Role;
 use crate::schedule::table::Entry;
 
@@ -39,56 +39,22 @@ pub(super) fn tell_proposal(message: &MavMessage, world: &mut sim::World) {
     }
 }
 
-/// The slot at a place of the superframe; `carried_on` by the one after it.
-pub(super) fn planned(
-    turns: &Protected,
-    place: usize,
-    entry: &Entry,
-    carried_on: bool,
-    guard_s: f64,
-) -> sim::PlannedTurns {
-    let all = turns.slots.len();
-    let (slot, before, next) =
-        (&turns.slots[place], &turns.slots[(place + all - 1) % all], &turns.slots[(place + 1) % all]);
-    let begins_s = guard_s / 2.0;
-    let since_opening_s = |at_s: f64| at_s - slot.knots.first().map_or(0.0, |knot| knot.at_s) + begins_s;
-    let served = |role: Role| {
-        let to_the_last = slot.knots.len().saturating_sub(1);
-        let knots = slot.knots.iter().enumerate().map(|(k, knot)| {
-            let course = if k < to_the_last { Course::EvenAngles } else { silent(slot.between, role) };
-            planned_knot(knot, role, since_opening_s(knot.at_s), course)
-        });
-        knots.collect()
-    };
-    let left = before.knots.last().filter(|_| entry.carries_on_after.is_some());
-    let reached = next.knots.first().filter(|_| carried_on);
-    let [left_s, reached_s] = [begins_s - before.silence_s, begins_s + slot.on_air_s + slot.silence_s];
+/// A slot of the plan as the table has it.
+pub(super) fn planned(slot: &Slot, entry: &Entry, guard_s: f64) -> sim::PlannedTurns {
+    let since_opening_s = |at_s: f64| at_s - slot.knots.first().map_or(0.0, |knot| knot.at_s) + guard_s / 2.0;
     sim::PlannedTurns {
         carries_on_after_s: entry.carries_on_after.map(|after| after.as_secs_f64()),
         length_s: (entry.closes - entry.opens).as_secs_f64(),
-        knots: Role::BOTH.map(served),
-        before: left.map(|knot| Role::BOTH.map(|role| planned_knot(knot, role, left_s, silent(before.between, role)))),
-        after: reached.map(|knot| Role::BOTH.map(|role| planned_knot(knot, role, reached_s, Course::EvenAngles))),
-    }
-}
-
-/// How a vehicle turns after its slot.
-fn silent(between: Between, role: Role) -> Course {
-    match between {
-        Between::Turn(courses) => courses[role],
-        Between::Transit => Course::EvenAngles,
-    }
-}
-
-fn planned_knot(knot: &Knot, role: Role, at_s: f64, course: Course) -> sim::PlannedKnot {
-    let vehicle = &knot.vehicles[role];
-    sim::PlannedKnot {
-        at_s,
-        angles_rad: [vehicle.pose.roll_rad, vehicle.pose.pitch_rad, vehicle.pose.yaw_rad],
-        tx_power_w: vehicle.tx_power_w,
-        turn: match course {
-            Course::EvenAngles => sim::Turn::EvenAngles,
-            Course::Shortest => sim::Turn::Shortest,
-        },
+        knots: Role::BOTH.map(|role| {
+            let knots = slot.knots.iter().map(|knot| {
+                let vehicle = &knot.vehicles[role];
+                sim::PlannedKnot {
+                    at_s: since_opening_s(knot.at_s),
+                    angles_rad: [vehicle.pose.roll_rad, vehicle.pose.pitch_rad, vehicle.pose.yaw_rad],
+                    tx_power_w: vehicle.tx_power_w,
+                }
+            });
+            knots.collect()
+        }),
     }
 }

@@ -121,22 +121,17 @@ fn slots(
         Router::new(&mission.airspace, &mission.transit_limits()).map_err(|error| error.to_string())?;
     let timing = mission.timing();
     let table = Table::of_plan(&router, &start, plan, &timing, mission.tdma.order).map_err(|e| e.to_string())?;
-    let carried_on = table.entries.iter().skip(1).map(|next| next.carries_on_after.is_some());
-    let slots = table.entries.iter().zip(carried_on.chain([false])).filter_map(|(entry, carried_on)| {
+    let slots = table.entries.iter().filter_map(|entry| {
         let slot = plan.slots.get(entry.user_index)?;
-        let turns = plan.turns.as_ref().map(|turns| {
-            let place = usize::from(entry.slot) % turns.slots.len().max(1);
-            (&turns.slots[place], turning::planned(turns, place, entry, carried_on, timing.guard.as_secs_f64()))
-        });
+        let turns = plan.turns.as_ref();
+        let turned = turns.and_then(|turns| turns.slots.get(usize::from(entry.slot) % turns.slots.len()));
         Some(sim::PlannedSlot {
             user: slot.user.clone(),
-            secrecy_rate_bps: match &turns {
-                Some((turned, _)) => turned.volume_bits / turned.on_air_s,
-                None => slot.plan.secrecy_rate_bps,
-            },
+            secrecy_rate_bps: turned
+                .map_or(slot.plan.secrecy_rate_bps, |turned| turned.volume_bits / turned.on_air_s),
             poses: [Role::I, Role::J]
                 .map(|role| pose(&slot.plan.vehicles[role], slot.lean_rad[role].unwrap_or_default())),
-            turns: turns.map(|(_, planned)| planned),
+            turns: turned.map(|turned| turning::planned(turned, entry, timing.guard.as_secs_f64())),
         })
     });
     Ok(slots.collect())

@@ -5,14 +5,15 @@
 //!
 //! ```text
 //! minimise  w_a L_a + w_b L_b + v tau,     L = integral over the ramp of (R(standing) - R(s)) ds,
-//!           tau = max(guard, angle of I / rate of I, angle of J / rate of J)
+//!           tau = r + max(guard - r, angle of I / rate of I, angle of J / rate of J)
 //! ```
 //!
-//! over both vehicles' ramps on either side (`ramp`) and J's power along them; the angles are those between the ramps' ends. It
+//! over both vehicles' ramps on either side (`ramp`) and J's power along them; r is what is left of the silence when both are turned
+//! ([`READY_S`](super::READY_S)); the angles are those between the ramps' ends. It
 //! is the dynamic programme of cumulative and remaining service over all instants of the switch: each user is on the air for
 //! the time that its slot gives it, so that shares stay as they are said, and an earlier or later switch shortens the silence.
 //!
-//! 1. Nothing to gain where all turns fit into the guard.
+//! 1. Nothing to gain where all turns fit into the guard, less r.
 //! 2. The integrals by six nodes of Gauss and Legendre, the maxima by norms; quasi-Newton from a few lengths of the ramps.
 //! 3. The best by the true maxima and the finest samples on the grid that is flown, J's power at each knot the best that its
 //!    transmitter can give. No ramp at all where none pays.
@@ -68,8 +69,9 @@ pub struct Change<'a, 'b, W> {
     pub weights: [f64; 2],
     /// What a second is worth.
     pub price: f64,
-    /// The least silence in seconds.
-    pub guard_s: f64,
+    /// What a turn in silence takes at least, in seconds, and what follows it before anybody is served.
+    pub least_s: f64,
+    pub ready_s: f64,
     /// The longest ramp of each in seconds.
     pub longest_s: [f64; 2],
 }
@@ -269,9 +271,9 @@ impl<W: Ways> Change<'_, '_, W> {
         }
     }
 
-    /// The silence between the ends of both ramps: by I, by J, and the guard.
+    /// The turn between the ends of both ramps: I's, J's, and the least.
     fn times_s(&self, sides: [&[Ramp; 2]; 2]) -> ([f64; 3], [[Angles; 2]; 2]) {
-        let mut times = [0.0, 0.0, self.guard_s];
+        let mut times = [0.0, 0.0, self.least_s];
         let mut by = [[[0.0; 3]; 2]; 2];
         for v in 0..2 {
             let ends = [0, 1].map(|side: usize| with_yaw(sides[side][v].end(), &angles(&self.raws[side], v)));
@@ -294,7 +296,7 @@ impl<W: Ways> Change<'_, '_, W> {
         let sides = [self.side(x, 0), self.side(x, 1)];
         let (times, by) = self.times_s([&sides[0].ramps, &sides[1].ramps]);
         let (silence_s, by_time) = norm(times, view.power);
-        let mut cost = self.price * silence_s;
+        let mut cost = self.price * (self.ready_s + silence_s);
         for (side, of) in sides.iter().enumerate() {
             cost += self.loss(side, of, (view, standing[side]), memory, gradient);
             for v in 0..2 {
@@ -321,7 +323,7 @@ impl<W: Ways> Change<'_, '_, W> {
         Rows::new(rows, Vec::new())
     }
 
-    /// Ramps along the way to the other's attitudes, of so much of what the turn takes beyond the guard.
+    /// Ramps along the way to the other's attitudes, of so much of what the turn takes beyond the least.
     fn beginning(&self, share: f64, times: &[f64; 3]) -> Vec<f64> {
         let mut x = vec![0.0; self.dimension()];
         for side in 0..2 {
@@ -329,7 +331,7 @@ impl<W: Ways> Change<'_, '_, W> {
                 let [from, to] = [self.standing(side, v), self.standing(1 - side, v)];
                 let way = [to[0] - from[0], to[1] - from[1]];
                 let length = libm::hypot(way[0], way[1]);
-                let beyond = (times[v] - self.guard_s).max(0.0) * self.rate_of_turn(v);
+                let beyond = (times[v] - self.least_s).max(0.0) * self.rate_of_turn(v);
                 if length <= 1e-9 || beyond <= 0.0 {
                     continue;
                 }
@@ -355,7 +357,7 @@ impl<W: Ways> Change<'_, '_, W> {
         let (times, _) = self.times_s([&none[0], &none[1]]);
         let still = self.changed(&none, &[[None; NODES.len()]; 2], memory);
         // The guard is long enough: nobody need turn while anybody is served.
-        if times[0].max(times[1]) <= self.guard_s {
+        if times[0].max(times[1]) <= self.least_s {
             return still;
         }
         let standing = |view: View, memory: &mut Memory| {
@@ -424,7 +426,7 @@ impl<W: Ways> Change<'_, '_, W> {
         let silent = [0, 1].map(|side: usize| {
             [0, 1].map(|v: usize| with_yaw(ramps[side][v].end(), &angles(&self.raws[side], v)))
         });
-        let silence_s = times.iter().fold(0.0, |a: f64, b| a.max(*b));
+        let silence_s = self.ready_s + times.iter().fold(0.0, |a: f64, b| a.max(*b));
         Changed { steps, silent, courses: [self.course(0), self.course(1)], silence_s }
     }
 

@@ -19,10 +19,10 @@
 //! The superframe is a cycle, and takes
 //!
 //! ```text
-//! sum of (slot - guard) + sum of silences,    silence = max(guard, turn) at one place, guard + settling + transit else;
+//! sum of (slot - guard) + sum of silences,    silence = max(guard, turn + 0.2 s) at one place, guard + settling + transit else;
 //! ```
 //!
-//! each turn being what is left of it between the ramps' ends. Without ramps that is never more than the volume plan's
+//! each turn being what is left of it between the ramps' ends, and 0.2 s what a jammer and a lease need after it ([`READY_S`]). Without ramps that is never more than the volume plan's
 //! `sum of slots + users * settling + sum of transits`, and rates are the same: the volume for each second is never below the
 //! static plan's. (A vehicle whose tilt is limited turns its angles evenly in the silence, where a transit takes the shortest
 //! rotation through any tilt: it may lose by that, where neither guard nor settling makes up for it.)
@@ -40,7 +40,7 @@ mod track;
 mod turn;
 mod ways;
 
-pub use path::{Between, Knot, Protected, Slot, State};
+pub use path::{Between, Knot, Protected, READY_S, Slot, State};
 pub use tolerance::{LARGEST_M, LARGEST_RAD, Tolerance};
 pub use track::{Slack, Track};
 pub use turn::{Angles, Course};
@@ -308,7 +308,8 @@ impl<'a, W: Ways> Job<'a, W> {
                 raws: [raws[from], raws[to]],
                 weights: [weight(from), weight(to)],
                 price: value,
-                guard_s: self.case.ways.guard_s,
+                least_s: self.case.ways.least_s(),
+                ready_s: self.case.ways.ready_s(),
                 longest_s: [from, to].map(|user| MOST_OF_A_SLOT * on_air_s[user]),
             };
             Leg::Turn(change.best(memory))

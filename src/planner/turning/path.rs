@@ -7,6 +7,10 @@ use crate::geo::{Attitude, Enu, Pose};
 use crate::planner::plan::VehiclePlan;
 use crate::role::PerVehicle;
 
+/// In a silence both vehicles are turned so long before the next user is served, in seconds: they come to rest, the jammer comes on
+/// with its null where it belongs, and I asks for its lease.
+pub const READY_S: f64 = 0.2;
+
 /// An instant at which something changes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Knot {
@@ -26,7 +30,7 @@ pub struct Knot {
 /// How the vehicles come from one slot to the next, in silence.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Between {
-    /// They turn where they are, each at one rate through all of the silence.
+    /// They turn where they are, each at one rate until they are to be ready ([`READY_S`]).
     Turn(PerVehicle<Course>),
     /// They fly to other positions, as the schedule has them fly.
     Transit,
@@ -122,7 +126,7 @@ impl Protected {
             }
             (None, Between::Turn(courses)) => {
                 let next = self.slots[(index + 1) % self.slots.len()].knots.first()?;
-                let share = share(t_s - knot.at_s, slot.silence_s);
+                let share = share(t_s - knot.at_s, slot.silence_s - READY_S);
                 let to = poses(next);
                 PerVehicle::from_fn(|role| courses[role].at(&angles(&from[role]), &angles(&to[role]), share))
             }

@@ -181,7 +181,8 @@ fn check_gradient(problems: &[Problem], service: &Service) {
         raws: [raws[0], raws[1]],
         weights: [1.0, 0.7],
         price: 6.0,
-        guard_s: 1.0,
+        least_s: 1.0 - READY_S,
+        ready_s: READY_S,
         longest_s: [4.0, 0.2],
     };
     change.check_gradient();
@@ -234,7 +235,7 @@ fn val_two_users_who_mirror_each_other_by_brute_force() {
     let (mut lost, mut best) = (0.0, 0.0f64);
     for k in 0..60 {
         let ramp = step * f64::from(k);
-        let silence_s = ((turn - 2.0 * ramp) / 0.5).max(1.0);
+        let silence_s = ((turn - 2.0 * ramp) / 0.5 + READY_S).max(1.0);
         best = best.max((9.0 * still - 2.0 * lost) / (9.0 + silence_s));
         lost += step / 0.5 * (still - rate(ramp + 0.5 * step));
     }

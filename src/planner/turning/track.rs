@@ -2,11 +2,11 @@
 //!
 //! A slot opens half a guard before its user is served, and closes half a guard after. What a vehicle turns in silence, from one
 //! user's last attitude to the next one's first, lies in the two half guards and in what there is between them: the tracks of
-//! both slots know their end of it.
+//! both slots know their end of it. A jammer is silent in it too: its null is on nobody.
 
 use std::sync::Arc;
 
-use super::path::{Between, Knot, Protected};
+use super::path::{Between, Knot, Protected, READY_S, Slot};
 use super::turn::{Angles, Course};
 use super::ways::angles;
 use crate::geo::Attitude;
@@ -101,10 +101,10 @@ impl Protected {
         if steps.is_empty() {
             return None;
         }
-        let silent = |of: &super::path::Slot, from: &Knot, to: &Knot, begins_s: f64| match of.between {
+        let silent = |of: &Slot, from: &Knot, to: &Knot, begins_s: f64| match of.between {
             Between::Turn(courses) => Some(Leg {
                 begins_s,
-                ends_s: begins_s + of.silence_s,
+                ends_s: begins_s + of.silence_s - READY_S,
                 from: turned(from),
                 to: turned(to),
                 course: courses[role],
@@ -153,6 +153,20 @@ impl Track {
             step.leg.begins_s <= since_opening_s + UNDER_WAY_S && since_opening_s < step.leg.ends_s
         });
         soon.map(|step| step.tx_power_w).fold(self.step(since_opening_s).tx_power_w, f64::max)
+    }
+
+    /// The power that is asked for exceeds this one from then on, in seconds since the opening, if it ever does after a time.
+    #[must_use]
+    pub fn outgrows(&self, tx_power_w: f64, since_opening_s: f64) -> Option<f64> {
+        let later = self.steps.iter().filter(|step| step.leg.ends_s > since_opening_s);
+        let more = later.filter(|step| step.tx_power_w > tx_power_w).map(|step| step.leg.begins_s);
+        more.reduce(f64::min)
+    }
+
+    /// The time since the opening from which the vehicle has the attitudes in which the user is served, and until which.
+    #[must_use]
+    pub fn in_place(&self) -> [Option<f64>; 2] {
+        [self.before.map(|leg| leg.ends_s), self.after.map(|leg| leg.begins_s)]
     }
 
     /// How wrong the pose may be, by the stricter of the knots before and after; `None` where nobody is served, or nothing is asked.

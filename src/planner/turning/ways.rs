@@ -4,6 +4,7 @@ use nalgebra::Vector3;
 
 use super::super::setup::Setup;
 use super::super::volume::{Service, Ways};
+use super::path::READY_S;
 use super::turn::{Angles, Course};
 use crate::geo::Pose;
 use crate::role::{PerVehicle, Role};
@@ -67,7 +68,7 @@ impl<W: Ways> Ways for Turning<'_, W> {
             let (angle, _) = Course::within(tilt_rad).angle_rad(&angles(&from[*role]), &angles(&to[*role]));
             angle / self.turn_rate_rad_s(*role)
         });
-        Some(turns_s.fold(self.guard_s, f64::max))
+        Some(turns_s.fold(self.least_s(), f64::max) + self.ready_s())
     }
 
     fn shortest(&self, users: usize, between_s: &[f64]) -> Vec<usize> {
@@ -75,7 +76,11 @@ impl<W: Ways> Ways for Turning<'_, W> {
     }
 
     fn least_s(&self) -> f64 {
-        self.guard_s
+        (self.guard_s - READY_S).max(0.0)
+    }
+
+    fn ready_s(&self) -> f64 {
+        READY_S
     }
 
     fn beside_s(&self) -> f64 {
@@ -102,7 +107,7 @@ mod tests {
         far[3] -= 1.6;
         let mut elsewhere = near;
         elsewhere[0] += 40.0;
-        for (to, expected) in [(A, 1.0), (near, 1.0), (far, 2.0), (elsewhere, 1.0 + 2.0 + 5.0)] {
+        for (to, expected) in [(A, 1.0), (near, 1.0), (far, 2.0 + READY_S), (elsewhere, 1.0 + 2.0 + 5.0)] {
             let largest = largest_s(&turning, &A, &to);
             assert!((largest - expected).abs() < 1e-12, "{largest} {expected}");
             let smooth = smoothed(&turning, &A, &to, 12.0).time_s;

@@ -31,6 +31,11 @@ pub trait Ways: Sync {
         0.0
     }
 
+    /// What a turn between two slots that are served from the same positions takes beside that, in seconds.
+    fn ready_s(&self) -> f64 {
+        0.0
+    }
+
     /// What a way between different positions takes beside the flight, in seconds.
     fn beside_s(&self) -> f64 {
         0.0
@@ -44,7 +49,7 @@ pub fn is_same_place(a: &Raw, b: &Raw) -> bool {
 
 /// The least time of a leg, and what it takes beside the flight.
 fn fixed_s(ways: &impl Ways, from: &Raw, to: &Raw) -> [f64; 2] {
-    if is_same_place(from, to) { [ways.least_s(), 0.0] } else { [0.0, ways.beside_s()] }
+    if is_same_place(from, to) { [ways.least_s(), ways.ready_s()] } else { [0.0, ways.beside_s()] }
 }
 
 /// The angle between the attitudes of two vehicles, roll, pitch and yaw, and how it changes with either.
