@@ -23,10 +23,11 @@ use std::time::Duration;
 
 use clap::Parser as _;
 use veilwing::pair::wire::MavMessage;
+use setup::Flown;
 use world::{Case, FaultKind};
 
 fn quiet(seed: u64, slots: usize) -> Case {
-    Case { loss: 0.0, delay: Duration::ZERO, duplication: 0.0, fault: FaultKind::None, slots, seed }
+    Case { loss: 0.0, delay: Duration::ZERO, duplication: 0.0, fault: FaultKind::None, slots, seed, turning: false }
 }
 
 #[test]
@@ -40,8 +41,18 @@ fn spec_every_slot_is_served_on_a_good_link() {
 /// The stored table is the one that `cargo run --release --example pair_sweep -- --slots 20` prints.
 #[test]
 fn regress_a_sample_of_the_sweep() {
+    compare_with_the_stored(false, include_str!("pair/sweep_20.txt"));
+}
+
+/// The same, of slots that carry each other on: with `--turning`.
+#[test]
+fn regress_a_sample_of_the_sweep_through_turns() {
+    compare_with_the_stored(true, include_str!("pair/sweep_turning_20.txt"));
+}
+
+fn compare_with_the_stored(turning: bool, stored: &str) {
     let mut table = sweep::HEADER.to_owned() + "\n";
-    for case in sweep::cases(20, 1) {
+    for case in sweep::cases(20, 1, turning) {
         let row = sweep::Row { case, seen: world::run(case) };
         assert_eq!(row.seen.violations, Vec::<String>::new(), "replay: {}", row.replay());
         if row.must_serve() {
@@ -49,7 +60,6 @@ fn regress_a_sample_of_the_sweep() {
         }
         table += &(sweep::print(&row) + "\n");
     }
-    let stored = include_str!("pair/sweep_20.txt");
     for (new, old) in table.lines().zip(stored.lines()) {
         assert_eq!(new, old, "if this is meant: store the new table");
     }
@@ -59,7 +69,7 @@ fn regress_a_sample_of_the_sweep() {
 /// What a failing line prints runs that cell, and running it again is the same flight.
 #[test]
 fn spec_a_replay_line_is_its_cell() {
-    for case in sweep::cases(3, 7) {
+    for case in [false, true].into_iter().flat_map(|turning| sweep::cases(3, 7, turning)) {
         let row = sweep::Row { case, seen: world::Seen::default() };
         let line = row.replay();
         let (_, arguments) = line.split_once(" -- ").unwrap();
@@ -130,9 +140,21 @@ fn spec_j_off_before_i_is_found() {
 
 fn slot_model(bug: model::Bug) -> model::SlotModel {
     let step = Duration::from_millis(250);
-    let slot = Duration::from_millis(1500);
+    let flown = Flown { length: Duration::from_millis(1500), ..Flown::default() };
     let (restarts, losses, radio_troubles, slots) = (0, None, None, 1);
-    model::SlotModel { bug, step, slot, copies: 1, crashes: 1, restarts, losses, radio_troubles, slots }
+    let before_its_end = None;
+    model::SlotModel {
+        bug,
+        step,
+        flown,
+        before_its_end,
+        copies: 1,
+        crashes: 1,
+        restarts,
+        losses,
+        radio_troubles,
+        slots,
+    }
 }
 
 /// Explores the model, prints what was found, and wants every property to hold.
@@ -158,7 +180,7 @@ fn prop_model_a_slot_is_served_when_the_losses_end() {
         losses: Some(3),
         step: Duration::from_millis(200),
         // Time for one lease more than can be lost.
-        slot: Duration::from_millis(2000),
+        flown: Flown { length: Duration::from_millis(2000), ..Flown::default() },
         ..slot_model(model::Bug::None)
     };
     holds(model);
@@ -195,6 +217,36 @@ fn prop_model_a_second_slot_follows_the_first() {
         ..slot_model(model::Bug::None)
     };
     holds(model);
+}
+
+/// A slot that carries the one before on, by nobody's word: messages in any order, late, twice or never, from a second before the
+/// change to the end of the slot after it.
+fn change(losses: Option<u8>) -> model::SlotModel {
+    model::SlotModel {
+        copies: 0,
+        crashes: 0,
+        losses,
+        slots: 2,
+        flown: Flown { slots: 2, turning: true, length: Duration::from_millis(1300) },
+        before_its_end: Some(Duration::from_millis(250)),
+        ..slot_model(model::Bug::None)
+    }
+}
+
+#[test]
+fn prop_model_no_order_of_messages_breaks_a_slot_that_carries_another_on() {
+    holds(change(None));
+}
+
+#[test]
+fn prop_model_a_slot_that_carries_another_on_is_served_when_the_losses_end() {
+    let flown = Flown { length: Duration::from_millis(2000), ..change(None).flown };
+    holds(model::SlotModel { flown, step: Duration::from_millis(200), ..change(Some(2)) });
+}
+
+#[test]
+fn prop_model_no_restart_breaks_a_slot_that_carries_another_on() {
+    holds(model::SlotModel { crashes: 1, restarts: 1, ..change(Some(1)) });
 }
 
 #[test]

@@ -11,7 +11,7 @@ use veilwing::time::Instant;
 
 use super::clocks::Clocks;
 use super::radio::Said;
-use super::setup::{LEAD, TICK, system, vehicle};
+use super::setup::{Flown, LEAD, TICK, system, vehicle};
 
 #[derive(Debug, Clone)]
 pub struct Companion {
@@ -80,6 +80,24 @@ impl Companion {
         self.react(t);
     }
 
+    /// How far it is turned from where its user is served, in radians: on the silent way from one to the next.
+    pub fn off_user_rad(&self, t: Duration) -> f64 {
+        let Some((slot, track)) = self.service.slot().and_then(|slot| Some((slot, slot.track.as_ref()?))) else {
+            return 0.0;
+        };
+        let opens_at = slot.commitment.opens_at;
+        let now = self.clocks.local(t);
+        let served = now.clamp(slot.radiate_from, slot.radiate_until - Duration::from_nanos(1));
+        let [here, there] = [now, served].map(|at| track.attitude(at.seconds_since(opens_at)));
+        here.angle_to(&there)
+    }
+
+    /// J's power by the plan at this time, in watts.
+    pub fn jammed_w(&self, flown: &Flown, t: Duration) -> f64 {
+        let opens_at = self.service.slot().map(|slot| slot.commitment.opens_at);
+        opens_at.map_or(0.0, |opens_at| flown.jammed_w(self.clocks.local(t).seconds_since(opens_at)))
+    }
+
     pub fn abort(&mut self, cause: String, now: Instant) {
         if self.aborted.is_none() && !self.service.is_abandoning() {
             self.finished.push(self.service.slot_number());
@@ -103,10 +121,10 @@ impl Companion {
                 _ => {}
             }
         }
-        let commitment = self.service.slot().map(|slot| slot.commitment);
-        let arrived = commitment.is_some_and(|c| now >= c.leaves_at + LEAD / 2);
+        let slot = self.service.slot();
+        let arrived = slot.is_some_and(|slot| slot.carried_on || now >= slot.commitment.leaves_at + LEAD / 2);
         let since = self.stale_since.unwrap_or(now);
-        let here = vehicle(self.role, commitment.map_or(0, |c| c.slot), since, self.pose_lost);
+        let here = vehicle(self.role, slot, since, self.pose_lost);
         self.service.decide(&Vehicle { arrived, ended: self.aborted.is_some(), ..here }, now);
     }
 }

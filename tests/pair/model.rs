@@ -22,7 +22,7 @@ use veilwing::transmitter::Kind;
 use super::clocks::Clocks;
 use super::companion::Companion;
 use super::radio::{Radio, Said};
-use super::setup::{LEASE, NUMBERED, service};
+use super::setup::{Flown, LEASE, NUMBERED, service};
 
 /// A bug put in on purpose.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -37,8 +37,10 @@ pub enum Bug {
 pub struct SlotModel {
     pub bug: Bug,
     pub step: Duration,
-    /// Short, so that everything can be explored. Of a slot a second is guard.
-    pub slot: Duration,
+    /// Slots are short, so that everything can be explored. Of each a second is guard.
+    pub flown: Flown,
+    /// Everything that can happen is explored from so long before the first slot's airtime ends; from before it begins, if not given.
+    pub before_its_end: Option<Duration>,
     pub copies: u8,
     pub crashes: u8,
     /// Companions that come back.
@@ -70,6 +72,8 @@ pub struct State {
     j_has_died: bool,
     granted_until: Duration,
     served: bool,
+    /// By number.
+    last_served: Option<i32>,
     s1: bool,
     s2: bool,
     s3: bool,
@@ -109,6 +113,8 @@ pub enum Action {
 
 /// A radio says by itself what it does.
 const REPORT_EVERY: Duration = Duration::from_millis(200);
+/// What J turns in a tenth of a second, before it hears that I is off.
+const OFF_USER_RAD: f64 = 0.06;
 /// The worst that crystals do, in parts per million.
 const CRYSTAL_PPM: f64 = 45.0;
 
@@ -121,7 +127,7 @@ impl SlotModel {
                 Role::J => (200_000, 2, LEASE),
             };
             let clocks = Clocks { started: Duration::ZERO, rate: self.rate(role), utc_error_us };
-            Some(Companion::new(role, clocks, service(role, boot, self.radio(), lease, self.slot)))
+            Some(Companion::new(role, clocks, service(role, boot, self.radio(), lease, &self.flown)))
         });
         let mut radios = PerVehicle::<Radio>::default();
         if self.radio_troubles.is_some() {
@@ -143,13 +149,17 @@ impl SlotModel {
             j_has_died: false,
             granted_until: Duration::ZERO,
             served: false,
+            last_served: None,
             s1: true,
             s2: true,
             s3: true,
         };
         let early = |state: &State| {
             let slot = state.companions.i.as_ref().and_then(|i| i.service.slot());
-            slot.is_none_or(|slot| state.t + self.step < slot.radiate_from.since_start())
+            slot.is_none_or(|slot| match self.before_its_end {
+                None => state.t + self.step < slot.radiate_from.since_start(),
+                Some(before) => state.t + before < slot.radiate_until.since_start(),
+            })
         };
         while early(&state) {
             let to = state.t + Duration::from_millis(5);
@@ -299,12 +309,19 @@ impl SlotModel {
             state.s3 &= jammed;
             state.s1 &= state.t < state.granted_until;
             state.served |= jammed;
+            state.last_served = state.last_served.max(Some(i.slot).filter(|_| jammed));
         }
         if on.j.is_some() {
             // A dead companion's radio runs out within its lease, which no slot's end shortens afterwards.
             let committed = state.companions.j.as_ref().is_some_and(|j| j.service.slot().is_some());
             state.s2 &= committed || state.j_has_died;
+            let off_user_rad = state.companions.j.as_ref().map_or(0.0, |j| j.off_user_rad(state.t));
+            state.s2 &= off_user_rad < OFF_USER_RAD;
         }
+    }
+
+    fn is_last(&self, slot: Option<i32>) -> bool {
+        slot.is_some_and(|slot| slot as usize + 1 == self.slots)
     }
 
     fn over(&self, state: &State) -> bool {
@@ -390,7 +407,7 @@ impl Model for SlotModel {
             Action::Restart(role) => {
                 state.restarts -= 1;
                 let clocks = Clocks { started: state.t, rate: self.rate(role), utc_error_us: 0 };
-                let service = service(role, 3, self.radio(), LEASE, self.slot);
+                let service = service(role, 3, self.radio(), LEASE, &self.flown);
                 let mut born = Companion::new(role, clocks, service);
                 // In flight it takes nothing over.
                 (born.aborted, born.joining) = (Some("back in the air".into()), false);
@@ -414,11 +431,14 @@ impl Model for SlotModel {
             Property::<Self>::always("S1: I radiates on a lease of J alone", |_, state| state.s1),
             Property::<Self>::always("S2: J radiates in a committed slot alone", |_, state| state.s2),
             Property::<Self>::sometimes("a slot is served", |_, state| state.served),
+            Property::<Self>::sometimes("it is the last one", |model, state| model.is_last(state.last_served)),
             Property::<Self>::always("S3: J jams whenever I radiates", |_, state| state.s3),
         ];
         // Not so without the radio's answers.
         if self.losses.is_some() && self.radio_troubles.is_none() {
-            properties.push(Property::<Self>::eventually("the slot is served", |_, state| state.served));
+            properties.push(Property::<Self>::eventually("the last slot is served", |model, state| {
+                model.crashes > 0 && state.served || model.is_last(state.last_served)
+            }));
         }
         properties
     }

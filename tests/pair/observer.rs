@@ -6,13 +6,14 @@ use veilwing::role::{PerVehicle, Role};
 
 use super::companion::Companion;
 use super::radio::{Emission, Radio};
-use super::setup::{CAP_W, LEASE, PLANNED_W};
+use super::setup::{CAP_W, Flown, LEASE, PLANNED_W};
 use super::world::Seen;
 
 /// Sees true powers and true faults.
 #[derive(Default)]
 pub struct Observer {
     pub seen: Seen,
+    flown: Flown,
     /// J's grants: the slot, and until when J promised to jam, in true time.
     pub granted: Option<(u16, Duration)>,
     pub served_now: bool,
@@ -26,6 +27,7 @@ pub struct Observer {
     /// By the operator, at this vehicle.
     pub paused_at: Option<(Role, Duration)>,
     uncommitted_since: PerVehicle<Option<Duration>>,
+    off_user_since: Option<Duration>,
 }
 
 /// A fault of J excuses I's lack of protection for the longest lease and the wire.
@@ -36,10 +38,16 @@ const POSE_REACTION: Duration = Duration::from_millis(100);
 const PERIOD: Duration = Duration::from_millis(20);
 /// No state is older than this that is used for anything, and the way of a command.
 const STATE_LIMIT: Duration = Duration::from_millis(250 + 20);
+/// What a vehicle holds of an attitude while nothing jitters.
+const OFF_USER_RAD: f64 = 0.05;
 /// Longest way of a command to a radio.
 pub const RADIO_WAY_MS: f64 = 15.0;
 
 impl Observer {
+    pub fn new(flown: Flown) -> Self {
+        Self { flown, ..Self::default() }
+    }
+
     /// Looks at the state that holds from `t` on.
     pub fn look(&mut self, t: Duration, world: &PerVehicle<Option<Companion>>, radios: &PerVehicle<Radio>) {
         let on = PerVehicle::from_fn(|role| radios[role].emission(t));
@@ -90,7 +98,24 @@ impl Observer {
                 }
             }
         }
-        self.order(t, on.i, on.j);
+        if let Some(j) = world.j.as_ref().filter(|_| on.j.is_some()) {
+            self.judge_turn(t, j.off_user_rad(t));
+        }
+        // Where it changes, the plan's power is what J's clock says; of one that has died it is what it was.
+        let jammed_w = match &world.j {
+            _ if !self.flown.turning => PLANNED_W.j,
+            Some(j) => j.jammed_w(&self.flown, t),
+            None => 0.0,
+        };
+        self.order(t, on.i, on.j, jammed_w);
+    }
+
+    /// A jammer that is on has its null where the user is; what it turns before it hears that I is off is the wire's.
+    fn judge_turn(&mut self, t: Duration, off_user_rad: f64) {
+        self.off_user_since = (off_user_rad > OFF_USER_RAD).then(|| self.off_user_since.unwrap_or(t));
+        if self.off_user_since.is_some_and(|since| t > since + POSE_REACTION) {
+            self.violate(t, format!("S2: J radiates {off_user_rad} rad off its user"));
+        }
     }
 
     /// A radio that is on while there is no state, or while the operator has paused the pair.
@@ -114,9 +139,9 @@ impl Observer {
     }
 
     /// S1 and S3 on true powers.
-    fn order(&mut self, t: Duration, i: Option<Emission>, j: Option<Emission>) {
+    fn order(&mut self, t: Duration, i: Option<Emission>, j: Option<Emission>, jammed_w: f64) {
         // The wire counts thousandths of a decibel.
-        let full_w = 0.999 * PLANNED_W.j.min(CAP_W.j);
+        let full_w = 0.999 * jammed_w.min(CAP_W.j);
         let protected = i.is_some_and(|i| j.is_some_and(|j| i.slot == j.slot && j.power_w >= full_w));
         self.i_protected = protected;
         self.served_now |= protected;

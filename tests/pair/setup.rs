@@ -5,8 +5,9 @@ use std::time::Duration;
 use veilwing::geo::{Enu, Pose};
 use veilwing::pair::{self, PlanTerms, SlotTerms};
 use veilwing::planner::plan::VehiclePlan;
+use veilwing::planner::turning::{Between, Course, Knot, Protected, Slot, Track};
 use veilwing::role::{PerVehicle, Role};
-use veilwing::service::{Ceilings, Freshness, Settings, SlotService, Tolerance, Vehicle};
+use veilwing::service::{self, Ceilings, Freshness, Settings, SlotService, Tolerance, Vehicle};
 use veilwing::time::Instant;
 use veilwing::transmitter::{self, Kind, Transmitter};
 
@@ -35,32 +36,103 @@ fn vehicles(slot: u16) -> PerVehicle<VehiclePlan> {
     PerVehicle { i: vehicle(slot * 7.1, PLANNED_W.i), j: vehicle(100.0 + slot * 3.3, PLANNED_W.j) }
 }
 
-/// The plan of `SLOTS` slots of this length.
-fn plan(length: Duration) -> PlanTerms {
-    let terms = |slot: u16| SlotTerms {
-        vehicles: vehicles(slot),
-        tracks: None,
-        lean_rad: PerVehicle { i: 0.0, j: 0.0 },
-        opens: (LEAD + length) * u32::from(slot) + LEAD,
-        lead: LEAD,
-        carries_on_after: None,
-        radiate_from: GUARD / 2,
-        radiate_until: length - GUARD / 2,
-        length,
-    };
-    PlanTerms { digest: [7; 32], slots: (0..SLOTS).map(terms).collect() }
+/// What is planned.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Flown {
+    /// How many slots, and their length, of which [`GUARD`] is silence.
+    pub slots: u16,
+    pub length: Duration,
+    /// Slots are served through the vehicles' turns from one place, and carry each other on.
+    pub turning: bool,
 }
 
+/// Slots that are each agreed on.
+impl Default for Flown {
+    fn default() -> Self {
+        Self { slots: SLOTS, length: SLOT, turning: false }
+    }
+}
+
+impl Flown {
+    fn plan(&self) -> PlanTerms {
+        let tracks = self.turning.then(|| self.tracks());
+        let terms = |slot: u16| SlotTerms {
+            vehicles: vehicles(if self.turning { 0 } else { slot }),
+            tracks: tracks.as_ref().map(|tracks| tracks[usize::from(slot)].clone()),
+            lean_rad: PerVehicle { i: 0.0, j: 0.0 },
+            opens: (LEAD + self.length) * u32::from(slot) + LEAD,
+            lead: LEAD,
+            carries_on_after: (self.turning && slot > 0).then_some(BETWEEN),
+            radiate_from: GUARD / 2,
+            radiate_until: self.length - GUARD / 2,
+            length: self.length,
+        };
+        PlanTerms { digest: [7; 32], slots: (0..self.slots).map(terms).collect() }
+    }
+
+    /// Both vehicles turn by 0.1 rad in the last quarter of the airtime, and by half a radian in the silence after it; J's power
+    /// rises and falls meanwhile.
+    fn tracks(&self) -> Vec<PerVehicle<Track>> {
+        let (on_air_s, silence_s) = ((self.length - GUARD).as_secs_f64(), (GUARD + BETWEEN).as_secs_f64());
+        let slots = (0..self.slots).map(|slot| {
+            let begins_s = (on_air_s + silence_s) * f64::from(slot);
+            let turned_rad = if slot % 2 == 0 { 0.0 } else { 0.6 };
+            let knots = JAMMED.iter().enumerate().map(|(k, (share, power_w))| {
+                let mut vehicles = vehicles(0);
+                vehicles.i.pose.roll_rad -= turned_rad;
+                vehicles.j.pose.roll_rad -= turned_rad;
+                if k + 1 == JAMMED.len() {
+                    let back_rad = if slot % 2 == 0 { -0.1 } else { 0.1 };
+                    vehicles.i.pose.roll_rad += back_rad;
+                    vehicles.j.pose.roll_rad += back_rad;
+                }
+                vehicles.j.tx_power_w = *power_w;
+                let at_s = begins_s + share * on_air_s;
+                Knot { at_s, vehicles, served: Some(usize::from(slot)), rate_bps: 1e6, tolerance: None }
+            });
+            let between = Between::Turn(PerVehicle { i: Course::Shortest, j: Course::EvenAngles });
+            let (user, knots) = (usize::from(slot), knots.collect());
+            Slot { user, on_air_s, silence_s, between, volume_bits: 1e6 * on_air_s, knots }
+        });
+        let superframe_s = (on_air_s + silence_s) * f64::from(self.slots);
+        let mut tracks = Protected { slots: slots.collect(), superframe_s }.tracks(GUARD.as_secs_f64());
+        if let Some(last) = tracks.last_mut() {
+            *last = last.clone().map(Track::to_rest);
+        }
+        tracks
+    }
+
+    /// J's power in watts at a time since the opening: the share of the plan's that lies nearest.
+    pub fn jammed_w(&self, since_opening_s: f64) -> f64 {
+        if !self.turning {
+            return PLANNED_W.j;
+        }
+        let share = (since_opening_s - GUARD.as_secs_f64() / 2.0) / (self.length - GUARD).as_secs_f64();
+        let steps = &JAMMED[..JAMMED.len() - 1];
+        steps[steps.partition_point(|(from, _)| *from <= share).max(1) - 1].1
+    }
+}
+
+/// Of a slot that is served through its turns: from these shares of the airtime on J radiates so many watts.
+const JAMMED: [(f64, f64); 4] = [(0.0, 0.1), (0.5, PLANNED_W.j), (0.75, 0.15), (1.0, 0.0)];
+/// From the close of a slot to the opening of the one that carries it on.
+const BETWEEN: Duration = Duration::from_millis(200);
+
 /// A vehicle whose state came last at `since`, in its pose for the slot, or ten metres off it.
-pub fn vehicle(role: Role, slot: u16, since: Instant, pose_lost: bool) -> Vehicle {
-    let pose = vehicles(slot)[role].pose;
+pub fn vehicle(role: Role, slot: Option<&service::Slot>, since: Instant, pose_lost: bool) -> Vehicle {
+    let turned = slot.and_then(|slot| {
+        let since_s = since.seconds_since(slot.commitment.opens_at);
+        slot.track.as_ref().map(|track| track.attitude(since_s))
+    });
+    let place = slot.filter(|_| turned.is_none()).map_or(0, |slot| slot.commitment.slot);
+    let pose = vehicles(place)[role].pose;
     let off = Enu::new(if pose_lost { 10.0 } else { 0.0 }, 0.0, 0.0);
     Vehicle {
         state_received_at: Some(since),
         state_taken_from: Some(since),
         state_period: TICK,
         position_enu_m: Some(pose.position_enu_m + off),
-        attitude: Some((pose.attitude(), since)),
+        attitude: Some((turned.unwrap_or_else(|| pose.attitude()), since)),
         in_control: true,
         estimator_ok: true,
         home_enu_m: Some(Enu::zeros()),
@@ -80,8 +152,8 @@ pub fn system(role: Role) -> u8 {
 /// A radio that takes numbered commands, as it is flown.
 pub const NUMBERED: Kind = Kind::Numbered { command: 31010 };
 
-/// The service of a companion that has just started, with this lease and slots of this length.
-pub fn service(role: Role, boot_id: u32, kind: Kind, lease: Duration, slot: Duration) -> SlotService {
+/// The service of a companion that has just started, with this lease and plan.
+pub fn service(role: Role, boot_id: u32, kind: Kind, lease: Duration, flown: &Flown) -> SlotService {
     let pair = pair::Settings {
         role,
         boot_id,
@@ -109,6 +181,6 @@ pub fn service(role: Role, boot_id: u32, kind: Kind, lease: Duration, slot: Dura
     };
     let transmitter = Transmitter::new(radio, Instant::ZERO);
     let mut service = SlotService::new(settings, transmitter, Tolerance::for_jitter(0.0), Instant::ZERO);
-    service.set_plan(plan(slot));
+    service.set_plan(flown.plan());
     service
 }

@@ -39,6 +39,9 @@ pub struct Args {
     /// This one alone: None, Partition, Restart, Pose, Clock, Stale, Pause, GiveUp or RadioHop. A cell's is None by default.
     #[arg(long, value_parser = parse_fault)]
     fault: Option<FaultKind>,
+    /// Slots carry each other on, served through the vehicles' turns.
+    #[arg(long)]
+    turning: bool,
 }
 
 fn parse_fault(text: &str) -> Result<FaultKind, String> {
@@ -48,13 +51,13 @@ fn parse_fault(text: &str) -> Result<FaultKind, String> {
 
 impl Args {
     pub fn cases(&self) -> Vec<Case> {
-        let Self { slots, seed, duplication, fault, .. } = *self;
+        let Self { slots, seed, duplication, fault, turning, .. } = *self;
         let Some(loss) = self.loss else {
             let asked = |case: &Case| fault.is_none_or(|fault| case.fault == fault);
-            return cases(slots, seed).into_iter().filter(asked).collect();
+            return cases(slots, seed, turning).into_iter().filter(asked).collect();
         };
         let fault = fault.unwrap_or(FaultKind::None);
-        vec![Case { loss, delay: Duration::from_millis(self.delay_ms), duplication, fault, slots, seed }]
+        vec![Case { loss, delay: Duration::from_millis(self.delay_ms), duplication, fault, slots, seed, turning }]
     }
 }
 
@@ -76,19 +79,20 @@ impl Row {
     pub fn replay(&self) -> String {
         let c = &self.case;
         format!(
-            "cargo run --release --example pair_sweep -- --loss {} --delay-ms {} --duplication {} --fault {:?} --slots {} --seed {}",
+            "cargo run --release --example pair_sweep -- --loss {} --delay-ms {} --duplication {} --fault {:?} --slots {} --seed {}{}",
             c.loss,
             c.delay.as_millis(),
             c.duplication,
             c.fault,
             c.slots,
-            c.seed
+            c.seed,
+            if c.turning { " --turning" } else { "" }
         )
     }
 }
 
 /// Every case of the grid, with a seed of its own.
-pub fn cases(slots: usize, seed: u64) -> Vec<Case> {
+pub fn cases(slots: usize, seed: u64, turning: bool) -> Vec<Case> {
     let mut cases = Vec::new();
     for fault in FAULTS {
         for delay_ms in DELAYS_MS {
@@ -96,7 +100,7 @@ pub fn cases(slots: usize, seed: u64) -> Vec<Case> {
                 for duplication in DUPLICATIONS {
                     let seed = seed * 1000 + cases.len() as u64;
                     let delay = Duration::from_millis(delay_ms);
-                    cases.push(Case { loss, delay, duplication, fault, slots, seed });
+                    cases.push(Case { loss, delay, duplication, fault, slots, seed, turning });
                 }
             }
         }

@@ -15,7 +15,7 @@ use super::clocks::Clocks;
 use super::companion::Companion;
 use super::observer::{Observer, RADIO_WAY_MS};
 use super::radio::{Radio, Said};
-use super::setup::{GUARD, LEASE, NUMBERED, SLOT, service};
+use super::setup::{Flown, GUARD, LEASE, NUMBERED, SLOT, service};
 
 /// A radio says by itself what it does, five times a second.
 const REPORT_EVERY: Duration = Duration::from_millis(200);
@@ -53,6 +53,14 @@ pub struct Case {
     pub fault: FaultKind,
     pub slots: usize,
     pub seed: u64,
+    /// Slots carry each other on.
+    pub turning: bool,
+}
+
+impl Case {
+    fn flown(&self) -> Flown {
+        Flown { turning: self.turning, ..Flown::default() }
+    }
 }
 
 /// What the observer saw.
@@ -151,7 +159,7 @@ pub fn run_with_lease(case: Case, i_lease: Duration, meddle: &mut impl FnMut(u64
     let companions = PerVehicle::from_fn(|role| {
         let boot = if role == Role::I { 1 } else { 2 };
         let lease = if role == Role::I { i_lease } else { LEASE };
-        Some(Companion::new(role, clocks[role], service(role, boot, NUMBERED, lease, SLOT)))
+        Some(Companion::new(role, clocks[role], service(role, boot, NUMBERED, lease, &case.flown())))
     });
     let mut world = World {
         case,
@@ -165,7 +173,7 @@ pub fn run_with_lease(case: Case, i_lease: Duration, meddle: &mut impl FnMut(u64
         boots: 2,
         cut_until: PerVehicle::default(),
         revive_at: None,
-        observer: Observer::default(),
+        observer: Observer::new(case.flown()),
     };
     // The worst that crystals do: I's radio is on for longer than it is told, J's for less.
     (world.radios.i.fast_ppm, world.radios.j.fast_ppm) = (-45.0, 45.0);
@@ -404,7 +412,7 @@ impl World {
                 if role == Role::J {
                     self.observer.j_fault_at = Some(self.t);
                 }
-                let service = service(role, self.boots, NUMBERED, LEASE, SLOT);
+                let service = service(role, self.boots, NUMBERED, LEASE, &self.case.flown());
                 let mut born = Companion::new(role, self.clocks[role], service);
                 // In flight it takes nothing over.
                 (born.aborted, born.joining) = (Some("back in the air".into()), false);

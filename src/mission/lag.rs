@@ -1,0 +1,76 @@
+//! How late the vehicle turns as it is told to.
+//!
+//! An attitude loop without feed-forward of rates, PX4's among them, follows a turn at a steady rate so much later: the inverse of its
+//! gain and the links' delays, 0.15 to 0.2 s, which are 7 to 9 deg at 45 deg/s. While a user is served that counts, so the attitude
+//! that is commanded is the track's so much ahead. How much is learnt from the turns themselves: where the reference turns at the
+//! rate `w` (rad/s, in the body), an error of attitude `e` is a time of `e . w / |w|^2`.
+
+use std::time::Duration;
+
+use nalgebra::Vector3;
+
+use crate::geo::Attitude;
+use crate::time::Instant;
+
+use super::phase::Motion;
+
+/// Before anything is learnt: the inverse of PX4's MC_ROLL_P of 6.5.
+const BEFOREHAND_S: f64 = 0.15;
+/// No vehicle that can serve in a turn is later.
+const LARGEST_S: f64 = 0.4;
+/// The share of what a sample says that is taken over: at 50 Hz nearly all of a turn of half a second.
+const GAIN: f64 = 0.1;
+/// Slower turns say nothing in the jitter, rad/s.
+const LEAST_RATE_RAD_S: f64 = 10f64.to_radians();
+/// A turn has gone on for so long before its lag is all there.
+const STEADY: Duration = Duration::from_millis(500);
+/// The rates then and now differ by this share at the most.
+const STEADY_WITHIN: f64 = 0.05;
+/// Half the time over which a rate is taken.
+const STEP: Duration = Duration::from_millis(10);
+
+/// See the module.
+#[derive(Debug, Clone)]
+pub(super) struct AttitudeLag {
+    lag_s: f64,
+    heard: Option<Instant>,
+}
+
+impl Default for AttitudeLag {
+    fn default() -> Self {
+        Self { lag_s: BEFOREHAND_S, heard: None }
+    }
+}
+
+impl AttitudeLag {
+    /// So long before it is due an attitude is commanded where the vehicle must be on its track.
+    pub fn lead(&self) -> Duration {
+        Duration::from_secs_f64(self.lag_s)
+    }
+
+    /// Learns from the attitude that was measured at `at`, while the vehicle follows `motion`.
+    pub fn hear(&mut self, motion: &Motion, attitude: &Attitude, at: Instant) {
+        if self.heard.replace(at).is_some_and(|heard| at <= heard) {
+            return;
+        }
+        let rate = rate_at(motion, at);
+        let square = rate.norm_squared();
+        let was = rate_at(motion, at - STEADY);
+        if square < LEAST_RATE_RAD_S.powi(2) || (rate - was).norm_squared() > STEADY_WITHIN.powi(2) * square {
+            return;
+        }
+        let meant = motion.sample(at).attitude.rotation();
+        let error = (attitude.rotation().inverse() * meant).scaled_axis();
+        let lead_s = if motion.is_on_track(at) { self.lag_s } else { 0.0 };
+        let lag_s = lead_s + error.dot(&rate) / square;
+        if lag_s.is_finite() {
+            self.lag_s += GAIN * (lag_s.clamp(0.0, LARGEST_S) - self.lag_s);
+        }
+    }
+}
+
+/// The rate at which the reference turns, in the body's axes, rad/s.
+fn rate_at(motion: &Motion, at: Instant) -> Vector3<f64> {
+    let [before, after] = [at - STEP, at + STEP].map(|at| motion.sample(at).attitude.rotation());
+    (before.inverse() * after).scaled_axis() / (2.0 * STEP.as_secs_f64())
+}
