@@ -22,12 +22,20 @@ mod world;
 use std::time::Duration;
 
 use clap::Parser as _;
-use veilwing::pair::wire::MavMessage;
 use setup::Flown;
+use veilwing::pair::wire::MavMessage;
 use world::{Case, FaultKind};
 
 fn quiet(seed: u64, slots: usize) -> Case {
-    Case { loss: 0.0, delay: Duration::ZERO, duplication: 0.0, fault: FaultKind::None, slots, seed, turning: false }
+    Case {
+        loss: 0.0,
+        delay: Duration::ZERO,
+        duplication: 0.0,
+        fault: FaultKind::None,
+        slots,
+        seed,
+        turning: false,
+    }
 }
 
 #[test]

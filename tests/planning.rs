@@ -220,7 +220,7 @@ fn spec_a_plan_that_turns_is_told_by_its_knots_the_same_on_any_threads_and_not_f
 
     let table = command::veilwing(&["plan", file]).output().unwrap();
     let table = String::from_utf8(table.stdout).unwrap();
-    assert!(table.contains("silent_s") && table.contains("no vehicle flies this yet"), "{table}");
+    assert!(table.contains("silent_s") && table.contains("and again after"), "{table}");
     for flown in [&["campaign", file, "--runs", "1"][..], &["sitl", file]] {
         let refused = command::veilwing(flown).output().unwrap();
         let said = command::said(&refused);

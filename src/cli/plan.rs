@@ -392,7 +392,7 @@ fn write_turns(text: &mut String, plan: &Plan, turns: &Protected) -> std::fmt::R
             slot.on_air_s, slot.silence_s
         )?;
     }
-    writeln!(text, "and again after {:.1} s; no vehicle flies this yet", turns.superframe_s)
+    writeln!(text, "and again after {:.1} s", turns.superframe_s)
 }
 
 /// When each slot is flown, and how long all of them take.

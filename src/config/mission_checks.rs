@@ -456,10 +456,6 @@ fn volume(draft: &MissionDraft, file: &mut Document) {
             );
         }
     }
-    if mode == Mode::Turning {
-        let message = "`mode` is \"turning\": `plan` plans it, and no vehicle flies it yet".to_owned();
-        file.warning(file.at("planner.mode"), message, "set mode = \"static\" to fly".to_owned());
-    }
     if fairness != Fairness::MaxMin {
         for path in LIMITS.into_iter().filter(|path| file.given(path)).collect::<Vec<_>>() {
             let key = path.trim_start_matches("tdma.");

@@ -74,3 +74,52 @@ fn rate_at(motion: &Motion, at: Instant) -> Vector3<f64> {
     let [before, after] = [at - STEP, at + STEP].map(|at| motion.sample(at).attitude.rotation());
     (before.inverse() * after).scaled_axis() / (2.0 * STEP.as_secs_f64())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geo::Enu;
+    use crate::schedule::trajectory::{Limits, Start, Trajectory};
+
+    /// A turn about an axis askew, at 45 deg/s for two seconds, followed by a vehicle as late as that.
+    fn learnt_s(late_s: f64, jitter_rad: f64) -> f64 {
+        let start = Start { position_enu_m: Enu::new(0.0, 0.0, 30.0), attitude: Attitude::level() };
+        let mut trajectory = Trajectory::rest(&start);
+        trajectory.turn(Attitude::from_euler(1.2, 0.9, 0.3), 0.0, &Limits::new(5.0, 3.0, 45f64.to_radians()));
+        let motion = Motion::new(trajectory, Instant::from_start(Duration::from_secs(1)));
+        let mut lag = AttitudeLag::default();
+        for k in 0..200u32 {
+            let at = Instant::from_start(Duration::from_millis(1000) + Duration::from_millis(20) * k);
+            let was = motion.sample(at.after_s(-late_s)).attitude.rotation();
+            // To and fro, as jitter is.
+            let off = jitter_rad * f64::from(k % 4).mul_add(1.0, -1.5);
+            let off = nalgebra::UnitQuaternion::from_scaled_axis(Vector3::new(off, -off, off));
+            lag.hear(&motion, &Attitude::from_rotation(was * off), at);
+        }
+        lag.lead().as_secs_f64()
+    }
+
+    #[test]
+    fn val_the_lag_is_learnt_from_a_turn() {
+        for late_s in [0.0, 0.1, 0.15, 0.3] {
+            assert!((learnt_s(late_s, 0.0) - late_s).abs() < 0.01, "{late_s}: {}", learnt_s(late_s, 0.0));
+            assert!((learnt_s(late_s, 0.03) - late_s).abs() < 0.03, "{late_s}: {}", learnt_s(late_s, 0.03));
+        }
+        assert!(learnt_s(0.8, 0.0) <= LARGEST_S);
+    }
+
+    #[test]
+    fn spec_a_vehicle_at_rest_teaches_nothing() {
+        let start = Start { position_enu_m: Enu::new(0.0, 0.0, 30.0), attitude: Attitude::level() };
+        let motion = Motion::new(Trajectory::rest(&start), Instant::ZERO);
+        let mut lag = AttitudeLag::default();
+        for k in 0..100 {
+            lag.hear(
+                &motion,
+                &Attitude::from_euler(0.1, 0.0, 0.0),
+                Instant::from_start(Duration::from_millis(20 * k)),
+            );
+        }
+        assert_eq!(lag.lead(), Duration::from_secs_f64(BEFOREHAND_S));
+    }
+}

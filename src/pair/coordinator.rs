@@ -32,6 +32,8 @@ pub use timer::Timer;
 const STATUS_EVERY: Duration = Duration::from_millis(100);
 /// After its transit should have begun, the peer gets this long to say that it is committed as well.
 const PEER_LATE: Duration = Duration::from_secs(1);
+/// No two crystals, nor clocks that are fit for a slot, drift apart faster than this.
+const MOST_DRIFT: f64 = 200e-6;
 
 /// What only one of the two does.
 #[derive(Debug, Clone)]
@@ -159,8 +161,18 @@ impl Coordinator {
     pub fn carry_on(&mut self, closes_at: Instant) -> Option<Commitment> {
         let agreed = self.agreed.filter(|agreed| agreed.peer_went_along && !agreed.peer_left)?;
         let slot = agreed.commitment.slot.checked_add(1)?;
-        let opens_at = closes_at + self.slot_terms(slot)?.carries_on_after?;
-        let commitment = Commitment { slot, opens_at, leaves_at: closes_at, ..agreed.commitment };
+        let foreseen = closes_at + self.slot_terms(slot)?.carries_on_after?;
+        let takes = foreseen.saturating_since(agreed.commitment.opens_at);
+        let opens = agreed.commitment.opens + takes;
+        // Two crystals drift apart over many slots; a step of a clock moves none.
+        let by_clock = match &self.part {
+            Part::I(_) => self.time.instant_of(opens),
+            Part::J(_) => self.time.instant_by_peer(opens),
+        };
+        let most_s = takes.as_secs_f64() * MOST_DRIFT;
+        let drift_s = by_clock.map_or(0.0, |at| at.seconds_since(foreseen).clamp(-most_s, most_s));
+        let opens_at = foreseen.after_s(drift_s);
+        let commitment = Commitment { slot, opens_at, opens, leaves_at: closes_at, ..agreed.commitment };
         self.agreed = Some(Agreed { commitment, ..agreed });
         Some(commitment)
     }

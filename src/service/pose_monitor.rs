@@ -24,7 +24,8 @@
 //! told to radiate some centimetres before it is there. It comes in at [`ARRIVED`] of the tolerance, and stays to all of it.
 //!
 //! *A turn.* In a slot that is served through its turns the plan's attitude moves, and a sample is compared with the one at its
-//! own time. What the plan bears there may be less than the tolerance: then that counts, down to what a vehicle can hold.
+//! own time. What the plan bears there may be less than the tolerance: beyond that, down to what a vehicle can hold, the pose is
+//! not lost, but does not serve either.
 //!
 //! Jitter is taken to be independent from sample to sample, as the plan takes it. A body that swings slower than that
 //! counts as what it is, out of its pose.
@@ -207,7 +208,7 @@ impl PoseMonitor {
         let share = if self.placed { 1.0 } else { ARRIVED };
         self.position_error_m = Some(error_m);
         // What is no number is no place.
-        self.placed = error_m <= share * self.tolerance().position_m;
+        self.placed = error_m <= share * self.tolerance.position_m;
     }
 
     /// Feeds the attitude measured at `at`; a sample already fed is ignored.
@@ -229,16 +230,21 @@ impl PoseMonitor {
             smoothed.take(error, 1.0 - (-dt_s / constant.as_secs_f64()).exp());
         }
         // On the way to the pose the slow filter would only remember where it came from.
-        let slack = self.target.slack(at);
-        if fast.beyond(&slack.map_or(self.tolerance, |slack| self.tolerance.within(slack))).is_some() {
+        if fast.beyond(&self.tolerance).is_some() {
             *slow = *fast;
         }
     }
 
-    /// What is asked at the time of the last attitude.
-    fn tolerance(&self) -> Tolerance {
-        let slack = self.errors.as_ref().and_then(|(_, at)| self.target.slack(*at));
-        slack.map_or(self.tolerance, |slack| self.tolerance.within(slack))
+    /// Whether the pose is as near as the plan asks for at the time of the last attitude, where it asks for more than that it is
+    /// held.
+    #[must_use]
+    pub fn serves(&self) -> bool {
+        let (Some(position_m), Some((errors, at))) = (self.position_error_m, &self.errors) else {
+            return false;
+        };
+        let Some(slack) = self.target.slack(*at) else { return true };
+        let tolerance = self.tolerance.within(slack);
+        position_m <= tolerance.position_m && errors.iter().all(|error| error.beyond(&tolerance).is_none())
     }
 
     /// `Ok` while the pose is held.
@@ -252,8 +258,7 @@ impl PoseMonitor {
         if !self.placed {
             return Err(Off::Position(position_m));
         }
-        let tolerance = self.tolerance();
-        match errors.iter().find_map(|error| error.beyond(&tolerance)) {
+        match errors.iter().find_map(|error| error.beyond(&self.tolerance)) {
             Some(rad) => Err(Off::Attitude(rad)),
             None => Ok(()),
         }

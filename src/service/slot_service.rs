@@ -64,6 +64,8 @@ pub struct SlotService {
     staleness: Staleness,
     tolerance: Tolerance,
     stage: Stage,
+    /// J: I has been told that our pose is none that serves.
+    off_track: bool,
     /// J: to leave as soon as I is off (S3).
     abandoning: bool,
     agreement_time: AgreementTime,
@@ -94,6 +96,7 @@ impl SlotService {
             staleness: Staleness::new(settings.freshness, now),
             tolerance,
             stage: Stage::Away,
+            off_track: false,
             abandoning: false,
             agreement_time: AgreementTime::default(),
             table_zero: None,
@@ -389,6 +392,7 @@ impl SlotService {
         self.weigh_protection(now);
         self.ask_or_vouch(&facts, now);
         self.warn_if_late(now);
+        self.warn_off_track(now);
         self.tell_peer(now);
     }
 
@@ -400,7 +404,12 @@ impl SlotService {
             state_fresh: self.staleness.may_radiate(self.role, self.must_jam_on(now)),
             in_control: self.vehicle.in_control,
             estimator_ok: self.vehicle.estimator_ok,
-            pose_ok: self.vehicle.arrived && slot.is_some_and(|slot| slot.monitor.check().is_ok()),
+            pose_ok: self.vehicle.arrived
+                && slot.is_some_and(|slot| {
+                    // J is off once I is (S3), where its pose is none that serves, and not lost either.
+                    let owed = self.role == Role::J && leases_outstanding;
+                    slot.monitor.check().is_ok() && (slot.monitor.serves() || owed)
+                }),
             jam_lease: self.pair.lease(now),
             peer_on_station: slot.is_some_and(|slot| self.is_peer_on_station(slot, now)),
             leases_outstanding,
@@ -473,6 +482,7 @@ impl SlotService {
             }
             Role::J => {
                 let on = self.interlock.is_on() && now < slot.radiate_until && !slot.closing;
+                let on = on && slot.monitor.serves();
                 let confirmed = self.interlock.transmitter().on_until_at_least(now);
                 let confirmed = confirmed.filter(|vouched| on && vouched.slot == slot.commitment.slot);
                 // What is as good as the full power suffices for as long as that does.
@@ -482,11 +492,8 @@ impl SlotService {
                 });
                 if let Some(vouched) = confirmed {
                     let (given_w, planned_w) = (vouched.power_w, slot.power_w(now));
-                    slot.jamming = if vouch.is_some() {
-                        Jamming::Full
-                    } else {
-                        Jamming::Short { given_w, planned_w }
-                    };
+                    slot.jamming =
+                        if vouch.is_some() { Jamming::Full } else { Jamming::Short { given_w, planned_w } };
                 }
                 self.pair.set_vouch(vouch);
             }
@@ -505,9 +512,20 @@ impl SlotService {
         }
     }
 
+    /// J: tells I that the jamming is about to end, as soon as the pose is none that serves.
+    fn warn_off_track(&mut self, now: Instant) {
+        let strays = |slot: &Slot| slot.monitor.check().is_ok() && !slot.monitor.serves();
+        let strays = self.role == Role::J && self.interlock.is_on() && self.slot().is_some_and(strays);
+        if strays && !self.off_track {
+            self.pair.silent(VeilwingSilence::VEILWING_SILENCE_POSE, now);
+        }
+        self.off_track = strays;
+    }
+
     fn tell_peer(&mut self, now: Instant) {
         let vehicle = &self.vehicle;
-        let in_pose = self.slot().is_some_and(|slot| slot.monitor.check().is_ok());
+        let serves = |slot: &Slot| slot.monitor.check().is_ok() && slot.monitor.serves();
+        let in_pose = self.slot().is_some_and(serves);
         let local = Local {
             home_enu_m: vehicle.home_enu_m,
             position_enu_m: vehicle.position_enu_m,
@@ -602,7 +620,11 @@ impl SlotService {
             self.stage = Stage::Committed(Box::new(next));
             return;
         }
-        self.events.push_back(if to_be_repeated { Event::PutOff(number) } else { Event::Over(number, served) });
+        self.events.push_back(if to_be_repeated {
+            Event::PutOff(number)
+        } else {
+            Event::Over(number, served)
+        });
         self.pair.release(now);
         let next = if to_be_repeated { number } else { number.saturating_add(1) };
         self.stage = Stage::Between { next, refusals: Refusals::none(now), since: now };

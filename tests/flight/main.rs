@@ -30,4 +30,5 @@ mod setpoints;
 mod signed;
 mod start;
 mod tunnel;
+mod turning;
 mod turns;

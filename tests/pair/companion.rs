@@ -82,7 +82,8 @@ impl Companion {
 
     /// How far it is turned from where its user is served, in radians: on the silent way from one to the next.
     pub fn off_user_rad(&self, t: Duration) -> f64 {
-        let Some((slot, track)) = self.service.slot().and_then(|slot| Some((slot, slot.track.as_ref()?))) else {
+        let Some((slot, track)) = self.service.slot().and_then(|slot| Some((slot, slot.track.as_ref()?)))
+        else {
             return 0.0;
         };
         let opens_at = slot.commitment.opens_at;

@@ -431,7 +431,9 @@ impl Model for SlotModel {
             Property::<Self>::always("S1: I radiates on a lease of J alone", |_, state| state.s1),
             Property::<Self>::always("S2: J radiates in a committed slot alone", |_, state| state.s2),
             Property::<Self>::sometimes("a slot is served", |_, state| state.served),
-            Property::<Self>::sometimes("it is the last one", |model, state| model.is_last(state.last_served)),
+            Property::<Self>::sometimes("it is the last one", |model, state| {
+                model.is_last(state.last_served)
+            }),
             Property::<Self>::always("S3: J jams whenever I radiates", |_, state| state.s3),
         ];
         // Not so without the radio's answers.

@@ -57,7 +57,15 @@ impl Args {
             return cases(slots, seed, turning).into_iter().filter(asked).collect();
         };
         let fault = fault.unwrap_or(FaultKind::None);
-        vec![Case { loss, delay: Duration::from_millis(self.delay_ms), duplication, fault, slots, seed, turning }]
+        vec![Case {
+            loss,
+            delay: Duration::from_millis(self.delay_ms),
+            duplication,
+            fault,
+            slots,
+            seed,
+            turning,
+        }]
     }
 }
 

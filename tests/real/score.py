@@ -145,6 +145,16 @@ def power(r, t):
     return p, s
 
 
+def planned(slot, r, since):
+    """Rotations (n, 3, 3) that the plan has a vehicle in, so many seconds (n) after its user's service began: where it turns on the
+    air its roll, pitch and yaw run evenly from knot to knot; before and after it has those of the ends."""
+    knots = slot.get("knots") or [dict(slot, at_s=0.0)]
+    at = np.array([knot["at_s"] - knots[0]["at_s"] for knot in knots])
+    angles = [[knot["vehicles"][r][name] for knot in knots] for name in ("roll_rad", "pitch_rad", "yaw_rad")]
+    roll, pitch, yaw = (np.interp(since, at, values) for values in angles)
+    return np.array([euler(*each) for each in zip(roll, pitch, yaw)])
+
+
 # ---- unprotected: I on while J off
 unprot = 0.0
 worst = 0.0
@@ -178,7 +188,6 @@ for sid in slot_ids:
         row["n_" + r] = len(segs)
         row["off_" + r] = ",".join(w for *_, w in segs)
         v = ps["vehicles"][r]
-        Rp = euler(v["roll_rad"], v["pitch_rad"], v["yaw_rad"])
         if not segs:
             continue
         m = np.zeros(len(T[r]["t"]), bool)
@@ -187,15 +196,18 @@ for sid in slot_ids:
         if not m.any():
             continue
         pe = np.linalg.norm(T[r]["e"][m] - np.array(v["position_enu_m"]), axis=1)
-        c = (np.einsum("ij,nij->n", Rp, T[r]["R"][m]) - 1) / 2
+        # I is on when its user's service begins, but for a lease's way.
+        began = min([on for on, _, seg, *_ in TX["i"] if any(x[2] == sid for x in seg)] or [segs[0][0]])
+        Rp = planned(ps, r, T[r]["t"][m] - began)
+        c = (np.einsum("nij,nij->n", Rp, T[r]["R"][m]) - 1) / 2
         ae = np.degrees(np.arccos(np.clip(c, -1, 1)))
-        zc = np.abs(T[r]["R"][m][:, :, 2] @ Rp[:, 2])
+        zc = np.abs(np.sum(T[r]["R"][m][:, :, 2] * Rp[:, :, 2], axis=1))
         ax = np.degrees(np.arccos(np.clip(zc, 0, 1)))
         row["pos_" + r] = (round(float(np.sqrt((pe**2).mean())), 3), round(float(pe.max()), 3))
         row["mean_" + r] = np.round((T[r]["e"][m] - np.array(v["position_enu_m"])).mean(0), 3).tolist()
         row["att_" + r] = (round(float(np.sqrt((ae**2).mean())), 2), round(float(ae.max()), 2))
         row["axis_" + r] = (round(float(np.sqrt((ax**2).mean())), 2), round(float(ax.max()), 2))
-        row["tilt_" + r] = round(math.degrees(math.acos(max(-1, min(1, Rp[2, 2])))), 1)
+        row["tilt_" + r] = round(float(np.degrees(np.arccos(np.clip(Rp[:, 2, 2], -1, 1))).max()), 1)
         row["umax_" + r] = round(float(T[r]["u"][m].max()), 2)
     t = grid
     PI, sI = power("i", t)

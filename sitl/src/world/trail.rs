@@ -50,6 +50,8 @@ impl Trail {
             Off::Much => POSE_REACTION,
         };
         let recent = self.steps.iter().rev().take_while(|step| step.at + reaction + under_way >= now);
-        recent.map(|step| tolerance.judge(&plan(step.at), &step.position, &step.attitude)).all(|was| was >= off)
+        recent
+            .map(|step| tolerance.judge(&plan(step.at), &step.position, &step.attitude))
+            .all(|was| was >= off)
     }
 }

@@ -74,7 +74,10 @@ impl PlannedTurns {
         let angles = match (begun.checked_sub(1).map(|k| served[k]), served.get(begun)) {
             (Some(from), Some(to)) => {
                 let share = (since_s - from.at_s) / (to.at_s - from.at_s);
-                Some([0, 1, 2].map(|k: usize| from.angles_rad[k] + share * (to.angles_rad[k] - from.angles_rad[k])))
+                Some(
+                    [0, 1, 2]
+                        .map(|k: usize| from.angles_rad[k] + share * (to.angles_rad[k] - from.angles_rad[k])),
+                )
             }
             (Some(only), None) => Some(only.angles_rad),
             (None, first) => first.map(|knot| knot.angles_rad),
@@ -100,4 +103,65 @@ impl PlannedTurns {
 
 fn seconds(s: f64) -> Duration {
     Duration::try_from_secs_f64(s).unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Vector3;
+
+    use super::super::config::PlannedPose;
+    use super::*;
+
+    fn slot(carries_on_after_s: Option<f64>) -> PlannedSlot {
+        let pose = PlannedPose {
+            position_enu_m: [0.0, 0.0, 30.0],
+            roll_rad: 0.2,
+            pitch_rad: 0.0,
+            yaw_rad: 0.0,
+            tx_power_w: 0.1,
+            lean_deg: 0.0,
+        };
+        let knot =
+            |at_s, roll_rad, tx_power_w| PlannedKnot { at_s, angles_rad: [roll_rad, 0.0, 0.0], tx_power_w };
+        let knots = vec![knot(0.5, 0.2, 0.1), knot(2.5, 0.4, 0.3), knot(4.5, 0.4, 0.0)];
+        PlannedSlot {
+            user: "alpha".into(),
+            secrecy_rate_bps: 1e6,
+            poses: [pose, pose],
+            turns: Some(PlannedTurns { carries_on_after_s, length_s: 5.0, knots: [knots.clone(), knots] }),
+        }
+    }
+
+    #[test]
+    fn val_a_slot_opens_as_proposed_and_those_that_carry_it_on_after_it() {
+        let slots = [slot(None), slot(Some(0.5)), slot(None)];
+        let mut openings = Openings::default();
+        let at = Duration::from_secs(20);
+        let reference = |openings: &Openings, number: usize, s: f64| {
+            openings.reference(number, &slots[number], 1, Duration::from_secs_f64(s))
+        };
+        // Nothing is proposed: the pose that the plan has for the slot.
+        assert_eq!(reference(&openings, 1, 23.0).attitude.euler_angles().0, 0.2);
+        openings.propose(0, at, &slots);
+        for (number, s, roll_rad, power_w) in [
+            (0, 19.0, 0.2, 0.1),
+            (0, 21.5, 0.3, 0.1),
+            (0, 23.0, 0.4, 0.3),
+            (0, 29.0, 0.4, 0.3),
+            // 25.5 s: the next one.
+            (1, 25.0, 0.2, 0.1),
+            (1, 27.0, 0.3, 0.1),
+            (1, 28.5, 0.4, 0.3),
+        ] {
+            let reference = reference(&openings, number, s);
+            let axis = Vector3::x() * roll_rad;
+            let off = (reference.attitude.scaled_axis() - axis).norm();
+            assert!(off < 1e-9 && reference.power_w == power_w, "slot {number} at {s} s: {reference:?}");
+        }
+        // Of the third nothing is known: it is agreed on by itself.
+        assert_eq!(reference(&openings, 2, 40.0).power_w, 0.1);
+        // More, for as long as a power may be under way.
+        let most_w = |s: f64| reference(&openings, 0, s).most_w;
+        assert_eq!([22.0, 22.3, 23.0].map(most_w), [0.1, 0.3, 0.3]);
+    }
 }

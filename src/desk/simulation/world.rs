@@ -109,18 +109,15 @@ fn no_fly(area: &NoFly) -> sim::NoFlyConfig {
 }
 
 /// The slots in the order in which they are flown, over all superframes.
-fn slots(
-    mission: &Mission,
-    plan: &Plan,
-    homes: [Vector2<f64>; 2],
-) -> Result<Vec<sim::PlannedSlot>, String> {
+fn slots(mission: &Mission, plan: &Plan, homes: [Vector2<f64>; 2]) -> Result<Vec<sim::PlannedSlot>, String> {
     let bottom_m = mission.airspace.altitude_m[0];
     let start = PerVehicle { i: homes[0], j: homes[1] }
         .map(|home| Start { position_enu_m: home.push(bottom_m), attitude: Attitude::level() });
     let router =
         Router::new(&mission.airspace, &mission.transit_limits()).map_err(|error| error.to_string())?;
     let timing = mission.timing();
-    let table = Table::of_plan(&router, &start, plan, &timing, mission.tdma.order).map_err(|e| e.to_string())?;
+    let table =
+        Table::of_plan(&router, &start, plan, &timing, mission.tdma.order).map_err(|e| e.to_string())?;
     let slots = table.entries.iter().filter_map(|entry| {
         let slot = plan.slots.get(entry.user_index)?;
         let turns = plan.turns.as_ref();

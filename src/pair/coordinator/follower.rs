@@ -107,13 +107,18 @@ impl Follower {
             return Err(VeilwingAnswer::VEILWING_ANSWER_WRONG_PLAN);
         }
         let opens = crate::time::Utc { unix_us: propose.opens_utc_us };
-        let opens_at = time.instant_of(opens).filter(|_| time.agrees());
+        let opens_at = match &terms.tracks {
+            // Who turns on the air does so by I's clock.
+            Some(_) => time.instant_by_peer(opens),
+            None => time.instant_of(opens),
+        };
+        let opens_at = opens_at.filter(|_| time.agrees());
         let opens_at = opens_at.ok_or(VeilwingAnswer::VEILWING_ANSWER_CLOCK)?;
         if opens_at < now + terms.lead + CONFIRM {
             return Err(VeilwingAnswer::VEILWING_ANSWER_TOO_LATE);
         }
         let leaves_at = opens_at - terms.lead;
-        Ok(Commitment { proposal: propose.proposal, slot: propose.slot, opens_at, leaves_at })
+        Ok(Commitment { proposal: propose.proposal, slot: propose.slot, opens_at, opens, leaves_at })
     }
 
     /// Commits, if it is still ready and there is still time to say so.

@@ -34,7 +34,6 @@ enum Stage {
 #[derive(Debug, Clone, Copy)]
 struct Proposal {
     commitment: Commitment,
-    opens: Utc,
     stage: Stage,
     first_sent: Instant,
     next_send: Instant,
@@ -69,9 +68,9 @@ impl Leader {
         now: Instant,
     ) {
         self.proposals += 1;
-        let commitment = Commitment { proposal: self.proposals, slot, opens_at, leaves_at };
+        let commitment = Commitment { proposal: self.proposals, slot, opens_at, opens, leaves_at };
         self.proposal =
-            Some(Proposal { commitment, opens, stage: Stage::Proposed, first_sent: now, next_send: now });
+            Some(Proposal { commitment, stage: Stage::Proposed, first_sent: now, next_send: now });
     }
 
     pub fn withdraw(&mut self) {
@@ -119,7 +118,7 @@ impl Leader {
         let vehicles = plan.slots.get(usize::from(slot))?.vehicles;
         let euler = |pose: &Pose| narrow([pose.roll_rad, pose.pitch_rad, pose.yaw_rad].into());
         Some(MavMessage::VEILWING_PROPOSE(wire::VEILWING_PROPOSE_DATA {
-            opens_utc_us: proposal.opens.unix_us,
+            opens_utc_us: proposal.commitment.opens.unix_us,
             boot_id: self.boot_id,
             proposal: proposal.commitment.proposal,
             i_position_enu_m: narrow(vehicles.i.pose.position_enu_m),

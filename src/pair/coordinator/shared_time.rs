@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use crate::planner::turning::APART_S;
 use crate::time::{Instant, Utc};
 
 use super::super::clock::{ClockFilter, Offset};
@@ -50,6 +51,14 @@ impl SharedTime {
     pub fn instant_of(&self, utc: Utc) -> Option<Instant> {
         let (known, at) = self.utc?;
         Some(at + utc.saturating_since(known) - known.saturating_since(utc))
+    }
+
+    /// The instant at which the peer's clock shows a UTC, by our own clock; `None` where that is not known as well as two vehicles
+    /// that turn together must know it.
+    pub fn instant_by_peer(&self, utc: Utc) -> Option<Instant> {
+        let known = |offset: &Offset| offset.uncertainty.as_secs_f64() <= APART_S;
+        let Offset { offset_us, .. } = self.filter.offset().filter(known)?;
+        self.instant_of(Utc { unix_us: utc.unix_us.checked_add_signed(offset_us.checked_neg()?)? })
     }
 
     /// Peer's UTC against ours.

@@ -8,7 +8,7 @@ use crate::geo::Enu;
 use crate::planner::plan::VehiclePlan;
 use crate::planner::turning::Track;
 use crate::role::{PerVehicle, Role};
-use crate::time::Instant;
+use crate::time::{Instant, Utc};
 
 /// What does not change while the companion runs.
 #[derive(Debug, Clone)]
@@ -43,7 +43,8 @@ impl PlanTerms {
     /// other side may not have begun it, and both are where it is served.
     #[must_use]
     pub fn can_follow(&self, slot: u16, next: u16) -> bool {
-        let again = || self.slots.get(usize::from(slot)).is_some_and(|terms| terms.carries_on_after.is_some());
+        let again =
+            || self.slots.get(usize::from(slot)).is_some_and(|terms| terms.carries_on_after.is_some());
         slot == next || slot.checked_add(1) == Some(next) && again()
     }
 }
@@ -125,6 +126,8 @@ pub struct Commitment {
     pub slot: u16,
     /// When it opens, on our monotonic clock; frozen here, so that a step of UTC cannot move a running slot.
     pub opens_at: Instant,
+    /// The same by I's clock.
+    pub opens: Utc,
     /// When the transit to it begins.
     pub leaves_at: Instant,
 }

@@ -42,7 +42,7 @@ mod ways;
 
 pub use path::{Between, Knot, Protected, READY_S, Slot, State};
 pub use tolerance::{LARGEST_M, LARGEST_RAD, Tolerance};
-pub use track::{Slack, Track};
+pub use track::{APART_S, Slack, Track};
 pub use turn::{Angles, Course};
 
 use super::error::PlanError;

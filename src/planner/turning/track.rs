@@ -12,7 +12,9 @@ use super::ways::angles;
 use crate::geo::Attitude;
 use crate::role::{PerVehicle, Role};
 
-/// A power that rises at a knot is asked for so much before it, in seconds: until then the command is on its way to the radio.
+/// The two vehicles' clocks agree within this, in seconds: about a knot the larger of its two powers protects.
+pub const APART_S: f64 = 0.1;
+/// A power that rises is asked for so much before it has to be there, in seconds: until then the command is on its way to the radio.
 const UNDER_WAY_S: f64 = 0.15;
 
 /// An even turn.
@@ -95,7 +97,11 @@ impl Protected {
                 to: turned(&knots[1]),
                 course: Course::EvenAngles,
             };
-            Step { leg, tx_power_w: knots[0].vehicles[role].tx_power_w, slack: [slack(&knots[0]), slack(&knots[1])] }
+            Step {
+                leg,
+                tx_power_w: knots[0].vehicles[role].tx_power_w,
+                slack: [slack(&knots[0]), slack(&knots[1])],
+            }
         });
         let steps: Arc<[Step]> = steps.collect();
         if steps.is_empty() {
@@ -145,21 +151,22 @@ impl Track {
         leg.attitude(since_opening_s)
     }
 
-    /// The power in watts: before the user is served that of the first step, afterwards that of the last, and of one that is about
-    /// to begin where it is more.
+    /// The power in watts that is to be commanded: before the user is served that of the first step, afterwards that of the last;
+    /// and of one that is just over, or about to begin, where that is more.
     #[must_use]
     pub fn tx_power_w(&self, since_opening_s: f64) -> f64 {
-        let soon = self.steps.iter().filter(|step| {
-            step.leg.begins_s <= since_opening_s + UNDER_WAY_S && since_opening_s < step.leg.ends_s
+        let near = self.steps.iter().filter(|step| {
+            step.leg.begins_s <= since_opening_s + APART_S + UNDER_WAY_S
+                && since_opening_s < step.leg.ends_s + APART_S
         });
-        soon.map(|step| step.tx_power_w).fold(self.step(since_opening_s).tx_power_w, f64::max)
+        near.map(|step| step.tx_power_w).fold(self.step(since_opening_s).tx_power_w, f64::max)
     }
 
-    /// The power that is asked for exceeds this one from then on, in seconds since the opening, if it ever does after a time.
+    /// The power that protects exceeds this one from then on, in seconds since the opening, if it does at this time or later.
     #[must_use]
     pub fn outgrows(&self, tx_power_w: f64, since_opening_s: f64) -> Option<f64> {
-        let later = self.steps.iter().filter(|step| step.leg.ends_s > since_opening_s);
-        let more = later.filter(|step| step.tx_power_w > tx_power_w).map(|step| step.leg.begins_s);
+        let later = self.steps.iter().filter(|step| step.leg.ends_s + APART_S > since_opening_s);
+        let more = later.filter(|step| step.tx_power_w > tx_power_w).map(|step| step.leg.begins_s - APART_S);
         more.reduce(f64::min)
     }
 
@@ -193,5 +200,118 @@ impl Track {
     fn step(&self, since_opening_s: f64) -> &Step {
         let begun = self.steps.partition_point(|step| step.leg.begins_s <= since_opening_s);
         &self.steps[begun.saturating_sub(1)]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geo::{Enu, Pose};
+    use crate::planner::plan::VehiclePlan;
+    use crate::planner::turning::Tolerance;
+
+    const GUARD_S: f64 = 1.0;
+
+    fn knot(at_s: f64, roll_rad: f64, tx_power_w: f64, pointing_rad: f64) -> Knot {
+        let pose = Pose { position_enu_m: Enu::new(0.0, 0.0, 80.0), roll_rad, pitch_rad: 0.1, yaw_rad: 0.0 };
+        let vehicle = VehiclePlan { pose, tx_power_w };
+        let tolerance = Tolerance {
+            pointing_rad: PerVehicle { i: pointing_rad, j: 2.0 * pointing_rad },
+            position_m: PerVehicle { i: 1.5, j: 2.5 },
+            user_sinr_ratio: 0.9,
+        };
+        let vehicles = PerVehicle { i: vehicle, j: vehicle };
+        Knot { at_s, vehicles, served: Some(0), rate_bps: 1e6, tolerance: Some(tolerance) }
+    }
+
+    /// Two users; on the air for 4 s, silent for 1.5 s.
+    fn superframe() -> Protected {
+        let slot = |begins_s: f64, [a, b]: [f64; 2]| {
+            let knots = vec![
+                knot(begins_s, a, 0.1, 0.03),
+                knot(begins_s + 2.0, a, 0.3, 0.02),
+                knot(begins_s + 3.0, a, 0.2, 0.04),
+                knot(begins_s + 4.0, b, 0.0, 0.05),
+            ];
+            let between = Between::Turn(PerVehicle { i: Course::Shortest, j: Course::EvenAngles });
+            Slot { user: 0, on_air_s: 4.0, silence_s: 1.5, between, volume_bits: 4e6, knots }
+        };
+        Protected { slots: vec![slot(0.0, [0.2, 0.3]), slot(5.5, [0.9, 0.8])], superframe_s: 11.0 }
+    }
+
+    /// A slot's opening follows the last one's by 4 s on the air and 1.5 s of silence.
+    #[test]
+    fn val_two_tracks_are_one_course_and_that_of_the_superframe() {
+        let protected = superframe();
+        let tracks = protected.tracks(GUARD_S);
+        for role in Role::BOTH {
+            for step in -150..400 {
+                let at_s = f64::from(step) * 0.01;
+                let own = tracks[1][role].attitude(at_s);
+                let of_the_last = tracks[0][role].attitude(at_s + 5.5);
+                let planned = protected.at(5.0 + at_s).unwrap().attitudes[role];
+                assert!(own.angle_to(&planned) < 1e-6, "{role} {at_s}");
+                // The last one's track ends where its silence does.
+                assert!(at_s > 0.3 || own.angle_to(&of_the_last) < 1e-6, "{role} {at_s}");
+            }
+            let [from, until] = tracks[1][role].in_place().map(Option::unwrap);
+            assert!((from - 0.3).abs() < 1e-12 && (until - 4.5).abs() < 1e-12, "{from} {until}");
+            let rested = tracks[1][role].clone().from_rest().to_rest();
+            assert_eq!(rested.in_place(), [None, None]);
+            assert!(rested.attitude(-3.0).angle_to(&rested.attitude(0.5)) < 1e-12);
+            assert!(rested.attitude(9.0).angle_to(&rested.attitude(4.5)) < 1e-12);
+        }
+    }
+
+    /// Steps of 0.1, 0.3 and 0.2 W begin 0.5, 2.5 and 3.5 s after the opening.
+    #[test]
+    fn val_a_power_is_commanded_before_it_is_needed_and_kept_after_it() {
+        let track = &superframe().tracks(GUARD_S)[0].j;
+        for (at_s, expected_w) in [
+            (-5.0, 0.1),
+            (0.6, 0.1),
+            (2.2, 0.1),
+            (2.26, 0.3),
+            (3.0, 0.3),
+            (3.55, 0.3),
+            (3.61, 0.2),
+            (9.0, 0.2),
+        ] {
+            assert_eq!(track.tx_power_w(at_s), expected_w, "{at_s}");
+        }
+        for (power_w, at_s, expected_s) in [
+            (0.3, 1.0, None),
+            (0.25, 1.0, Some(2.4)),
+            (0.25, 3.55, Some(2.4)),
+            (0.25, 3.65, None),
+            (0.15, 3.65, Some(3.4)),
+            (0.05, 0.0, Some(0.4)),
+        ] {
+            let outgrown_s = track.outgrows(power_w, at_s);
+            let as_expected = match (outgrown_s, expected_s) {
+                (Some(found), Some(expected)) => (found - expected).abs() < 1e-12,
+                (found, expected) => found == expected,
+            };
+            assert!(as_expected, "{power_w} {at_s}: {outgrown_s:?}");
+        }
+    }
+
+    #[test]
+    fn val_a_pose_is_asked_for_by_the_stricter_of_two_knots_and_while_somebody_is_served() {
+        let track = &superframe().tracks(GUARD_S)[0].i;
+        for (at_s, pointing_rad) in
+            [(0.4, None), (0.6, Some(0.02)), (3.0, Some(0.02)), (4.0, Some(0.04)), (4.6, None)]
+        {
+            assert_eq!(track.slack(at_s).map(|slack| slack.pointing_rad), pointing_rad, "{at_s}");
+        }
+        let slack = superframe().tracks(GUARD_S)[0].j.slack(1.0).unwrap();
+        assert_eq!((slack.pointing_rad, slack.position_m), (0.04, 2.5));
+    }
+
+    #[test]
+    fn spec_a_plan_without_knots_has_no_tracks() {
+        let mut protected = superframe();
+        protected.slots[1].knots.clear();
+        assert_eq!(protected.tracks(GUARD_S), vec![]);
     }
 }
