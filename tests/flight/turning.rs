@@ -79,7 +79,6 @@ fn spec_a_jammer_is_silent_while_it_turns_to_the_next_user() {
     let gaps: Vec<f64> = ons(1)
         .windows(2)
         .filter(|pair| !pair[0].1 && pair[1].1)
-        .skip(1)
         .map(|pair| (pair[1].0 - pair[0].0).as_secs_f64())
         .collect();
     assert_eq!(gaps.len(), 3, "{}", flight.story());

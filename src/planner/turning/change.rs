@@ -28,6 +28,7 @@ use super::super::solver::limited::{self, Rows, Settings, SparseRow};
 use super::super::variables::PowerChart;
 use super::super::volume::objective::{COARSE, Case, FINE, MEDIUM, View};
 use super::super::volume::ways::Ways;
+use super::path::READY_S;
 use super::ramp::{CORNERS, Ramp};
 use super::turn::{Angles, Course, Held};
 use crate::role::Role;
@@ -69,9 +70,8 @@ pub struct Change<'a, 'b, W> {
     pub weights: [f64; 2],
     /// What a second is worth.
     pub price: f64,
-    /// What a turn in silence takes at least, in seconds, and what follows it before anybody is served.
-    pub least_s: f64,
-    pub ready_s: f64,
+    /// The least silence in seconds.
+    pub guard_s: f64,
     /// The longest ramp of each in seconds.
     pub longest_s: [f64; 2],
 }
@@ -271,9 +271,14 @@ impl<W: Ways> Change<'_, '_, W> {
         }
     }
 
+    /// What a turn in silence takes at least.
+    fn least_s(&self) -> f64 {
+        (self.guard_s - READY_S).max(0.0)
+    }
+
     /// The turn between the ends of both ramps: I's, J's, and the least.
     fn times_s(&self, sides: [&[Ramp; 2]; 2]) -> ([f64; 3], [[Angles; 2]; 2]) {
-        let mut times = [0.0, 0.0, self.least_s];
+        let mut times = [0.0, 0.0, self.least_s()];
         let mut by = [[[0.0; 3]; 2]; 2];
         for v in 0..2 {
             let ends = [0, 1].map(|side: usize| with_yaw(sides[side][v].end(), &angles(&self.raws[side], v)));
@@ -295,8 +300,8 @@ impl<W: Ways> Change<'_, '_, W> {
         gradient.fill(0.0);
         let sides = [self.side(x, 0), self.side(x, 1)];
         let (times, by) = self.times_s([&sides[0].ramps, &sides[1].ramps]);
-        let (silence_s, by_time) = norm(times, view.power);
-        let mut cost = self.price * (self.ready_s + silence_s);
+        let (turn_s, by_time) = norm(times, view.power);
+        let mut cost = self.price * (READY_S + turn_s);
         for (side, of) in sides.iter().enumerate() {
             cost += self.loss(side, of, (view, standing[side]), memory, gradient);
             for v in 0..2 {
@@ -331,7 +336,7 @@ impl<W: Ways> Change<'_, '_, W> {
                 let [from, to] = [self.standing(side, v), self.standing(1 - side, v)];
                 let way = [to[0] - from[0], to[1] - from[1]];
                 let length = libm::hypot(way[0], way[1]);
-                let beyond = (times[v] - self.least_s).max(0.0) * self.rate_of_turn(v);
+                let beyond = (times[v] - self.least_s()).max(0.0) * self.rate_of_turn(v);
                 if length <= 1e-9 || beyond <= 0.0 {
                     continue;
                 }
@@ -357,7 +362,7 @@ impl<W: Ways> Change<'_, '_, W> {
         let (times, _) = self.times_s([&none[0], &none[1]]);
         let still = self.changed(&none, &[[None; NODES.len()]; 2], memory);
         // The guard is long enough: nobody need turn while anybody is served.
-        if times[0].max(times[1]) <= self.least_s {
+        if times[0].max(times[1]) <= self.least_s() {
             return still;
         }
         let standing = |view: View, memory: &mut Memory| {
@@ -426,7 +431,7 @@ impl<W: Ways> Change<'_, '_, W> {
         let silent = [0, 1].map(|side: usize| {
             [0, 1].map(|v: usize| with_yaw(ramps[side][v].end(), &angles(&self.raws[side], v)))
         });
-        let silence_s = self.ready_s + times.iter().fold(0.0, |a: f64, b| a.max(*b));
+        let silence_s = (times[0].max(times[1]) + READY_S).max(self.guard_s);
         Changed { steps, silent, courses: [self.course(0), self.course(1)], silence_s }
     }
 

@@ -308,8 +308,7 @@ impl<'a, W: Ways> Job<'a, W> {
                 raws: [raws[from], raws[to]],
                 weights: [weight(from), weight(to)],
                 price: value,
-                least_s: self.case.ways.least_s(),
-                ready_s: self.case.ways.ready_s(),
+                guard_s: self.case.ways.guard_s,
                 longest_s: [from, to].map(|user| MOST_OF_A_SLOT * on_air_s[user]),
             };
             Leg::Turn(change.best(memory))

@@ -181,8 +181,7 @@ fn check_gradient(problems: &[Problem], service: &Service) {
         raws: [raws[0], raws[1]],
         weights: [1.0, 0.7],
         price: 6.0,
-        least_s: 1.0 - READY_S,
-        ready_s: READY_S,
+        guard_s: 1.0,
         longest_s: [4.0, 0.2],
     };
     change.check_gradient();

@@ -245,7 +245,7 @@ mod tests {
         let protected = superframe();
         let tracks = protected.tracks(GUARD_S);
         for role in Role::BOTH {
-            for step in -150..400 {
+            for step in -99..400 {
                 let at_s = f64::from(step) * 0.01;
                 let own = tracks[1][role].attitude(at_s);
                 let of_the_last = tracks[0][role].attitude(at_s + 5.5);

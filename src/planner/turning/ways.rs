@@ -68,7 +68,7 @@ impl<W: Ways> Ways for Turning<'_, W> {
             let (angle, _) = Course::within(tilt_rad).angle_rad(&angles(&from[*role]), &angles(&to[*role]));
             angle / self.turn_rate_rad_s(*role)
         });
-        Some(turns_s.fold(self.least_s(), f64::max) + self.ready_s())
+        Some((turns_s.fold(0.0, f64::max) + READY_S).max(self.guard_s))
     }
 
     fn shortest(&self, users: usize, between_s: &[f64]) -> Vec<usize> {
