@@ -17,6 +17,8 @@ use crate::mission::Superframe;
 use crate::search::turn_rad;
 use crate::world::{Configuration, Look, World};
 
+/// What is left of a silence when both are turned, in seconds: a jammer comes on, and a lease is asked for.
+const READY_S: f64 = 0.2;
 /// Longest path in steps, and what part of the whole turn that is.
 const LONGEST: usize = 24;
 const PART: f64 = 0.6;
@@ -82,11 +84,11 @@ impl<'a> Paths<'a> {
         self.worlds[user].value(x, &self.looks[user])
     }
 
-    /// The silence between two paths.
+    /// The silence between two paths: the guard, or the turn and what a jammer and a lease take after it.
     fn silence_s(&self, xs: &[Configuration; 2], ends: [&At; 2]) -> f64 {
         let turn =
             |v: usize| turn_rad(&full(ends[0], v, &xs[0]), &full(ends[1], v, &xs[1])) / self.rates_rad_s[v];
-        turn(0).max(turn(1)).max(self.mission.service.guard_s)
+        (turn(0).max(turn(1)) + READY_S).max(self.mission.service.guard_s)
     }
 
     fn standing(x: &Configuration) -> At {
