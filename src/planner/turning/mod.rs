@@ -42,6 +42,7 @@ mod ways;
 pub use path::{Between, Knot, Protected, Slot, State};
 pub use tolerance::{LARGEST_M, LARGEST_RAD, Tolerance};
 pub use turn::Course;
+pub(super) use {tolerance::of as tolerance_of, turn::Held};
 
 use super::error::PlanError;
 use super::expectation::kernel::{ANGLES, POWER, Raw, VEHICLE};
