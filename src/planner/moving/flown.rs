@@ -16,10 +16,11 @@ use super::super::plan::VehiclePlan;
 use super::super::powers;
 use super::super::turning::{Between, Course, Knot, Protected, Slot, tolerance_of};
 use super::super::volume::Fairness;
-use super::super::volume::objective::{Case, FINE, MEDIUM};
+use super::super::volume::objective::{Case, FINE, MEDIUM, View};
 use super::super::volume::ways::Ways;
 use super::frame::{Frame, KNOTS, Place, STEPS, UNIT_LOG, UNIT_RAD};
 use super::limits::Limits;
+use super::objective::NODES;
 use super::spline::Spline;
 use crate::geo::{Enu, Pose};
 use crate::role::{PerVehicle, Role};
@@ -236,7 +237,7 @@ impl<W: Ways> Maker<'_, '_, W> {
         raw
     }
 
-    /// J's power and the rate from a knot to the next, by what is in the middle.
+    /// J's power and the mean rate from a knot to the next.
     fn service(
         &self,
         x: &[f64],
@@ -249,20 +250,25 @@ impl<W: Ways> Maker<'_, '_, W> {
         if !place.is_served() {
             return (0.0, 0.0);
         }
-        let angles =
-            [0, 1].map(|v: usize| [0, 1].map(|k: usize| 0.5 * (from.angles[v][k] + to.angles[v][k])));
-        let middle_s = begins_s + 0.5 * (from.at_s + to.at_s);
-        let mut raw = self.configuration(place, ways, middle_s, &angles);
+        let mut nodes = NODES.map(|share| {
+            let angles = [0, 1].map(|v: usize| {
+                [0, 1].map(|k: usize| from.angles[v][k] + share * (to.angles[v][k] - from.angles[v][k]))
+            });
+            let at_s = begins_s + from.at_s + share * (to.at_s - from.at_s);
+            self.configuration(place, ways, at_s, &angles)
+        });
         let near_w = place.power_w(UNIT_LOG * x[self.frame.power(slot, from.step)]);
         let setup = &self.frame.setups[place.user];
-        let target = self.case.target(place.user, MEDIUM, true);
-        raw[VEHICLE + POWER] = powers::best_w(setup, near_w, place.power, |power_w| {
-            let mut other = raw;
-            other[VEHICLE + POWER] = power_w;
-            memory.value_alone(setup, target, &other)
-        });
-        let fine = self.case.target(place.user, FINE, true);
-        (raw[VEHICLE + POWER], memory.value_alone(setup, fine, &raw).max(0.0))
+        let mut mean = |view: View, power_w: f64| {
+            let target = self.case.target(place.user, view, true);
+            let rates = nodes.each_mut().map(|raw| {
+                raw[VEHICLE + POWER] = power_w;
+                memory.value_alone(setup, target, raw).max(0.0)
+            });
+            0.5 * (rates[0] + rates[1])
+        };
+        let power_w = powers::best_w(setup, near_w, place.power, |power_w| mean(MEDIUM, power_w));
+        (power_w, mean(FINE, power_w))
     }
 
     /// Powers, rates and volumes of knots.

@@ -61,9 +61,9 @@ use objective::Objective;
 /// What a motion must gain over the plan that turns, as a part of it.
 pub const WORTH_MOVING: f64 = 0.01;
 /// First steps from all starts, and more from the best of them.
-const FIRST: Settings = Settings { iterations: 40, tolerance: 1e-4, first_step: 0.5 };
-const SECOND: Settings = Settings { iterations: 60, tolerance: 1e-5, first_step: 0.3 };
-const LAST: Settings = Settings { iterations: 120, tolerance: 1e-6, first_step: 0.2 };
+const FIRST: Settings = Settings { iterations: 60, tolerance: 1e-4, first_step: 0.5 };
+const SECOND: Settings = Settings { iterations: 200, tolerance: 1e-5, first_step: 0.3 };
+const LAST: Settings = Settings { iterations: 450, tolerance: 1e-6, first_step: 0.2 };
 /// What a limit counts in each of them.
 const STIFFNESS: [f64; 3] = [30.0, 100.0, 300.0];
 /// How many go on to the second and to the last.
@@ -298,8 +298,10 @@ fn best<W: Ways>(
     at = climb(&at, (COARSE, STIFFNESS[0]), &FIRST);
     at.truncate(SECONDS);
     at = climb(&at, (COARSE, STIFFNESS[1]), &SECOND);
-    at.truncate(LASTS);
+    // What is given up here may still be what can be flown.
+    let others = at.split_off(LASTS.min(at.len()));
     at = climb(&at, (MEDIUM, STIFFNESS[2]), &LAST);
+    at.extend(others);
     let made = parallel::map(options.threads, at.len(), |memory: &mut Memory, k| {
         let (index, x) = &at[k];
         let maker = Maker { case, frame: &frames[*index], limits: *limits, guard_s: case.service.guard_s };

@@ -1,7 +1,8 @@
 //! What ways, attitudes and powers are worth: the volume that counts over the superframe's length, less what exceeds a limit.
 //!
-//! Rates are taken in the middle of each interval between knots, positions there by the ways, angles half way between those of
-//! its ends (J's as its null on the user from there and the mean of what is beside it). Limits are weighed by squares of what
+//! Rates are taken at the two nodes of Gauss and Legendre in each interval between knots, positions there by the ways, angles
+//! between those of its ends (J's as its null on the user from there and what is beside it): at one node, angles that go to and
+//! fro between knots would pass unseen. Limits are weighed by squares of what
 //! exceeds [`PART`] of each: exterior penalties, so what is found is verified and drawn inside afterwards (`flown`). Altitudes
 //! and powers are bounds of variables, tilts are held by construction ([`Held`](super::super::turning::Held)).
 
@@ -27,10 +28,14 @@ const PART_OF_TURNS: f64 = 0.98;
 const ASIDE_M: f64 = 0.3;
 /// What a metre beyond a side counts, over a limit that is exceeded by all of it.
 const BY_METRE: f64 = 0.1;
+/// How often distances between the vehicles are looked at.
+const OFTEN_HZ: f64 = 6.0;
+/// Nodes of Gauss and Legendre on [0, 1], of equal weights.
+pub const NODES: [f64; 2] = [0.211_324_865_405_187_1, 0.788_675_134_594_812_9];
 /// Sharpness of the least of all volumes, for each nat per hertz and second.
 const SHARPNESS: f64 = 20.0;
 
-/// A knot or an interval's middle in a slot.
+/// A knot of a slot, or a node of an interval with its part of that.
 struct Instant {
     spot: Spot,
     lasts_s: f64,
@@ -43,7 +48,7 @@ pub struct Objective<'a, 'b, W> {
     limits: [Limits; 2],
     rates_rad_s: [f64; 2],
     courses: [Course; 2],
-    middles: Vec<[Instant; STEPS]>,
+    nodes: Vec<[[Instant; 2]; STEPS]>,
     knots: Vec<[Instant; KNOTS]>,
     /// Instants at which distances are looked at.
     together: Vec<Spot>,
@@ -65,10 +70,10 @@ struct Turned {
 impl<'a, 'b, W: Ways> Objective<'a, 'b, W> {
     pub fn new(case: &'a Case<'b, W>, frame: &'a Frame<'b>, limits: [Limits; 2]) -> Self {
         let instant = |t_s: f64, lasts_s: f64| Instant { spot: frame.spot(t_s), lasts_s };
-        let middles = frame.places.iter().map(|place| {
+        let nodes = frame.places.iter().map(|place| {
             std::array::from_fn(|k| {
                 let [from, to] = [place.knots_s[k], place.knots_s[k + 1]];
-                instant(place.begins_s + 0.5 * (from + to), to - from)
+                NODES.map(|share| instant(place.begins_s + from + share * (to - from), 0.5 * (to - from)))
             })
         });
         let knots = frame
@@ -77,13 +82,13 @@ impl<'a, 'b, W: Ways> Objective<'a, 'b, W> {
             .map(|place| std::array::from_fn(|k| instant(place.begins_s + place.knots_s[k], 0.0)));
         let segment_s = frame.superframe_s / frame.controls as f64;
         // Often enough that no vehicle at full speed passes by unseen.
-        let fine = (2.0 * segment_s).ceil().clamp(2.0, 8.0) as usize;
+        let fine = (OFTEN_HZ * segment_s).ceil().clamp(2.0, 64.0) as usize;
         let together = (0..fine * frame.controls).map(|k| frame.spot(k as f64 * segment_s / fine as f64));
         Self {
             limits,
             rates_rad_s: Role::BOTH.map(|role| case.ways.turn_rate_rad_s(role)),
             courses: [0, 1].map(|v: usize| Course::within(frame.setups[0].tilt_rad[v])),
-            middles: middles.collect(),
+            nodes: nodes.collect(),
             knots: knots.collect(),
             together: together.collect(),
             case,
@@ -111,11 +116,11 @@ impl<'a, 'b, W: Ways> Objective<'a, 'b, W> {
         Turned { held: [self.frame.held(0, given[0]), self.frame.held(1, j)], by_position }
     }
 
-    /// Carries a gradient by a vehicle's angles at an instant to the angles' variables, with a weight for each of some knots, and
-    /// to J's position.
+    /// Carries a gradient by a vehicle's angles at an instant to the angles' variables at knots, by their weights, and to J's
+    /// position.
     fn pull(
         &self,
-        (slot, knots): (usize, &[usize]),
+        (slot, knots): (usize, &[(usize, f64)]),
         v: usize,
         (turned, spot): (&Turned, &Spot),
         by: [f64; 2],
@@ -125,11 +130,10 @@ impl<'a, 'b, W: Ways> Objective<'a, 'b, W> {
             return;
         }
         let by = turned.held[v].pull(by);
-        let share = UNIT_RAD / knots.len() as f64;
-        for knot in knots {
+        for (knot, weight) in knots {
             let at = self.frame.angles(slot, *knot, v);
-            gradient[at] += share * by[0];
-            gradient[at + 1] += share * by[1];
+            gradient[at] += UNIT_RAD * weight * by[0];
+            gradient[at + 1] += UNIT_RAD * weight * by[1];
         }
         if v == 1 {
             let [roll, pitch] = turned.by_position;
@@ -138,14 +142,14 @@ impl<'a, 'b, W: Ways> Objective<'a, 'b, W> {
         }
     }
 
-    /// The configuration in the middle of an interval, and the angles in it.
-    fn middle(&self, x: &[f64], slot: usize, step: usize) -> (Raw, Turned) {
+    /// The configuration at a node of an interval, and the angles in it.
+    fn configuration(&self, x: &[f64], slot: usize, step: usize, node: usize) -> (Raw, Turned) {
         let place = &self.frame.places[slot];
-        let spot = &self.middles[slot][step].spot;
+        let spot = &self.nodes[slot][step][node].spot;
         let positions = [0, 1].map(|v: usize| self.frame.position(x, v, spot));
         let given = [0, 1].map(|v: usize| {
             let [a, b] = [step, step + 1].map(|knot| self.given(x, slot, knot, v));
-            [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])]
+            [0, 1].map(|k: usize| a[k] + NODES[node] * (b[k] - a[k]))
         });
         let turned = self.turned(place, &positions[1], given);
         let mut raw = place.standing;
@@ -173,23 +177,26 @@ impl<'a, 'b, W: Ways> Objective<'a, 'b, W> {
         }
         let mut volume = 0.0;
         let mut by = [0.0; 14];
-        for (step, instant) in self.middles[slot].iter().enumerate() {
-            let (raw, turned) = self.middle(x, slot, step);
-            let rate = self.case.rate(place.user, view, &raw, memory, &mut by);
-            if !(rate > 0.0) {
-                continue;
-            }
-            volume += instant.lasts_s * rate;
-            let scale = scale * instant.lasts_s;
-            for v in 0..2 {
-                let at = v * VEHICLE;
-                let moved = Vector3::new(by[at], by[at + 1], by[at + 2]) * scale;
-                self.push(v, &instant.spot, &moved, gradient);
-                let angles = [scale * by[at + ANGLES], scale * by[at + ANGLES + 1]];
-                self.pull((slot, &[step, step + 1]), v, (&turned, &instant.spot), angles, gradient);
-            }
-            if place.power.is_some() {
-                gradient[self.frame.power(slot, step)] += scale * UNIT_LOG * by[VEHICLE + POWER];
+        for step in 0..STEPS {
+            for (node, instant) in self.nodes[slot][step].iter().enumerate() {
+                let (raw, turned) = self.configuration(x, slot, step, node);
+                let rate = self.case.rate(place.user, view, &raw, memory, &mut by);
+                if !(rate > 0.0) {
+                    continue;
+                }
+                volume += instant.lasts_s * rate;
+                let scale = scale * instant.lasts_s;
+                let knots = [(step, 1.0 - NODES[node]), (step + 1, NODES[node])];
+                for v in 0..2 {
+                    let at = v * VEHICLE;
+                    let moved = Vector3::new(by[at], by[at + 1], by[at + 2]) * scale;
+                    self.push(v, &instant.spot, &moved, gradient);
+                    let angles = [scale * by[at + ANGLES], scale * by[at + ANGLES + 1]];
+                    self.pull((slot, &knots), v, (&turned, &instant.spot), angles, gradient);
+                }
+                if place.power.is_some() {
+                    gradient[self.frame.power(slot, step)] += scale * UNIT_LOG * by[VEHICLE + POWER];
+                }
             }
         }
         volume
@@ -213,7 +220,7 @@ impl<'a, 'b, W: Ways> Objective<'a, 'b, W> {
                 for v in 0..2 {
                     let way = [0, 1].map(|k: usize| now.held[v].at[k] - before.held[v].at[k]);
                     let angle = libm::hypot(way[0], way[1]);
-                    let may = self.rates_rad_s[v] * self.middles[slot][knot - 1].lasts_s;
+                    let may = self.rates_rad_s[v] * (place.knots_s[knot] - place.knots_s[knot - 1]);
                     let (square, slope) = hinge(angle / may, PART_OF_TURNS);
                     if slope <= 0.0 {
                         continue;
@@ -221,8 +228,8 @@ impl<'a, 'b, W: Ways> Objective<'a, 'b, W> {
                     sum += square;
                     let by = way.map(|c| scale * slope * c / (angle * may));
                     let spots = [knot - 1, knot].map(|k| &self.knots[slot][k].spot);
-                    self.pull((slot, &[knot]), v, (&now, spots[1]), by, gradient);
-                    self.pull((slot, &[knot - 1]), v, (&before, spots[0]), by.map(|c| -c), gradient);
+                    self.pull((slot, &[(knot, 1.0)]), v, (&now, spots[1]), by, gradient);
+                    self.pull((slot, &[(knot - 1, 1.0)]), v, (&before, spots[0]), by.map(|c| -c), gradient);
                 }
                 before = now;
             }
@@ -245,8 +252,8 @@ impl<'a, 'b, W: Ways> Objective<'a, 'b, W> {
                 sum += square;
                 let by = by.map(|by| [scale * slope / may * by[0], scale * slope / may * by[1]]);
                 let spots = [&self.knots[slot][KNOTS - 1].spot, &self.knots[next][0].spot];
-                self.pull((slot, &[KNOTS - 1]), v, (&before, spots[0]), by[0], gradient);
-                self.pull((next, &[0]), v, (&after, spots[1]), by[1], gradient);
+                self.pull((slot, &[(KNOTS - 1, 1.0)]), v, (&before, spots[0]), by[0], gradient);
+                self.pull((next, &[(0, 1.0)]), v, (&after, spots[1]), by[1], gradient);
             }
         }
         sum
