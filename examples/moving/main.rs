@@ -15,6 +15,7 @@
 // A measuring program: it reads the clock, and what it cannot plan may stop it.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::disallowed_methods)]
 
+mod judge;
 #[path = "../volume/mission.rs"]
 mod mission;
 #[allow(dead_code)]
@@ -29,10 +30,10 @@ use std::time::Instant;
 use mission::Superframe;
 use plans::{by_volume, stated};
 use veilwing::planner::Options;
-use veilwing::planner::moving::{self, Flight, Limits, Planned};
+use veilwing::planner::moving::{self, Flight, Limits, Moving, Planned, Spline};
 use veilwing::planner::turning::{self, Joint, Protected};
-use veilwing::planner::volume::Fairness;
-use veilwing::role::PerVehicle;
+use veilwing::planner::volume::{Fairness, Ways};
+use veilwing::role::{PerVehicle, Role};
 use veilwing::schedule::trajectory;
 use veilwing::schedule::transit::Router;
 
@@ -159,6 +160,59 @@ fn table(all: &[Named]) {
     );
 }
 
+fn judged(all: &[Named], starts: usize, draws: usize, seed: u64) {
+    println!(
+        "mission  users  N  slot_s  the plan's word  the plan  judge alone  judge from the plan  plan/judge  asked/allowed"
+    );
+    let (mut worst, mut hardest) = (f64::INFINITY, 0.0f64);
+    for (index, named) in all.iter().enumerate() {
+        let planned = moved(named, turned(named), None);
+        // Where it stays it is a motion of one control point.
+        let moving = match planned.flight {
+            Flight::Moving(moving) => moving,
+            Flight::Turning(protected) => {
+                let at = protected.slots[0].knots[0].vehicles;
+                let period_s = protected.superframe_s;
+                let ways = at.map(|vehicle| Spline::still(vehicle.pose.position_enu_m, period_s, 1));
+                Moving { protected, ways }
+            }
+        };
+        let rate_rad_s = named.router.turn_rate_rad_s(Role::I);
+        let judge = judge::Judge::new(&named.mission, &named.limits, rate_rad_s, &moving.protected);
+        let [own, free, near] = judge.compare(&moving, starts, draws, seed ^ (index as u64) << 20);
+        let strain = judge::strain(&named.mission, &moving, &named.limits, rate_rad_s);
+        let ratio = own / free.max(near);
+        (worst, hardest) = (worst.min(ratio), hardest.max(strain));
+        println!(
+            "{}  {:15.3}  {own:8.3}  {free:11.3}  {near:19.3}  {ratio:10.4}  {strain:13.6}",
+            head(named),
+            worth(named, &moving.protected),
+        );
+    }
+    println!("plan over the judge's best: least {worst:.4}; asked of a limit: at most {hardest:.6}");
+}
+
+fn times(all: &[Named]) {
+    println!("mission  users  N  slot_s  turning ms a slot  motion ms a slot  tolerances ms a slot");
+    let mut most = 0.0f64;
+    for named in all {
+        let users = named.mission.problems.len() as f64;
+        let clock = |work: &mut dyn FnMut()| {
+            let begun = Instant::now();
+            work();
+            1e3 * begun.elapsed().as_secs_f64() / users
+        };
+        let mut joint = None;
+        let turning_ms = clock(&mut || joint = Some(turned(named)));
+        let joint = joint.unwrap();
+        let moving_ms = clock(&mut || drop(moved(named, joint.clone(), None)));
+        let all_ms = clock(&mut || drop(moved(named, joint.clone(), Some(0.02))));
+        most = most.max(moving_ms);
+        println!("{}  {turning_ms:17.1}  {moving_ms:16.1}  {:20.1}", head(named), all_ms - moving_ms);
+    }
+    println!("motion: at most {most:.1} ms a slot");
+}
+
 fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let given = |name: &str| {
@@ -174,5 +228,9 @@ fn main() {
         .map(|index| drawn(index, seed, fairness, turn_deg_s))
         .collect();
     all.extend(demo().filter(|_| fairness == Fairness::Slots && turn_deg_s.is_none()));
-    table(&all);
+    match arguments.first().map(String::as_str) {
+        Some("judge") => judged(&all, number("--starts", 12), number("--draws", 4_000).max(100), seed),
+        Some("times") => times(&all),
+        _ => table(&all),
+    }
 }
