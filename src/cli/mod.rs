@@ -292,9 +292,10 @@ fn load_flown_mission(path: &std::path::Path) -> Result<crate::config::Mission, 
     let mission = load_mission(path)?;
     match mission.planner.mode {
         crate::config::Mode::Static => Ok(mission),
-        crate::config::Mode::Turning => {
+        mode => {
+            let word = if mode == crate::config::Mode::Moving { "moving" } else { "turning" };
             eprintln!(
-                "{}: a mission whose planner.mode is \"turning\" cannot be flown yet: set mode = \"static\"",
+                "{}: a mission whose planner.mode is \"{word}\" cannot be flown yet: set mode = \"static\"",
                 path.display()
             );
             Err(Exit::Unusable)

@@ -436,6 +436,7 @@ fn volume(draft: &MissionDraft, file: &mut Document) {
     }
     let together = match (optimise, mode) {
         (_, Mode::Turning) => Some(("turns", "turns are", "mode = \"static\"")),
+        (_, Mode::Moving) => Some(("motion", "a motion is", "mode = \"static\"")),
         (Optimise::Volume, Mode::Static) => Some(("volume", "a volume is", "optimise = \"rate\"")),
         (Optimise::Rate, Mode::Static) => None,
     };
@@ -456,8 +457,19 @@ fn volume(draft: &MissionDraft, file: &mut Document) {
             );
         }
     }
-    if mode == Mode::Turning {
-        let message = "`mode` is \"turning\": `plan` plans it, and no vehicle flies it yet".to_owned();
+    if optimise == Optimise::Rate && mode == Mode::Moving {
+        let message =
+            "`mode` is \"moving\", about a superframe as a whole, and `optimise` is \"rate\": every slot is planned by itself"
+                .to_owned();
+        refuse(file, "planner.mode", message, "set optimise = \"volume\", or mode = \"turning\"");
+    }
+    let not_flown = match mode {
+        Mode::Static => None,
+        Mode::Turning => Some("turning"),
+        Mode::Moving => Some("moving"),
+    };
+    if let Some(word) = not_flown {
+        let message = format!("`mode` is \"{word}\": `plan` plans it, and no vehicle flies it yet");
         file.warning(file.at("planner.mode"), message, "set mode = \"static\" to fly".to_owned());
     }
     if fairness != Fairness::MaxMin {
