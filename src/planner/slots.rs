@@ -63,6 +63,12 @@ impl Plan {
         Self::sealed(slots, Some(moving.protected), Some(moving.ways))
     }
 
+    /// The motion in which the slots are served, to be sampled by whoever flies it.
+    #[must_use]
+    pub fn motion(&self) -> Option<Moving> {
+        Some(Moving { protected: self.turns.clone()?, ways: self.ways.clone()? })
+    }
+
     fn sealed(slots: Vec<PlannedSlot>, turns: Option<Protected>, ways: Option<PerVehicle<Spline>>) -> Self {
         let mut hash = Sha256::new();
         for slot in &slots {

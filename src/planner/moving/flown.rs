@@ -29,6 +29,8 @@ use crate::role::{PerVehicle, Role};
 const STEP_S: f64 = 1.0;
 /// How far inside a side a control point is brought, in metres.
 const INSIDE_M: f64 = 1e-9;
+/// The part of its limits of motion that a way asks for at most: what is left is for whoever enters and leaves it.
+const KEPT: f64 = 0.975;
 /// Rounding's part of a limit.
 const ROUNDING: f64 = 1e-9;
 /// How often ways are drawn together for the separation's sake, and to what part.
@@ -105,8 +107,8 @@ impl<W: Ways> Maker<'_, '_, W> {
                 }
             }
             let strain = self.limits[v].strain(&ways[v].demand());
-            if strain > 1.0 - ROUNDING {
-                ways[v] = ways[v].shrunk((1.0 - 2.0 * ROUNDING) / strain);
+            if strain > KEPT {
+                ways[v] = ways[v].shrunk(KEPT / strain);
             }
         }
         let least_m = self.frame.setups[0].problem.airspace.min_separation_m;

@@ -138,6 +138,14 @@ impl Spline {
         }
     }
 
+    /// How its acceleration changes at an instant of any period, in m/s^3.
+    #[must_use]
+    pub fn jerk_m_s3(&self, t_s: f64) -> Vector3<f64> {
+        let h = self.segment_s();
+        let (segment, _) = locate(t_s, self.period_s, self.control_enu_m.len());
+        self.sum(segment, JERKS) / (h * h * h)
+    }
+
     /// What it asks at most: accelerations exactly, speeds from above.
     #[must_use]
     pub fn demand(&self) -> Demand {
