@@ -9,6 +9,7 @@ use std::time::Duration;
 
 use crate::config::{Mission, Mode, Optimise};
 use crate::geo::Pose;
+use crate::planner::moving::{self, Flight, Limits};
 use crate::planner::plan::SlotPlan;
 use crate::planner::problem::Problem;
 use crate::planner::slots::{Plan, PlannedSlot};
@@ -73,8 +74,13 @@ pub fn plan_with(
         (Optimise::Rate, _) => each_by_itself(mission, options, &mut now)?,
         (Optimise::Volume, Mode::Static) => return superframe(mission, options, &mut now),
         (Optimise::Volume, Mode::Turning) => return turning_superframe(mission, options, &mut now),
+        (Optimise::Volume, Mode::Moving) => return moving_superframe(mission, options, &mut now),
     };
-    if mission.planner.mode == Mode::Turning { through(mission, options, timed, &mut now) } else { Ok(timed) }
+    match mission.planner.mode {
+        Mode::Static => Ok(timed),
+        // Slots by themselves are far from each other: there is no motion to begin with.
+        Mode::Turning | Mode::Moving => through(mission, options, timed, &mut now),
+    }
 }
 
 /// Every slot by itself, wherever its best poses are.
@@ -194,6 +200,31 @@ fn turning_superframe(
     let took = now().saturating_since(started);
     let (slots, planning_time) = all.slots(mission, (found.slots, found.slots_s), took)?;
     Ok(Timed { planning_time, plan: Plan::turning(slots, found.protected) })
+}
+
+/// The same with the pair in motion while it is on the air, where that gains anything.
+fn moving_superframe(
+    mission: &Mission,
+    options: &Options,
+    now: &mut impl FnMut() -> Instant,
+) -> Result<Timed, PlanningError> {
+    let all = Together::of(mission)?;
+    let limits = mission.transit_limits().map(|limits| Limits {
+        speed_m_s: limits.speed_m_s,
+        climb_m_s: limits.climb_m_s,
+        acceleration_m_s2: limits.acceleration_m_s2,
+        jerk_m_s3: limits.jerk_m_s3,
+    });
+    let started = now();
+    let found = moving::plan(&all.problems, &all.service, &all.router, &limits, options, Some(TOLERATED));
+    let found = found.map_err(|error| of_first(mission, error))?;
+    let took = now().saturating_since(started);
+    let (slots, planning_time) = all.slots(mission, (found.slots, found.slots_s), took)?;
+    let plan = match found.flight {
+        Flight::Turning(turns) => Plan::turning(slots, turns),
+        Flight::Moving(moving) => Plan::moving(slots, moving),
+    };
+    Ok(Timed { planning_time, plan })
 }
 
 /// Gives slots that were planned by themselves their turns.

@@ -230,6 +230,72 @@ fn spec_a_plan_that_turns_is_told_by_its_knots_the_same_on_any_threads_and_not_f
 }
 
 #[test]
+fn spec_a_plan_that_moves_states_its_ways_the_same_on_any_threads_and_is_not_flown() {
+    let directory = command::directory("moving-plan");
+    let file = directory.join("mission.toml");
+    let demo = std::fs::read_to_string("config/mission.toml").unwrap();
+    let moving = demo.replace("mode = \"static\"", "mode = \"moving\"");
+    assert_ne!(demo, moving);
+    std::fs::write(&file, &moving).unwrap();
+    let file = file.to_str().unwrap();
+    let planned = document(&["plan", file, "--json"]);
+    let again = document(&["plan", file, "--json", "--threads", "2"]);
+    assert_eq!(planned["plan_digest"], again["plan_digest"]);
+    assert_eq!(planned["motion"], again["motion"]);
+    let number = |value: &Value| value.as_f64().unwrap();
+    let motion = &planned["motion"];
+    assert_eq!(motion["period_s"], planned["superframe_s"]);
+    // Knots lie on the ways that the control points draw.
+    for role in ["i", "j"] {
+        let points: Vec<[f64; 3]> = serde_json::from_value(motion["control_enu_m"][role].clone()).unwrap();
+        let n = points.len();
+        for slot in planned["slots"].as_array().unwrap() {
+            for knot in slot["knots"].as_array().unwrap() {
+                let at = (number(&knot["at_s"]) / number(&motion["period_s"])).fract() * n as f64;
+                for c in 0..3 {
+                    let drawn: f64 = (0..n)
+                        .map(|k| {
+                            // The cubic B-spline of the distance round the cycle.
+                            let d = (at - k as f64).abs();
+                            let d = d.min(n as f64 - d);
+                            let b = if d < 1.0 {
+                                (4.0 - 6.0 * d * d + 3.0 * d * d * d) / 6.0
+                            } else {
+                                (2.0 - d).max(0.0).powi(3) / 6.0
+                            };
+                            b * points[k][c]
+                        })
+                        .sum();
+                    let told = number(&knot["vehicles"][role]["position_enu_m"][c]);
+                    assert!((told - drawn).abs() < 1e-6, "{role} at {at}: {told} {drawn}");
+                }
+            }
+        }
+        assert!(number(&motion["demand"][role]["speed_m_s"]) > 0.1);
+    }
+    let turning = Mission::parse("m.toml", &demo.replace("mode = \"static\"", "mode = \"turning\"")).unwrap();
+    let turning = planning::delivered(&turning, &planning::plan(&turning).unwrap());
+    let per_second = number(&planned["secrecy_volume_bits"]) / number(&planned["superframe_s"]);
+    assert!(per_second >= 1.01 * turning.volume_bits / turning.superframe_s.unwrap());
+
+    let table = command::veilwing(&["plan", file]).output().unwrap();
+    let table = String::from_utf8(table.stdout).unwrap();
+    assert!(table.contains("both move all the while"), "{table}");
+    for flown in [&["campaign", file, "--runs", "1"][..], &["sitl", file]] {
+        let refused = command::veilwing(flown).output().unwrap();
+        let said = command::said(&refused);
+        assert_eq!(refused.status.code(), Some(2), "{said}");
+        assert!(
+            said.contains("planner.mode is \"moving\"") && said.contains("set mode = \"static\""),
+            "{said}"
+        );
+    }
+    let text = format!("{}[planner]\noptimise = \"rate\"\nmode = \"moving\"\n", mission("listed"));
+    let refused = Mission::parse("m.toml", &text).unwrap_err().to_string();
+    assert!(refused.contains("set optimise = \"volume\""), "{refused}");
+}
+
+#[test]
 fn spec_a_plan_for_volume_is_the_same_on_every_road_and_any_threads() {
     let directory = command::directory("volume-plan");
     let file = directory.join("mission.toml");

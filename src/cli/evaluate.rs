@@ -53,8 +53,10 @@ pub(super) fn run(args: &Args) -> Exit {
             return Exit::Unusable;
         }
     };
-    if mission.planner.mode == Mode::Turning {
-        eprintln!("{name}: warning: scored as poses that are held: turns are not scored");
+    match mission.planner.mode {
+        Mode::Static => {}
+        Mode::Turning => eprintln!("{name}: warning: scored as poses that are held: turns are not scored"),
+        Mode::Moving => eprintln!("{name}: warning: scored as poses that are held: motion is not scored"),
     }
     let scored = limits::possible(&edited).and_then(|()| {
         for warning in limits::exceeded(&mission, &edited) {

@@ -9,6 +9,7 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 use crate::config::file::{unwritable, usable_directory, write_whole};
 use crate::config::{METHODS, Mission, Optimise};
 use crate::planner::document::{PlanDocument, SlotDocument};
+use crate::planner::moving::Demand;
 use crate::planner::plan::BoundKind;
 use crate::planner::problem::{Airframe, Method, PowerSteps};
 use crate::planner::slots::Plan;
@@ -390,6 +391,16 @@ fn write_turns(text: &mut String, plan: &Plan, turns: &Protected) -> std::fmt::R
             text,
             "{user:<20} {begins_s:>8.1} {:>9.1} {:>9.2}  {between}",
             slot.on_air_s, slot.silence_s
+        )?;
+    }
+    if let Some(ways) = &plan.ways {
+        let most = |of: fn(&Demand) -> f64| of(&ways.i.demand()).max(of(&ways.j.demand()));
+        writeln!(
+            text,
+            "both move all the while: at most {:.1} m/s, climbing {:.1} m/s, {:.1} m/s^2",
+            most(|demand| demand.speed_m_s),
+            most(|demand| demand.climb_m_s),
+            most(|demand| demand.acceleration_m_s2),
         )?;
     }
     writeln!(text, "and again after {:.1} s", turns.superframe_s)

@@ -6,7 +6,7 @@ use crate::config::{METHODS, Mission};
 use crate::link::clock::Clock;
 use crate::planner::assessment::{Assessment, assess};
 use crate::planner::bound::{Budget, best_bound};
-use crate::planner::document::{FORMAT, PlanDocument, SlotDocument, TurningDocument};
+use crate::planner::document::{FORMAT, MotionDocument, PlanDocument, SlotDocument, TurningDocument};
 use crate::planner::explanation::{Explanation, explain, unprotected};
 use crate::planner::problem::{Method, Problem};
 use crate::planner::slots::{Plan, PlannedSlot, hex};
@@ -142,6 +142,7 @@ pub(crate) fn plan_document(
         on_air_s: delivered.on_air_s,
         least_user_volume_bits: delivered.least_user_volume_bits,
         slots,
+        motion: plan.ways.as_ref().map(MotionDocument::new),
     }
 }
 

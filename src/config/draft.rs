@@ -443,6 +443,8 @@ pub enum Mode {
     Static,
     /// It turns where it is: users served from the same positions follow each other with no more silence than the change asks for.
     Turning,
+    /// It moves: the superframe is one periodic motion of both vehicles, where that gains anything.
+    Moving,
 }
 
 /// How slots are planned.

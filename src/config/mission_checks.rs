@@ -436,6 +436,7 @@ fn volume(draft: &MissionDraft, file: &mut Document) {
     }
     let together = match (optimise, mode) {
         (_, Mode::Turning) => Some(("turns", "turns are", "mode = \"static\"")),
+        (_, Mode::Moving) => Some(("motion", "a motion is", "mode = \"static\"")),
         (Optimise::Volume, Mode::Static) => Some(("volume", "a volume is", "optimise = \"rate\"")),
         (Optimise::Rate, Mode::Static) => None,
     };
@@ -455,6 +456,16 @@ fn volume(draft: &MissionDraft, file: &mut Document) {
                 &format!("use \"mean\" or \"nominal\", or set {instead}"),
             );
         }
+    }
+    if optimise == Optimise::Rate && mode == Mode::Moving {
+        let message =
+            "`mode` is \"moving\", about a superframe as a whole, and `optimise` is \"rate\": every slot is planned by itself"
+                .to_owned();
+        refuse(file, "planner.mode", message, "set optimise = \"volume\", or mode = \"turning\"");
+    }
+    if mode == Mode::Moving {
+        let message = "`mode` is \"moving\": `plan` plans it, and no vehicle flies it yet".to_owned();
+        file.warning(file.at("planner.mode"), message, "set mode = \"turning\" to fly".to_owned());
     }
     if fairness != Fairness::MaxMin {
         for path in LIMITS.into_iter().filter(|path| file.given(path)).collect::<Vec<_>>() {

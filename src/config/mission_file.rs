@@ -518,8 +518,8 @@ fn planner(s: &mut Section<'_, '_>, planner: &mut PlannerSettings) {
     );
     s.set_newer(
         "mode",
-        "What a vehicle may do while it radiates: hold its pose (\"static\"), or turn from one user to the next (\"turning\").",
-        Choice(&[("static", Mode::Static), ("turning", Mode::Turning)]),
+        "What a vehicle may do while it radiates: hold its pose (\"static\"), turn from one user to the next (\"turning\"), or move as well (\"moving\").",
+        Choice(&[("static", Mode::Static), ("turning", Mode::Turning), ("moving", Mode::Moving)]),
         &Mode::default(),
         &mut planner.mode,
     );

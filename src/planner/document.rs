@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use crate::geo::Pose;
 use crate::planner::assessment::Assessment;
 use crate::planner::explanation::{Explanation, Limit};
+use crate::planner::moving::{Demand, Spline};
 use crate::planner::plan::{SlotPlan, Status, VehiclePlan};
 use crate::planner::turning::{self, Knot};
 use crate::role::PerVehicle;
@@ -38,6 +39,51 @@ pub struct PlanDocument {
     pub least_user_volume_bits: f64,
     /// One per user.
     pub slots: Vec<SlotDocument>,
+    /// How the vehicles move, where they do (`mode = "moving"`).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub motion: Option<MotionDocument>,
+}
+
+/// Both vehicles' ways round a superframe, each a periodic uniform cubic B-spline: n control points c_k,
+/// `p(t) = sum over k of B(n t / period_s - k) c_k`, t from the beginning of the first user's service, indices modulo n.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct MotionDocument {
+    /// After which both repeat, seconds.
+    pub period_s: f64,
+    /// Control points, east, north, up in metres.
+    pub control_enu_m: PerVehicle<Vec<[f64; 3]>>,
+    /// What each asks for at most.
+    pub demand: PerVehicle<DemandDocument>,
+}
+
+/// What a way asks of a vehicle at most.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct DemandDocument {
+    /// Horizontal speed, m/s.
+    pub speed_m_s: f64,
+    /// Vertical speed, m/s.
+    pub climb_m_s: f64,
+    /// Acceleration, m/s^2.
+    pub acceleration_m_s2: f64,
+    /// Change of acceleration, m/s^3.
+    pub jerk_m_s3: f64,
+}
+
+impl MotionDocument {
+    /// The document of both ways.
+    #[must_use]
+    pub fn new(ways: &PerVehicle<Spline>) -> Self {
+        let of = |way: &Spline| way.control_enu_m.iter().map(|point| (*point).into()).collect();
+        let demand = |way: &Spline| {
+            let Demand { speed_m_s, climb_m_s, acceleration_m_s2, jerk_m_s3 } = way.demand();
+            DemandDocument { speed_m_s, climb_m_s, acceleration_m_s2, jerk_m_s3 }
+        };
+        Self {
+            period_s: ways.i.period_s,
+            control_enu_m: PerVehicle { i: of(&ways.i), j: of(&ways.j) },
+            demand: PerVehicle { i: demand(&ways.i), j: demand(&ways.j) },
+        }
+    }
 }
 
 /// One slot.
@@ -87,7 +133,7 @@ pub struct SlotDocument {
     pub vehicles: PerVehicle<VehicleDocument>,
     /// How far each vehicle's attitude may be off its pose while the slot is served, degrees.
     pub attitude_tolerance_deg: PerVehicle<f64>,
-    /// How the user is served where the vehicles turn on the air (`mode = "turning"`).
+    /// How the user is served where the vehicles turn on the air (`mode = "turning"` or `"moving"`).
     #[serde(flatten, skip_serializing_if = "Option::is_none")]
     pub turning: Option<TurningDocument>,
     /// The search alone, seconds; of all slots in one, this one's share.

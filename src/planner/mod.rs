@@ -18,6 +18,7 @@ mod error;
 pub mod expectation;
 pub mod explanation;
 mod model;
+pub mod moving;
 pub(crate) mod parallel;
 pub mod phase1;
 pub mod phase2;

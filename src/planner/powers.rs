@@ -8,6 +8,9 @@ use super::variables::PowerChart;
 
 /// Least P_J over its cap, as a logarithm.
 const LEAST_LOG_POWER: f64 = -25.0;
+/// How far a power is looked for about a given one, as a logarithm, and in how many steps.
+const REACH: f64 = 1.2;
+const STEPS: usize = 9;
 /// Levels on either side of a candidate's own power at which it is planned.
 const NEIGHBOURS: usize = 2;
 
@@ -84,4 +87,40 @@ pub fn are_alike(setup: &Setup, a: &Local, b: &Local) -> bool {
         (PowerChart::Fixed(_), _) | (_, PowerChart::Fixed(_)) => false,
         _ => true,
     }
+}
+
+/// The best power of J by `value`, near one in W: of levels any, else within `range`, its ceiling in W and its least logarithm;
+/// the same where it does not vary.
+pub fn best_w(
+    setup: &Setup,
+    own_w: f64,
+    range: Option<(f64, f64)>,
+    mut value: impl FnMut(f64) -> f64,
+) -> f64 {
+    if let PowerSteps::Levels(levels_w) = steps(setup) {
+        let possible = levels_w.iter().copied().take_while(|level| *level <= setup.highest_w[1]);
+        let rated = std::iter::once(0.0).chain(possible).map(|level| (value(level), level));
+        return rated.max_by(|a, b| a.0.total_cmp(&b.0)).map_or(own_w, |(_, level)| level);
+    }
+    let Some((max_w, floor)) = range else { return own_w };
+    // The golden section, in the logarithm.
+    const GOLDEN: f64 = 0.618_033_988_749_894_8;
+    let middle = libm::log(own_w / max_w);
+    let (mut low, mut high) = ((middle - REACH).clamp(floor, 0.0), (middle + REACH).clamp(floor, 0.0));
+    let at = |log: f64| max_w * libm::exp(log);
+    let mut inner = [high - GOLDEN * (high - low), low + GOLDEN * (high - low)];
+    let mut values = inner.map(|log| value(at(log)));
+    for _ in 0..STEPS {
+        if values[0] > values[1] {
+            high = inner[1];
+            inner = [high - GOLDEN * (high - low), inner[0]];
+            values = [value(at(inner[0])), values[0]];
+        } else {
+            low = inner[0];
+            inner = [inner[1], low + GOLDEN * (high - low)];
+            values = [values[1], value(at(inner[1]))];
+        }
+    }
+    let found = if values[0] > values[1] { inner[0] } else { inner[1] };
+    at(found)
 }

@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use sha2::{Digest, Sha256};
 
+use super::moving::{Moving, Spline};
 use super::plan::{SlotPlan, VehiclePlan};
 use super::turning::Protected;
 use crate::role::PerVehicle;
@@ -25,13 +26,16 @@ pub struct PlannedSlot {
 /// In which order they are flown the slot table settles, which knows where the vehicles start (`schedule::table`).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plan {
-    /// SHA-256 over users, poses, powers, lengths that the plan has chosen and knots, bit for bit: what the two companions compare.
+    /// SHA-256 over users, poses, powers, lengths that the plan has chosen, knots and ways, bit for bit: what the two companions compare.
     pub digest: [u8; 32],
     /// By user, in the mission file's order.
     pub slots: Vec<PlannedSlot>,
     /// The superframe as it is served where the vehicles turn on the air: each user's pose above is the one it is served in between
     /// two turns. `None`: they hold their poses.
     pub turns: Option<Protected>,
+    /// Each vehicle's way round the superframe, where they move on the air: then knots lie on it, and each user's pose above is the
+    /// one in the middle of its slot. `None`: they stay where their slots' poses are.
+    pub ways: Option<PerVehicle<Spline>>,
 }
 
 impl Plan {
@@ -44,16 +48,28 @@ impl Plan {
     /// Seals the slots with their digest.
     #[must_use]
     pub fn new(slots: Vec<PlannedSlot>) -> Self {
-        Self::sealed(slots, None)
+        Self::sealed(slots, None, None)
     }
 
     /// Seals the slots and the turns between them with their digest.
     #[must_use]
     pub fn turning(slots: Vec<PlannedSlot>, turns: Protected) -> Self {
-        Self::sealed(slots, Some(turns))
+        Self::sealed(slots, Some(turns), None)
     }
 
-    fn sealed(slots: Vec<PlannedSlot>, turns: Option<Protected>) -> Self {
+    /// Seals the slots and the motion in which they are served with their digest.
+    #[must_use]
+    pub fn moving(slots: Vec<PlannedSlot>, moving: Moving) -> Self {
+        Self::sealed(slots, Some(moving.protected), Some(moving.ways))
+    }
+
+    /// The motion in which the slots are served, to be sampled by whoever flies it.
+    #[must_use]
+    pub fn motion(&self) -> Option<Moving> {
+        Some(Moving { protected: self.turns.clone()?, ways: self.ways.clone()? })
+    }
+
+    fn sealed(slots: Vec<PlannedSlot>, turns: Option<Protected>, ways: Option<PerVehicle<Spline>>) -> Self {
         let mut hash = Sha256::new();
         for slot in &slots {
             // The length keeps one name's end apart from the next number's start.
@@ -71,7 +87,13 @@ impl Plan {
             flown(&mut hash, &knot.vehicles.i);
             flown(&mut hash, &knot.vehicles.j);
         }
-        Self { digest: hash.finalize().into(), slots, turns }
+        for way in ways.iter().flat_map(|ways| [&ways.i, &ways.j]) {
+            hash.update(way.period_s.to_le_bytes());
+            for value in way.control_enu_m.iter().flatten() {
+                hash.update(value.to_le_bytes());
+            }
+        }
+        Self { digest: hash.finalize().into(), slots, turns, ways }
     }
 }
 

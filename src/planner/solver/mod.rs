@@ -5,6 +5,7 @@
 //! current direction, an inner approximation (`|v| >= n . v`), so that iterates stay feasible.
 
 pub mod active_set;
+pub mod boxed;
 pub mod dense;
 pub mod interior_point;
 pub mod limited;

@@ -23,7 +23,6 @@
 use super::super::expectation::kernel::{ANGLES, POWER, Raw, VEHICLE};
 use super::super::model::Memory;
 use super::super::powers;
-use super::super::problem::PowerSteps;
 use super::super::solver::limited::{self, Rows, Settings, SparseRow};
 use super::super::variables::PowerChart;
 use super::super::volume::objective::{COARSE, Case, FINE, MEDIUM, View};
@@ -55,10 +54,6 @@ const REACH: f64 = 8.0;
 const LAST: View = View { power: 48.0, ..MEDIUM };
 const BEGIN: Settings = Settings { iterations: 25, tolerance: 1e-3, first_step: 0.3 };
 const POLISH: Settings = Settings { iterations: 40, tolerance: 1e-4, first_step: 0.1 };
-/// How far J's power at a knot is looked for about the search's, as a logarithm, and in how many steps.
-const POWER_REACH: f64 = 1.2;
-const POWER_STEPS: usize = 9;
-
 /// A change of the served user.
 pub struct Change<'a, 'b, W> {
     pub case: &'a Case<'b, W>,
@@ -478,7 +473,7 @@ impl<W: Ways> Change<'_, '_, W> {
     /// The best power of J at a configuration whose power is nearly so.
     fn best_power(&self, side: usize, raw: &Raw, memory: &mut Memory) -> f64 {
         let setup = &self.case.setups[self.users[side]];
-        let mut value = |power_w: f64| {
+        let value = |power_w: f64| {
             let mut raw = *raw;
             raw[VEHICLE + POWER] = power_w;
             self.rate(side, MEDIUM, &raw, memory, &mut [0.0; 14])
@@ -487,33 +482,7 @@ impl<W: Ways> Change<'_, '_, W> {
         if raw[POWER] <= 0.0 {
             return own_w;
         }
-        if let PowerSteps::Levels(levels_w) = &setup.problem.power_steps.j {
-            let possible = levels_w.iter().copied().take_while(|level| *level <= setup.highest_w[1]);
-            let rated = std::iter::once(0.0).chain(possible).map(|level| (value(level), level));
-            return rated.max_by(|a, b| a.0.total_cmp(&b.0)).map_or(own_w, |(_, level)| level);
-        }
-        let Some((max_w, floor)) = self.power(side) else { return own_w };
-        // The golden section, in the logarithm.
-        const GOLDEN: f64 = 0.618_033_988_749_894_8;
-        let middle = libm::log(own_w / max_w);
-        let (mut low, mut high) =
-            ((middle - POWER_REACH).clamp(floor, 0.0), (middle + POWER_REACH).clamp(floor, 0.0));
-        let at = |log: f64| max_w * libm::exp(log);
-        let mut inner = [high - GOLDEN * (high - low), low + GOLDEN * (high - low)];
-        let mut values = inner.map(|log| value(at(log)));
-        for _ in 0..POWER_STEPS {
-            if values[0] > values[1] {
-                high = inner[1];
-                inner = [high - GOLDEN * (high - low), inner[0]];
-                values = [value(at(inner[0])), values[0]];
-            } else {
-                low = inner[0];
-                inner = [inner[1], low + GOLDEN * (high - low)];
-                values = [values[1], value(at(inner[1]))];
-            }
-        }
-        let found = if values[0] > values[1] { inner[0] } else { inner[1] };
-        at(found)
+        powers::best_w(setup, own_w, self.power(side), value)
     }
 }
 

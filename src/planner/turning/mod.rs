@@ -44,6 +44,7 @@ pub use path::{Between, Knot, Protected, READY_S, Slot, State};
 pub use tolerance::{LARGEST_M, LARGEST_RAD, Tolerance};
 pub use track::{APART_S, Slack, Track};
 pub use turn::{Angles, Course};
+pub(super) use {tolerance::of as tolerance_of, turn::Held};
 
 use super::error::PlanError;
 use super::expectation::kernel::{ANGLES, POWER, Raw, VEHICLE};
