@@ -335,7 +335,6 @@ impl Executive {
         }
     }
 
-    /// A slot's time is over, served or not.
     /// A slot that carried on the one before ended early, and is agreed on again.
     pub(super) fn put_off(&mut self, slot: u16, now: Instant) {
         self.stop_turning(now);
@@ -343,6 +342,7 @@ impl Executive {
         self.notice(Notice::SlotPutOff(slot, user));
     }
 
+    /// A slot's time is over, served or not.
     pub(super) fn slot_over(&mut self, slot: u16, served: Served, now: Instant) {
         self.stop_turning(now);
         let user = self.user(slot);

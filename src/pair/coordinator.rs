@@ -34,6 +34,8 @@ const STATUS_EVERY: Duration = Duration::from_millis(100);
 const PEER_LATE: Duration = Duration::from_secs(1);
 /// No two crystals, nor clocks that are fit for a slot, drift apart faster than this.
 const MOST_DRIFT: f64 = 200e-6;
+/// A clock is read no better than this, in seconds.
+const READ_WITHIN_S: f64 = 1e-3;
 
 /// What only one of the two does.
 #[derive(Debug, Clone)]
@@ -170,8 +172,8 @@ impl Coordinator {
             Part::J(_) => self.time.instant_by_peer(opens),
         };
         let most_s = takes.as_secs_f64() * MOST_DRIFT;
-        let drift_s = by_clock.map_or(0.0, |at| at.seconds_since(foreseen).clamp(-most_s, most_s));
-        let opens_at = foreseen.after_s(drift_s);
+        let off_s = by_clock.map(|at| at.seconds_since(foreseen)).filter(|off_s| off_s.abs() > READ_WITHIN_S);
+        let opens_at = foreseen.after_s(off_s.unwrap_or(0.0).clamp(-most_s, most_s));
         let commitment = Commitment { slot, opens_at, opens, leaves_at: closes_at, ..agreed.commitment };
         self.agreed = Some(Agreed { commitment, ..agreed });
         Some(commitment)

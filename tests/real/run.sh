@@ -80,7 +80,7 @@ for part in "$@"; do
             ;;
         transit)
             omni safe way-term --keep --do "i@$way=>term i" --do 't+60=>pilot i land'
-            omni safe way-kill --keep --do "j@$way=>kill j" --do "j@$way+5=>restart j" --do 't+60=>pilot j land' --do 't+75=>term j'
+            omni safe way-kill --keep --do "j@$way=>kill j" --do 'j@slot 0 for .*over+8=>restart j' --do 't+60=>pilot j land' --do 't+75=>term j'
             omni safe way-stop --keep --do "i@$way=>stop i 3" --do 't+60=>pilot i land'
             omni safe way-cut --keep --gate --do "i@$way=>cut i 2" --do 't+60=>cmd i 20'
             omni safe way-mode --keep --do "i@$way=>pilot i hold" --do 't+60=>pilot i land'

@@ -64,8 +64,7 @@ pub struct World {
     vehicles: [Vehicle; 2],
     users: Vec<Receiver>,
     eavesdroppers: Vec<Receiver>,
-    /// I's and J's plan in each slot, and the index of the slot's user.
-    /// The user of each slot.
+    /// The index of the user of each slot.
     users_of: Vec<usize>,
     openings: Openings,
     scores: Vec<SlotScore>,

@@ -70,6 +70,11 @@ fn spec_limits_tighter_than_the_transits_are_named_with_both_numbers_by_whatever
     for name in ["PSC_JERK_XY", "PSC_JERK_Z", "WPNAV_ACCEL", "WPNAV_SPEED"] {
         assert_eq!(find(&world, name).unwrap().result, Verdict::Pass, "{name}");
     }
+    let overshoot = find(&world, "overshoot").unwrap();
+    assert!(
+        overshoot.result == Verdict::Warn && overshoot.detail.contains("2.5 m/s^2: it flies past"),
+        "{overshoot:?}"
+    );
     // 4.7 calls them otherwise, and counts in metres.
     let mut fake = Fake::new(Firmware::ArduPilot);
     for (old, new, value) in [

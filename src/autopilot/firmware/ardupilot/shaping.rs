@@ -34,7 +34,23 @@ pub(in crate::autopilot::firmware) fn checks(parameters: &Parameters, transit: &
     let acceleration = (transit.acceleration_m_s2, "m/s^2");
     all.push(limit(parameters, ACCELERATION, acceleration, (Warn, corrects)));
     all.push(limit(parameters, SPEED, (transit.speed_m_s, "m/s"), (Warn, corrects)));
+    all.push(past_the_pose(transit.acceleration_m_s2));
     all
+}
+
+/// At which acceleration a quad of stock parameters still stops within half a metre past a transit's end (0.39 to 0.49 m; 0.46 to
+/// 0.67 m at 2.5 m/s^2), m/s^2. It is the vehicle's loop and no limit of its own: nothing that is sent ahead mends it.
+const STOPS_WITHIN: f64 = 1.5;
+
+fn past_the_pose(planned: f64) -> Check {
+    let (verdict, more) = match planned <= STOPS_WITHIN {
+        true => (Pass, ""),
+        false => (
+            Warn,
+            ": it flies past the end of each transit by up to 0.7 m, and 1.5 m/s^2 keeps that below 0.5 m: give settle_s time for it, or lower acceleration_m_s2 of this vehicle in the mission",
+        ),
+    };
+    check("overshoot", verdict, format!("the mission asks for {planned} m/s^2{more}"))
 }
 
 /// One limit: `planned` in its SI unit, and what it is if the autopilot's is lower, with the reason.
