@@ -264,8 +264,11 @@ fn spec_a_radio_that_is_heard_late_is_asked_as_often_as_one_that_is_there() {
 
 #[test]
 fn spec_a_radio_that_was_not_heard_for_long_is_asked_for_everything_anew() {
-    let mut world = declaring(&GOOD);
+    let mut world = World::new(steady(5));
+    world.run(ms(50));
+    GOOD.iter().for_each(|(fact, is)| world.give(&value(*fact, *is)));
     assert_eq!(world.transmitter.poll_timeout(), None, "off, and asked for nothing");
+    world.run(ms(6000));
     let asked_anew = |world: &mut World, silent: Duration| {
         world.now = world.now + silent;
         let before = world.asked.len();

@@ -48,6 +48,13 @@ fn spec_each_timer_is_due_in_its_turn_and_by_its_name() {
 }
 
 #[test]
+fn spec_clocks_agree_once_they_are_compared() {
+    assert!(!coordinator(Role::I, 11).clocks_agree());
+    let (i, j) = pair();
+    assert!(i.clocks_agree() && j.clocks_agree());
+}
+
+#[test]
 fn spec_a_status_says_where_the_vehicle_is_and_what_it_is_committed_to() {
     let (mut i, mut j) = pair();
     let said = |i: &mut Coordinator, j: &mut Coordinator, ms: u64| {
