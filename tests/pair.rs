@@ -12,6 +12,8 @@ mod model;
 mod observer;
 #[path = "pair/radio.rs"]
 mod radio;
+#[path = "pair/service.rs"]
+mod service;
 #[path = "pair/setup.rs"]
 mod setup;
 #[path = "pair/sweep.rs"]

@@ -217,3 +217,6 @@ impl Interlock {
         Watts(transmitter_w.min(self.ceilings.mission_w).min(self.ceilings.vehicle_w))
     }
 }
+
+#[cfg(test)]
+mod tests;

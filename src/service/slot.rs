@@ -138,3 +138,85 @@ impl Slot {
         Window { slot: self.commitment.slot, from, until, power_w: self.power_w(now) }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use super::*;
+    use crate::geo::{Enu, Pose};
+    use crate::planner::plan::VehiclePlan;
+    use crate::role::PerVehicle;
+    use crate::time::Utc;
+
+    fn at(ms: u64) -> Instant {
+        Instant::from_start(Duration::from_millis(ms))
+    }
+
+    /// From 10 to 20 s, half a second of guard at each end.
+    fn slot(role: Role) -> Slot {
+        let pose = Pose { position_enu_m: Enu::zeros(), roll_rad: 0.0, pitch_rad: 0.0, yaw_rad: 0.0 };
+        let vehicle = VehiclePlan { pose, tx_power_w: 0.5 };
+        let terms = SlotTerms {
+            vehicles: PerVehicle { i: vehicle, j: vehicle },
+            tracks: None,
+            lean_rad: PerVehicle { i: 0.0, j: 0.0 },
+            opens: Duration::ZERO,
+            lead: Duration::ZERO,
+            carries_on_after: None,
+            radiate_from: Duration::from_millis(500),
+            radiate_until: Duration::from_millis(9500),
+            length: Duration::from_secs(10),
+        };
+        let opens_at = at(10_000);
+        let commitment =
+            Commitment { proposal: 1, slot: 3, opens_at, opens: Utc::default(), leaves_at: opens_at };
+        Slot::new(role, commitment, false, &terms, Tolerance::for_jitter(0.0))
+    }
+
+    #[test]
+    fn spec_i_radiates_within_the_guard_and_j_around_it_while_i_may() {
+        for (role, closing, leases_outstanding, now_ms, from_ms, until_ms) in [
+            (Role::I, false, false, 12_000, 10_500, 19_500),
+            (Role::I, true, false, 12_000, 10_500, 12_000),
+            (Role::J, false, false, 12_000, 10_000, 20_000),
+            (Role::J, true, true, 12_000, 10_000, 20_000),
+            (Role::J, true, false, 12_000, 10_000, 12_000),
+            (Role::J, false, false, 19_499, 10_000, 20_000),
+            (Role::J, false, false, 19_500, 10_000, 19_500),
+            (Role::J, false, true, 19_500, 10_000, 20_000),
+        ] {
+            let slot = Slot { closing, ..slot(role) };
+            let window = slot.window(role, leases_outstanding, at(now_ms));
+            let expected = Window { slot: 3, from: at(from_ms), until: at(until_ms), power_w: 0.5 };
+            assert_eq!(window, expected, "{role:?}, closing {closing}, leases {leases_outstanding}");
+        }
+    }
+
+    #[test]
+    fn spec_a_jammer_suffices_with_its_power_alone_and_to_the_close() {
+        let slot = slot(Role::J);
+        for (power_w, now_ms, until_ms) in [
+            (0.5, 12_000, Some(20_000)),
+            (0.6, 19_999, Some(20_000)),
+            (0.6, 20_000, None),
+            (0.499, 12_000, None),
+        ] {
+            assert_eq!(slot.suffices_until(power_w, at(now_ms)), until_ms.map(at), "{power_w} {now_ms}");
+        }
+    }
+
+    #[test]
+    fn spec_a_permit_that_the_device_never_carried_out_is_no_service() {
+        let trouble = Trouble::DeviceLate;
+        let of_device = Served::No(Some(Silence::Transmitter(NotReady::Trouble(trouble))));
+        for (served, trouble, achieved, outcome) in [
+            (Served::Yes, None, false, Served::Yes),
+            (Served::Yes, Some(trouble), true, Served::Yes),
+            (Served::Yes, Some(trouble), false, of_device),
+            (Served::No(Some(Silence::Pose)), Some(trouble), false, Served::No(Some(Silence::Pose))),
+        ] {
+            assert_eq!(Slot { served, trouble, achieved, ..slot(Role::I) }.outcome(), outcome);
+        }
+    }
+}

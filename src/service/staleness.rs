@@ -254,4 +254,19 @@ mod tests {
             assert_eq!(staleness.overdue_at(Some(at(owed_ms))), Some(at(due_ms)));
         }
     }
+
+    #[test]
+    fn val_state_that_does_not_come_silences_i_after_30_ms_and_j_after_70() {
+        let limit = Duration::from_millis(250);
+        for (role, ms) in [(Role::I, 30), (Role::J, 70)] {
+            assert_eq!(silences_after(role), Duration::from_millis(ms));
+            let mut staleness =
+                Staleness::new(Freshness { limit, scheduling_allowance: Duration::ZERO }, at(0));
+            staleness.feed(&state_at(100));
+            for (late_ms, may) in [(ms - 1, true), (ms, false)] {
+                staleness.judge_at(at(120 + late_ms));
+                assert_eq!(staleness.may_radiate(role, false), may, "{role:?} {late_ms}");
+            }
+        }
+    }
 }

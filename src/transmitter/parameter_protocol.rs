@@ -265,4 +265,61 @@ mod tests {
         });
         assert_eq!(said(Protocol::Bytewise, "TX_POWER", &answer).unwrap().value, None);
     }
+
+    #[test]
+    fn val_an_extended_value_lies_in_as_many_bytes_as_its_type_has() {
+        use mavlink::dialects::ardupilotmega::{PARAM_EXT_ACK_DATA, PARAM_EXT_VALUE_DATA};
+        for (kind, value, bytes, whole) in [
+            (MavParamExtType::MAV_PARAM_EXT_TYPE_INT8, -3.0, vec![0xfd], true),
+            (MavParamExtType::MAV_PARAM_EXT_TYPE_INT16, -3.0, vec![0xfd, 0xff], true),
+            (MavParamExtType::MAV_PARAM_EXT_TYPE_INT32, -3.0, vec![0xfd, 0xff, 0xff, 0xff], true),
+            (MavParamExtType::MAV_PARAM_EXT_TYPE_UINT64, 258.0, vec![2, 1], true),
+            (MavParamExtType::MAV_PARAM_EXT_TYPE_REAL32, 20.5, 20.5f32.to_le_bytes().to_vec(), false),
+            (MavParamExtType::MAV_PARAM_EXT_TYPE_REAL64, 0.1, 0.1f64.to_le_bytes().to_vec(), false),
+        ] {
+            assert_eq!(Type::Extended(kind).is_whole(), whole);
+            let sent = set(Protocol::Extended, "TX_POWER", (51, 68), Type::Extended(kind), value);
+            let MavMessage::PARAM_EXT_SET(sent) = sent else { panic!("not by PARAM_EXT_SET") };
+            let (head, tail) = sent.param_value.split_at(bytes.len());
+            assert!(head == bytes && tail.iter().all(|&byte| byte == 0), "{kind:?}: {head:?}");
+            let stated = MavMessage::PARAM_EXT_VALUE(PARAM_EXT_VALUE_DATA {
+                param_value: sent.param_value,
+                param_id: "TX_POWER".into(),
+                param_type: kind,
+                ..PARAM_EXT_VALUE_DATA::DEFAULT
+            });
+            let answered = MavMessage::PARAM_EXT_ACK(PARAM_EXT_ACK_DATA {
+                param_value: sent.param_value,
+                param_id: "TX_POWER".into(),
+                param_type: kind,
+                ..PARAM_EXT_ACK_DATA::DEFAULT
+            });
+            for message in [stated, answered] {
+                let heard = said(Protocol::Extended, "TX_POWER", &message).unwrap();
+                assert_eq!((heard.kind, heard.value), (Type::Extended(kind), Some(value)));
+                assert_eq!(said(Protocol::Extended, "TX_POWE", &message), None);
+            }
+        }
+        assert!(!Type::Classic(MavParamType::MAV_PARAM_TYPE_REAL32).is_whole());
+        assert!(Type::Classic(MavParamType::MAV_PARAM_TYPE_INT32).is_whole());
+    }
+
+    #[test]
+    fn spec_a_parameter_is_asked_for_by_its_name_and_not_by_an_index() {
+        let indices =
+            [Protocol::Classic, Protocol::Bytewise, Protocol::Extended].map(|protocol| {
+                match read(protocol, "TX_POWER", (51, 68)) {
+                    MavMessage::PARAM_REQUEST_READ(asked) => asked.param_index,
+                    MavMessage::PARAM_EXT_REQUEST_READ(asked) => asked.param_index,
+                    other => panic!("{other:?}"),
+                }
+            });
+        assert_eq!(indices, [-1; 3]);
+    }
+
+    #[test]
+    fn val_values_are_the_same_up_to_a_millionth() {
+        assert!(same(0.0, 0.0) && same(1.0, 1.0 + 0.9e-6) && same(-1e6, -1e6 - 0.9));
+        assert!(!same(1.0, 1.0 + 1.1e-6) && !same(0.01, 0.010_001) && !same(1.0, -1.0));
+    }
 }

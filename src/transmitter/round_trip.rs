@@ -66,4 +66,14 @@ mod tests {
         assert_eq!(trips.median(at(5650)), Some(Duration::from_millis(400)));
         assert_eq!(trips.median(at(8651)), None);
     }
+
+    #[test]
+    fn spec_a_new_measurement_pushes_out_none_that_still_counts() {
+        let mut trips = RoundTrips::default();
+        for (sent, took) in [(1000, 20), (1250, 20), (1500, 900)] {
+            trips.add(at(sent), at(sent + took));
+        }
+        assert_eq!(trips.median(at(2400)), Some(Duration::from_millis(20)));
+        assert_eq!(trips.last(), Some(Duration::from_millis(900)));
+    }
 }

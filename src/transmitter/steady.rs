@@ -40,3 +40,23 @@ impl Steady {
         long.is_zero() || self.off_since.is_some_and(|since| since + long <= now)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn spec_another_power_or_a_break_begins_it_anew() {
+        let at = |ms| Instant::from_start(Duration::from_millis(ms));
+        let on_since = |power_w, until, noted: u64| {
+            let mut steady = Steady::default();
+            let vouched = |power_w, until| Some(Vouched { slot: 1, power_w, until: at(until) });
+            steady.note(vouched(0.1, until), false, at(1000));
+            steady.note(vouched(power_w, 9000), false, at(noted));
+            (1000..).find(|&ms| steady.has_been_on(Duration::from_millis(100), at(ms)))
+        };
+        assert_eq!(on_since(0.1, 1050, 1050), Some(1100));
+        assert_eq!(on_since(0.1, 1049, 1050), Some(1150), "a break");
+        assert_eq!(on_since(0.2, 1050, 1050), Some(1150), "another power");
+    }
+}

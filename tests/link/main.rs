@@ -8,6 +8,7 @@ mod clocks;
 mod codec;
 mod common;
 mod dialect;
+mod gate;
 #[cfg(all(unix, feature = "serial"))]
 mod serial;
 mod signing;

@@ -62,3 +62,42 @@ impl Clocks {
 fn signed_us(utc: Utc) -> i64 {
     i64::try_from(utc.unix_us).unwrap_or(i64::MAX)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const HERE: Utc = Utc { unix_us: 1_800_000_000_000_000 };
+
+    fn at(ms: u64) -> Instant {
+        Instant::from_start(Duration::from_millis(ms))
+    }
+
+    fn ahead(seconds: f64) -> Utc {
+        Utc { unix_us: HERE.unix_us.saturating_add_signed((seconds * 1e6) as i64) }
+    }
+
+    #[test]
+    fn spec_clocks_ten_seconds_apart_are_told_and_told_again_when_that_changes_by_as_much() {
+        let mut clocks = Clocks::default();
+        let mut told = |seconds, refused| clocks.heard(ahead(seconds), HERE, refused).is_some();
+        assert!(!told(5.0, false) && !told(9.999_999, false) && !told(-9.999_999, false));
+        assert!(told(10.0, false));
+        assert!(!told(10.0, false) && !told(19.999_999, false) && !told(10.0, false));
+        assert!(told(10.0, true), "now frames are turned away for it");
+        assert!(!told(10.0, true));
+        assert!(told(20.0, true) && told(-20.0, true));
+    }
+
+    #[test]
+    fn spec_a_time_that_only_shows_in_a_signature_is_told_when_it_was_refused_for_a_second_on_end() {
+        let mut clocks = Clocks::default();
+        let far = ahead(1000.0);
+        let seen = |clocks: &mut Clocks, ms| clocks.seen(far, HERE, at(ms)).is_some();
+        assert!(!seen(&mut clocks, 0) && !seen(&mut clocks, 999));
+        clocks.heard(HERE, HERE, false);
+        assert!(!seen(&mut clocks, 1000), "one was taken in between");
+        clocks.heard(HERE, HERE, true);
+        assert!(!seen(&mut clocks, 1999) && seen(&mut clocks, 2000));
+    }
+}

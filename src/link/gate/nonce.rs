@@ -36,3 +36,23 @@ impl Nonces {
 fn slot(now: Instant) -> u64 {
     now.since_start().as_secs() / SLOT.as_secs()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn spec_a_number_is_its_origin_s_alone_and_good_to_the_end_of_the_next_two_seconds() {
+        let at = |ms| Instant::from_start(Duration::from_millis(ms));
+        let (nonces, others) = (Nonces::default(), Nonces::default());
+        let (peer, elsewhere) = (Origin::Peer, Origin::Connection(1));
+        for (made_ms, last_ms) in [(0, 3999), (1999, 3999), (2000, 5999), (9000, 11_999)] {
+            let nonce = nonces.make(peer, at(made_ms));
+            assert!(nonce > 0 && nonce <= BITS);
+            assert!(nonces.made(nonce, peer, at(made_ms)) && nonces.made(nonce, peer, at(last_ms)));
+            assert!(!nonces.made(nonce, peer, at(last_ms + 1)), "{made_ms}");
+            assert!(!nonces.made(nonce, elsewhere, at(made_ms)));
+            assert!(!others.made(nonce, peer, at(made_ms)), "another run's");
+        }
+    }
+}

@@ -114,3 +114,21 @@ fn spec_the_recorder_says_what_is_on_disk_and_puts_there_what_it_takes() {
     assert!(!recorder.keep(NOW + 3 * MINUTE), "it is closed");
     std::fs::remove_dir_all(&directory).ok();
 }
+
+#[test]
+fn spec_a_clock_that_was_never_set_follows_any_and_one_that_was_a_month_at_the_most() {
+    assert_eq!(furthest(CLOCK_SET - 1), LATEST);
+    assert_eq!(furthest(CLOCK_SET), CLOCK_SET + CLOCKS_APART);
+    assert_eq!(furthest(LATEST), LATEST);
+}
+
+#[test]
+fn spec_a_record_that_cannot_be_read_is_not_taken_for_none() {
+    let directory = std::env::temp_dir().join(format!("veilwing-unreadable-{}", std::process::id()));
+    std::fs::create_dir_all(&directory).unwrap();
+    let path = directory.join("state");
+    std::fs::write(&path, [0xff, 0xfe]).unwrap();
+    let opened = Recorder::open(path, NOW);
+    assert!(matches!(opened, Err(SigningError::StateFile { .. })), "{:?}", opened.err());
+    std::fs::remove_dir_all(&directory).ok();
+}

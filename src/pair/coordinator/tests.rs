@@ -130,6 +130,21 @@ fn spec_both_commit_and_i_only_when_j_has_said_so() {
 }
 
 #[test]
+fn spec_a_copy_of_a_proposal_does_not_move_what_was_accepted() {
+    let (mut i, mut j) = pair();
+    i.propose(0, utc(6000), at(2000));
+    i.handle_timeout(at(2000));
+    let proposal = sent(&mut i);
+    proposal.iter().for_each(|m| j.handle_message(m, at(2000)));
+    // J's clock is set, by less than voids the comparison; then the copy comes.
+    j.set_utc(Some(utc(2110)), at(2010));
+    proposal.iter().for_each(|m| j.handle_message(m, at(2010)));
+    sent(&mut j).iter().for_each(|m| i.handle_message(m, at(2010)));
+    sent(&mut i).iter().for_each(|m| j.handle_message(m, at(2010)));
+    assert_eq!(j.commitment().map(|c| c.opens_at), Some(at(6000)));
+}
+
+#[test]
 fn spec_a_delayed_commit_commits_nobody() {
     let (mut i, mut j) = pair();
     i.propose(0, utc(6000), at(2000));

@@ -81,3 +81,9 @@ fn spec_a_status_counts_once_and_its_flags_are_what_it_says() {
     assert!(peer.says(VeilwingFlags::VEILWING_FLAGS_LANDED));
     assert!(!peer.says(VeilwingFlags::VEILWING_FLAGS_AIRBORNE));
 }
+
+#[test]
+fn val_a_peer_is_silent_since_its_last_word() {
+    assert_eq!(Peer::default().silent_for(at(300)), None);
+    assert_eq!(known().silent_for(at(300)), Some(Duration::from_micros(100)));
+}

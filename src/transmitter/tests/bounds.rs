@@ -263,3 +263,14 @@ fn spec_the_preflight_names_a_radio_that_is_not_there_and_a_command_that_is_none
     let checks = numbered.preflight(Instant::ZERO);
     assert!(checks.iter().any(|check| check.detail == "the radio has not answered yet"), "{checks:?}");
 }
+
+#[test]
+fn spec_an_answer_is_ours_by_the_system_that_was_adopted() {
+    let mut world = deaf();
+    world.transmitter.adopt_system(7, world.now);
+    let header = MavHeader { system_id: 7, component_id: RADIO.1, sequence: 0 };
+    world.transmitter.handle_message(header, &ack(i32::MIN, OWN), world.now);
+    assert_eq!(world.transmitter.supports_expiry(), None, "another's");
+    world.transmitter.handle_message(header, &ack(i32::MIN, (7, OWN.1)), world.now);
+    assert_eq!(world.transmitter.supports_expiry(), Some(true));
+}

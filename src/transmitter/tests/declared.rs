@@ -109,8 +109,18 @@ fn spec_what_it_cannot_do_is_refused_by_name_with_the_value_and_what_it_should_b
         (Fact::BandLowKhz, 2_399_000.0, DEMANDS, "TX_BAND", Fail, "should be within 2400000 to 2410000 kHz"),
         (Fact::BandHighKhz, 2_411_000.0, DEMANDS, "TX_BAND", Fail, "2401000 to 2411000 kHz"),
         (Fact::BandLowKhz, -1.0, DEMANDS, "TX_BAND", Warn, "not known"),
+        (Fact::BandHighKhz, -1.0, DEMANDS, "TX_BAND", Warn, "not known"),
+        (Fact::BandLowKhz, 0.0, DEMANDS, "TX_BAND", Fail, "0 to 2409000 kHz"),
+        (Fact::BandHighKhz, 0.0, DEMANDS, "TX_BAND", Fail, "2401000 to 0 kHz"),
+        // Its edges, and what single precision makes of them.
+        (Fact::BandLowKhz, 2_400_000.0, DEMANDS, "TX_BAND", Pass, "2400000 to 2409000 kHz"),
+        (Fact::BandHighKhz, 2_410_000.0, DEMANDS, "TX_BAND", Pass, "2401000 to 2410000 kHz"),
+        (Fact::BandHighKhz, 2_410_002.0, DEMANDS, "TX_BAND", Pass, "2401000 to 2410002 kHz"),
+        (Fact::BandHighKhz, 2_410_003.0, DEMANDS, "TX_BAND", Fail, "2401000 to 2410003 kHz"),
         (Fact::MaxDbm, 27.0, DEMANDS, "TX_MAX_DBM", Fail, "should be at most 500.000 mW"),
         (Fact::MaxDbm, 26.9, DEMANDS, "TX_MAX_DBM", Pass, "within emission.max_power_w"),
+        // Half a watt, as single precision has it: a little more.
+        (Fact::MaxDbm, 26.9897, DEMANDS, "TX_MAX_DBM", Pass, "within emission.max_power_w"),
     ] {
         let checks = compared(&but(&[(fact, is)]), &demands);
         let check = checks.iter().find(|check| check.name == name);
@@ -133,11 +143,14 @@ fn spec_a_jammer_that_cannot_give_its_power_is_told_of_and_vehicle_i_is_not() {
     assert!(short.result == Verdict::Warn && short.detail.contains("50.000 mW"), "{short:?}");
     assert!(of(Role::I).iter().all(|check| check.result == Verdict::Pass));
     // Levels are rounded down, and below the first there is nothing.
-    let levels = [0.025, 0.1].map(|power_w| Level { value: power_w * 1e3, power_w });
+    let levels = [0.0, 0.025, 0.1].map(|power_w| Level { value: power_w * 1e3, power_w });
     let mut by_levels = by_parameter(Unit::Levels(levels.to_vec()), Protocol::Classic);
     give(&mut by_levels, &classic(0.0), Instant::ZERO);
     let plan = |plan: &[(&str, f64)]| {
         let checks = by_levels.compare(&Demands { real: false, ..DEMANDS }, plan, Watts(1.0));
+        assert!(
+            checks.iter().all(|check| check.result == Verdict::Warn || check.detail.contains("25.000 mW"))
+        );
         checks.into_iter().map(|check| (check.name, check.result)).collect::<Vec<_>>()
     };
     assert_eq!(plan(&[("a", 0.1)]), [("transmitter power", Verdict::Pass)]);
@@ -215,4 +228,59 @@ fn val_what_is_not_read_back_is_vouched_for_once_the_device_has_had_its_time() {
     });
     assert!(vouched_after[0] < ms(20), "{vouched_after:?}");
     assert_eq!(vouched_after[1], vouched_after[0] + ms(200));
+}
+
+#[test]
+fn spec_nothing_is_compared_of_a_radio_that_was_never_heard() {
+    assert_eq!(compared(&World::new(steady(5)), &DEMANDS), []);
+}
+
+#[test]
+fn spec_a_slot_without_power_asks_nothing_of_the_radio_and_a_jammer_is_full_to_the_last_bit() {
+    let world = but(&[]);
+    let verdict = |plan: &[(&str, f64)], ceiling_w| {
+        let checks = world.transmitter.compare(&DEMANDS, plan, Watts(ceiling_w));
+        checks.into_iter().find(|check| check.name == "transmitter power").map(|check| check.result)
+    };
+    assert_eq!(verdict(&[("alpha", 0.1), ("bravo", 0.0)], 0.1), Some(Verdict::Pass));
+    assert_eq!(verdict(&[("bravo", 0.0)], 0.1), None);
+    let full_w = FULL_POWER * 0.1;
+    assert_eq!(verdict(&[("alpha", 0.1)], full_w), Some(Verdict::Pass));
+    assert_eq!(verdict(&[("alpha", 0.1)], full_w.next_down()), Some(Verdict::Warn));
+}
+
+#[test]
+fn spec_a_radio_that_is_heard_late_is_asked_as_often_as_one_that_is_there() {
+    let rounds = |heard_ms| {
+        let mut world = World::new(Vec::new);
+        world.run(ms(heard_ms));
+        world.give(&MavMessage::HEARTBEAT(HEARTBEAT_DATA::default()));
+        world.run(ms(10_000));
+        (world.asked.len() / GOOD.len(), world.asked.len() % GOOD.len())
+    };
+    assert_eq!(rounds(500), (5, 0), "that has just begun");
+    assert_eq!(rounds(2500), (3 + 5, 0));
+}
+
+#[test]
+fn spec_a_radio_that_was_not_heard_for_long_is_asked_for_everything_anew() {
+    let mut world = World::new(steady(5));
+    world.run(ms(50));
+    GOOD.iter().for_each(|(fact, is)| world.give(&value(*fact, *is)));
+    assert_eq!(world.transmitter.poll_timeout(), None, "off, and asked for nothing");
+    world.run(ms(6000));
+    let asked_anew = |world: &mut World, silent: Duration| {
+        world.now = world.now + silent;
+        let before = world.asked.len();
+        world.give(&value(Fact::MaxDbm, 20.0));
+        world.run(ms(50));
+        // Its answer ends it.
+        world.give(&value(Fact::MaxDbm, 20.0));
+        world.asked.len() - before
+    };
+    assert_eq!(asked_anew(&mut world, ms(0)), GOOD.len(), "it has had nothing to say for seconds");
+    assert_eq!(asked_anew(&mut world, SILENCE_OF_LINK), 0);
+    assert_eq!(asked_anew(&mut world, SILENCE_OF_LINK + STEP), GOOD.len());
+    world.run(ms(5000));
+    assert_eq!(world.transmitter.poll_timeout(), None);
 }

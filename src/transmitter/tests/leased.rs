@@ -318,3 +318,10 @@ fn spec_strangers_and_answers_to_others_change_nothing() {
     world.transmitter.handle_message(stranger, &MavMessage::COMMAND_ACK(ack(1)), world.now);
     assert_eq!(world.transmitter.supports_expiry(), None);
 }
+
+#[test]
+fn spec_the_round_trip_of_a_radio_that_is_off_is_what_was_measured_last() {
+    let mut world = World::new(steady(7));
+    world.run(ms(5000));
+    assert_eq!(world.transmitter.round_trip(world.now), Some(ms(15)));
+}

@@ -121,3 +121,32 @@ fn spec_an_adopted_system_is_the_one_commanded_and_the_first_word_is_off() {
         assert!(command.y <= 0 || command.param1 == f32::NEG_INFINITY, "not an off: {command:?}");
     }
 }
+
+/// A radio of two levels, the first of which radiates nothing either; told off, and of a known type.
+fn of_two_levels() -> (Transmitter, Instant) {
+    let levels = [(1.0, 0.0), (2.0, 0.1)].map(|(value, power_w)| Level { value, power_w });
+    let mut transmitter = by_parameter(Unit::Levels(levels.to_vec()), Protocol::Classic);
+    let now = Instant::from_start(ms(10));
+    (0..2).for_each(|_| give(&mut transmitter, &classic(0.0), now));
+    assert!(transmitter.is_off(now));
+    drain(&mut transmitter);
+    (transmitter, now)
+}
+
+#[test]
+fn spec_a_level_without_power_is_no_power_in_force() {
+    let (mut transmitter, now) = of_two_levels();
+    transmitter.set(0.05, 4, now + ms(300), now).unwrap();
+    give(&mut transmitter, &classic(1.0), now + ms(8));
+    assert_eq!(transmitter.acknowledged(), None);
+}
+
+#[test]
+fn val_the_round_trip_of_a_value_that_was_set_twice_counts_from_the_first_time() {
+    let (mut transmitter, now) = of_two_levels();
+    transmitter.set(0.1, 4, now + ms(300), now).unwrap();
+    transmitter.handle_timeout(now + ms(50));
+    assert_eq!(drain(&mut transmitter).len(), 2);
+    give(&mut transmitter, &classic(2.0), now + ms(80));
+    assert_eq!(transmitter.round_trip(now + ms(80)), Some(ms(80)));
+}

@@ -48,6 +48,33 @@ fn spec_each_timer_is_due_in_its_turn_and_by_its_name() {
 }
 
 #[test]
+fn spec_clocks_agree_once_they_are_compared() {
+    assert!(!coordinator(Role::I, 11).clocks_agree());
+    let (i, j) = pair();
+    assert!(i.clocks_agree() && j.clocks_agree());
+}
+
+#[test]
+fn spec_a_status_says_where_the_vehicle_is_and_what_it_is_committed_to() {
+    let (mut i, mut j) = pair();
+    let said = |i: &mut Coordinator, j: &mut Coordinator, ms: u64| {
+        let own = |message| match message {
+            MavMessage::VEILWING_STATUS(status) if status.boot_id == 11 => Some(status),
+            _ => None,
+        };
+        let last = (0..20).flat_map(|k| run(i, j, ms + 10 * k)).filter_map(own).last().unwrap();
+        ((last.proposal, last.slot), last.position_enu_m)
+    };
+    let (nothing, nowhere) = said(&mut i, &mut j, 2000);
+    assert!(nothing == (0, 0) && nowhere.iter().all(|x| x.is_nan()), "{nowhere:?}");
+    i.set_local(Local { position_enu_m: Some(Enu::new(1.0, -2.0, 80.5)), ..Local::default() }, at(2200));
+    j.set_readiness(Some(2));
+    i.propose(2, utc(8000), at(2200));
+    let (committed, here) = said(&mut i, &mut j, 2200);
+    assert_eq!((committed, here), ((i.commitment().unwrap().proposal, 2), [1.0, -2.0, 80.5]));
+}
+
+#[test]
 fn spec_the_clock_is_asked_when_it_is_due_and_once_a_second() {
     let mut time = SharedTime::new(Duration::from_millis(250), at(100));
     time.set_utc(Some(utc(0)), Instant::ZERO);

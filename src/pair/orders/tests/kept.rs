@@ -154,3 +154,21 @@ fn spec_the_peer_has_an_order_once_it_has_said_its_number_or_a_later_one() {
         }
     }
 }
+
+#[test]
+fn spec_what_was_heard_waits_to_be_kept() {
+    let mut pair = Pair::new();
+    let number = pair.give(0, Order::Pause);
+    pair.say(0);
+    pair.say(0);
+    let record = kept(&mut pair, 1);
+    assert_eq!(record.map(|record| (record.hold, record.holding)), Some((number, true)));
+}
+
+#[test]
+fn spec_a_recall_of_the_peer_s_is_told_once() {
+    let mut pair = Pair::new();
+    pair.give(0, Order::Recall);
+    assert_eq!(pair.say(0), [Change::Recalled]);
+    assert_eq!(pair.say(0), []);
+}
