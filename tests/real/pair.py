@@ -40,6 +40,7 @@ def arguments():
     p.add_argument("--altitude", type=float, nargs=2, help="the mission's band, m, in place of its own")
     p.add_argument("--slot", type=float, help="its slot_s, in place of its own")
     p.add_argument("--settle", type=float, help="its settle_s, in place of its own")
+    p.add_argument("--optimise", help="in place of its own")
     p.add_argument("--turning", action="store_true", help="served through its turns, twice round")
     p.add_argument("--limit", nargs="*", default=[], help="keys of both [vehicles] tables in place of the frame's: NAME=VALUE")
     p.add_argument("--origin", type=float, nargs=3, default=[47.397742, 8.545594, 488.0])
@@ -101,6 +102,8 @@ def mission_of(options, vehicles):
         text = replaced(r"^slot_s = [^\n]*$", text, f"slot_s = {options.slot}")
     if options.settle:
         text = replaced(r"^settle_s = [^\n]*$", text, f"settle_s = {options.settle}")
+    if options.optimise:
+        text = replaced(r"^optimise = [^\n]*$", text, f'optimise = "{options.optimise}"')
     if options.turning:
         text = replaced(r"^mode = [^\n]*$", text, 'mode = "turning"')
         text = replaced(r"^superframes = [^\n]*$", text, "superframes = 2")

@@ -48,10 +48,11 @@ fly() {
 omni() { kind=$1 name=$2; shift 2; fly "$kind" "$name" --set COM_OBL_RC_ACT=5 --timeout 160 "$@"; }
 quad() { kind=$1 name=$2; shift 2; fly "$kind" "$name" --i quad --j quad --set GUID_TIMEOUT=1 --timeout 200 "$@"; }
 radio="VW_TX_FN=94 VW_DBM_LO=-10 VW_DBM_HI=27"
+# Tilted by 12 deg at most J cannot help both users from one place: with optimise = "volume" it would jam for bravo with picowatts.
 # shellcheck disable=SC2086  # three words
 six() {
     kind=$1 name=$2; shift 2
-    fly "$kind" "$name" --i six --j six --altitude 12 22 --settle 5 --bridge-radio --set GUID_TIMEOUT=1 $radio --timeout 240 "$@"
+    fly "$kind" "$name" --i six --j six --altitude 12 22 --settle 5 --optimise rate --bridge-radio --set GUID_TIMEOUT=1 $radio --timeout 240 "$@"
 }
 
 on='slot 0: on+3'
