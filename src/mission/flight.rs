@@ -174,9 +174,7 @@ impl Executive {
     fn radio_checks(&self, now: Instant) -> Vec<Check> {
         let interlock = self.service.interlock();
         let role = self.settings.role;
-        let slots = self.plan.iter().flat_map(|plan| &plan.slots);
-        let powers: Vec<(&str, f64)> =
-            slots.map(|slot| (slot.user.as_str(), slot.plan.vehicles[role].tx_power_w)).collect();
+        let powers: Vec<(&str, f64)> = self.plan.iter().flat_map(|plan| plan.powers_w(role)).collect();
         let mut checks = interlock.transmitter().preflight(now);
         checks.extend(interlock.transmitter().compare(&self.settings.demands, &powers, interlock.ceiling()));
         checks

@@ -52,6 +52,11 @@ impl Itinerary {
         Ok(Self { table, way_home, tracks })
     }
 
+    /// How both vehicles turn in a slot, where they do on the air.
+    pub fn tracks(&self, slot: u16) -> Option<&PerVehicle<Track>> {
+        self.tracks.get(usize::from(slot))
+    }
+
     /// What the two companions agree on, slot by slot.
     pub fn terms(&self, plan: &Plan) -> PlanTerms {
         let terms = |entry: &Entry| {

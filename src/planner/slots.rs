@@ -7,7 +7,7 @@ use sha2::{Digest, Sha256};
 use super::moving::{Moving, Spline};
 use super::plan::{SlotPlan, VehiclePlan};
 use super::turning::Protected;
-use crate::role::PerVehicle;
+use crate::role::{PerVehicle, Role};
 
 /// One user's slot.
 #[derive(Debug, Clone, PartialEq)]
@@ -43,6 +43,17 @@ impl Plan {
     #[must_use]
     pub fn lengths(&self, usual: Duration) -> Vec<Duration> {
         self.slots.iter().map(|slot| slot.length.unwrap_or(usual)).collect()
+    }
+
+    /// All powers in watts that a vehicle is to radiate, each with the user that it is for: of a user who is served through turns, one
+    /// a knot.
+    pub fn powers_w(&self, role: Role) -> impl Iterator<Item = (&str, f64)> {
+        let name = move |user: usize| self.slots.get(user).map_or("", |slot| slot.user.as_str());
+        let turned = self.turns.iter().flat_map(Protected::knots);
+        let turned =
+            turned.filter_map(move |knot| Some((name(knot.served?), knot.vehicles[role].tx_power_w)));
+        let standing = self.slots.iter().filter(|_| self.turns.is_none());
+        standing.map(move |slot| (slot.user.as_str(), slot.plan.vehicles[role].tx_power_w)).chain(turned)
     }
 
     /// Seals the slots with their digest.

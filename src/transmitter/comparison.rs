@@ -16,6 +16,8 @@ use super::{Driver, Transmitter, power_dbm};
 const REACTION: Duration = Duration::from_millis(100);
 /// J vouches for the plan's power alone, less what a radio's steps and the wire's rounding take away.
 pub const FULL_POWER: f64 = 0.99;
+/// Weaker than any payload radio's least: -60 dBm.
+const FAINT_W: f64 = 1e-9;
 /// Single precision carries thousandths of a dBm so well.
 const ROUNDING_DB: f32 = 1e-5;
 /// Single precision carries frequencies and powers so well.
@@ -158,8 +160,17 @@ impl Transmitter {
             );
             return Some(check(name, Verdict::Warn, detail));
         }
-        let weakest = asked().map(|(_, planned_w)| *planned_w).min_by(f64::total_cmp)?;
-        let least = self.least_w()?;
+        let (user, weakest) = asked().min_by(|a, b| f64::total_cmp(&a.1, &b.1))?;
+        let weakest = *weakest;
+        let Some(least) = self.least_w() else {
+            let detail = format!(
+                "{} for {user}, should be at least {}: the radio does not say its least, and none that is made for this is so weak; give the mission's vehicles.{}.min_power_w",
+                shown(weakest),
+                shown(FAINT_W),
+                demands.role.key()
+            );
+            return (weakest < FAINT_W).then(|| check(name, Verdict::Warn, detail));
+        };
         let detail = format!("{} and above, the radio's least is {}", shown(weakest), shown(least));
         Some(check(name, Verdict::Pass, detail))
     }

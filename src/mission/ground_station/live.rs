@@ -94,7 +94,8 @@ impl Executive {
 
     /// The model at what is known now; `None` outside slots, and while a position is unknown or old.
     fn figures(&self, now: Instant) -> Option<Figures> {
-        let entry = self.itinerary.as_ref()?.entry(self.service.slot()?.commitment.slot)?;
+        let (itinerary, slot) = (self.itinerary.as_ref()?, self.service.slot()?.commitment);
+        let entry = itinerary.entry(slot.slot)?;
         let planned = self.plan.as_ref()?.slots.get(entry.user_index)?.plan.vehicles;
         let (role, peer) = (self.settings.role, self.service.peer());
         if !self.autopilot.fresh(now) || !peer.heard_within(self.settings.pair.peer_timeout, now) {
@@ -109,12 +110,18 @@ impl Executive {
             tx_power_w: radiates.map_or(0.0, |radiates| radiates.power_w),
             antenna: &scene.antennas[role],
         };
-        let other_plan = planned[role.peer()];
+        let (other_plan, since_opening_s) = (planned[role.peer()], now.seconds_since(slot.opens_at));
+        let (axis, tx_power_w) = match itinerary.tracks(slot.slot).map(|tracks| &tracks[role.peer()]) {
+            Some(track) => {
+                (track.attitude(since_opening_s).antenna_axis(), track.tx_power_w(since_opening_s))
+            }
+            None => (other_plan.pose.antenna_axis(), other_plan.tx_power_w),
+        };
         let radiates = peer.says(VeilwingFlags::VEILWING_FLAGS_RADIATING);
         let other = Transmitter {
             position_enu_m: peer.position_enu_m?,
-            axis: other_plan.pose.antenna_axis(),
-            tx_power_w: if radiates { other_plan.tx_power_w } else { 0.0 },
+            axis,
+            tx_power_w: if radiates { tx_power_w } else { 0.0 },
             antenna: &scene.antennas[role.peer()],
         };
         let Radio { reference_gain, noise_power_w, .. } = scene.radio;

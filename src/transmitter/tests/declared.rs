@@ -172,6 +172,16 @@ fn spec_a_radio_is_asked_until_it_answers_and_one_that_declares_nothing_is_taken
     world.run(ms(7000));
     let simulated = Demands { real: false, ..DEMANDS };
     assert_eq!(compared(&world, &simulated), []);
+    // No radio jams with picowatts, whatever it says of itself.
+    let [faint] = &world.transmitter.compare(&simulated, &[("alpha", 0.1), ("bravo", 7e-12)], Watts(1.0))[..]
+    else {
+        panic!("one check is wanted");
+    };
+    assert!(
+        (faint.name, faint.result) == ("transmitter power", Verdict::Warn)
+            && faint.detail.contains("for bravo"),
+        "{faint:?}"
+    );
     let undeclared = facts(&world, &DEMANDS).unwrap();
     assert!(
         undeclared.result == Verdict::Warn && undeclared.detail.contains("TX_MIN_DBM, TX_OFF_MS"),
