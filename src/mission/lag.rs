@@ -55,8 +55,11 @@ impl AttitudeLag {
         }
         let rate = rate_at(motion, at);
         let square = rate.norm_squared();
+        if square < LEAST_RATE_RAD_S.powi(2) {
+            return;
+        }
         let was = rate_at(motion, at - STEADY);
-        if square < LEAST_RATE_RAD_S.powi(2) || (rate - was).norm_squared() > STEADY_WITHIN.powi(2) * square {
+        if (rate - was).norm_squared() > STEADY_WITHIN.powi(2) * square {
             return;
         }
         let meant = motion.sample(at).attitude.rotation();

@@ -64,8 +64,8 @@ pub struct World {
     vehicles: [Vehicle; 2],
     users: Vec<Receiver>,
     eavesdroppers: Vec<Receiver>,
-    /// The index of the user of each slot.
-    users_of: Vec<usize>,
+    /// I's and J's poses in each slot, and the index of the slot's user.
+    plans: Vec<([Reference; 2], usize)>,
     openings: Openings,
     scores: Vec<SlotScore>,
     /// Samples of radiation in no slot of the plan.
@@ -94,7 +94,11 @@ impl World {
             )
         };
         let user_of = |name: &str| config.users.iter().position(|u| u.name == name).unwrap_or(0);
-        let users_of = config.slots.iter().map(|s| user_of(&s.user)).collect();
+        let plans = config
+            .slots
+            .iter()
+            .map(|s| ([Reference::from(&s.poses[0]), Reference::from(&s.poses[1])], user_of(&s.user)))
+            .collect();
         Ok(Self {
             vehicles: [vehicle(0), vehicle(1)],
             users: Receiver::all(&config.users, Kind::User, config.fading.user, config.seed),
@@ -104,7 +108,7 @@ impl World {
                 config.fading.eavesdropper,
                 config.seed,
             ),
-            users_of,
+            plans,
             openings: Openings::default(),
             scores: vec![SlotScore::default(); config.slots.len()],
             outside_slots: [0; 2],
@@ -258,12 +262,16 @@ impl World {
     /// The slot that a vehicle's power command names, if the plan has it.
     fn slot_of(&self, vehicle: usize) -> Option<usize> {
         let emission = self.vehicles[vehicle].transmitter().emission()?;
-        usize::try_from(emission.slot).ok().filter(|slot| *slot < self.config.slots.len())
+        usize::try_from(emission.slot).ok().filter(|slot| *slot < self.plans.len())
     }
 
     /// What the plan has a vehicle do in a slot at an instant.
     fn reference(&self, slot: usize, vehicle: usize, at: Duration) -> Reference {
-        self.openings.reference(slot, &self.config.slots[slot], vehicle, at)
+        let standing = self.plans[slot].0[vehicle];
+        match &self.config.slots[slot].turns {
+            Some(turns) => self.openings.reference(slot, turns, standing, vehicle, at),
+            None => standing,
+        }
     }
 
     /// `of_i`: what the plan of I's slot asks of this vehicle.
@@ -352,7 +360,7 @@ impl World {
         self.secrecy_rate_bps = None;
         let (Some(power_i), Some(slot)) = (seen[0].power_w, seen[0].slot) else { return };
         let (i, j) = (self.emitter(0, power_i), self.emitter(1, seen[1].power_w.unwrap_or(0.0)));
-        let user = self.users_of[slot];
+        let user = self.plans[slot].1;
         let rate =
             radio::secrecy_rate_bps(&self.config.radio, &i, &j, &self.users[user], &self.eavesdroppers);
         self.secrecy_rate_bps = Some(rate);

@@ -99,7 +99,7 @@ impl World {
         let (i, j) = (self.emitter(0, power_w(0)), self.emitter(1, power_w(1)));
         let at = |receiver: &Receiver| sinr(&self.config.radio, &i, &j, receiver);
         Some(Heard {
-            user_sinr: at(&self.users[self.users_of[slot]]),
+            user_sinr: at(&self.users[self.plans[slot].1]),
             eavesdropper_sinr: self.eavesdroppers.iter().map(at).collect(),
         })
     }

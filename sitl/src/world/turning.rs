@@ -55,14 +55,19 @@ impl Openings {
         }
     }
 
-    /// What the plan has a vehicle do in a slot at an instant: where it turns, and the slot's opening is known, on its way.
-    pub fn reference(&self, slot: usize, planned: &PlannedSlot, vehicle: usize, at: Duration) -> Reference {
-        let standing = Reference::from(&planned.poses[vehicle]);
-        match (&planned.turns, self.by_slot.get(slot).copied().flatten()) {
-            (Some(turns), Some(opens_at)) => {
-                turns.reference(standing, vehicle, at.as_secs_f64() - opens_at.as_secs_f64())
-            }
-            _ => standing,
+    /// What the plan has a vehicle do in a slot at an instant: on its way if the slot's opening is known, else as it is between two
+    /// turns.
+    pub fn reference(
+        &self,
+        slot: usize,
+        turns: &PlannedTurns,
+        standing: Reference,
+        vehicle: usize,
+        at: Duration,
+    ) -> Reference {
+        match self.by_slot.get(slot).copied().flatten() {
+            Some(opens_at) => turns.reference(standing, vehicle, at.as_secs_f64() - opens_at.as_secs_f64()),
+            None => standing,
         }
     }
 }
@@ -138,7 +143,9 @@ mod tests {
         let mut openings = Openings::default();
         let at = Duration::from_secs(20);
         let reference = |openings: &Openings, number: usize, s: f64| {
-            openings.reference(number, &slots[number], 1, Duration::from_secs_f64(s))
+            let (turns, standing) =
+                (slots[number].turns.as_ref().unwrap(), Reference::from(&slots[number].poses[1]));
+            openings.reference(number, turns, standing, 1, Duration::from_secs_f64(s))
         };
         // Nothing is proposed: the pose that the plan has for the slot.
         assert_eq!(reference(&openings, 1, 23.0).attitude.euler_angles().0, 0.2);

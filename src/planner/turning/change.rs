@@ -266,14 +266,9 @@ impl<W: Ways> Change<'_, '_, W> {
         }
     }
 
-    /// What a turn in silence takes at least.
-    fn least_s(&self) -> f64 {
-        (self.guard_s - READY_S).max(0.0)
-    }
-
     /// The turn between the ends of both ramps: I's, J's, and the least.
     fn times_s(&self, sides: [&[Ramp; 2]; 2]) -> ([f64; 3], [[Angles; 2]; 2]) {
-        let mut times = [0.0, 0.0, self.least_s()];
+        let mut times = [0.0, 0.0, self.case.ways.least_s()];
         let mut by = [[[0.0; 3]; 2]; 2];
         for v in 0..2 {
             let ends = [0, 1].map(|side: usize| with_yaw(sides[side][v].end(), &angles(&self.raws[side], v)));
@@ -331,7 +326,7 @@ impl<W: Ways> Change<'_, '_, W> {
                 let [from, to] = [self.standing(side, v), self.standing(1 - side, v)];
                 let way = [to[0] - from[0], to[1] - from[1]];
                 let length = libm::hypot(way[0], way[1]);
-                let beyond = (times[v] - self.least_s()).max(0.0) * self.rate_of_turn(v);
+                let beyond = (times[v] - self.case.ways.least_s()).max(0.0) * self.rate_of_turn(v);
                 if length <= 1e-9 || beyond <= 0.0 {
                     continue;
                 }
@@ -357,7 +352,7 @@ impl<W: Ways> Change<'_, '_, W> {
         let (times, _) = self.times_s([&none[0], &none[1]]);
         let still = self.changed(&none, &[[None; NODES.len()]; 2], memory);
         // The guard is long enough: nobody need turn while anybody is served.
-        if times[0].max(times[1]) <= self.least_s() {
+        if times[0].max(times[1]) <= self.case.ways.least_s() {
             return still;
         }
         let standing = |view: View, memory: &mut Memory| {
