@@ -116,6 +116,45 @@ fn spec_a_lost_stream_that_is_left_to_missing_sticks_drifts_away_and_down() {
 }
 
 #[test]
+fn spec_px4_goes_back_to_offboard_after_a_landing() {
+    for (trap, after) in [(true, "OFFBOARD"), (false, "LAND")] {
+        let mut f = Flight::new(of(Firmware::Px4, |t| t.armable_mode_returns = trap));
+        f.take_off();
+        f.clients[0].command(&mut f.world, MavCmd::MAV_CMD_NAV_LAND, &[]);
+        while f.world.snapshot().vehicles[0].armed {
+            f.pass(100);
+        }
+        f.pass(500);
+        assert_eq!(mode(&f), "LAND");
+        f.pass(1000);
+        assert_eq!(mode(&f), after);
+    }
+}
+
+#[test]
+fn spec_the_battery_of_px4_in_simulation_falls_to_its_floor_while_armed_and_is_full_again_after() {
+    let told = |f: &Flight| {
+        f.clients[0].last(|m| match m {
+            MavMessage::SYS_STATUS(s) => Some(s.battery_remaining),
+            _ => None,
+        })
+    };
+    let mut f = Flight::new(of(Firmware::Px4, |t| t.simulated_battery = true));
+    f.pass(5000);
+    assert_eq!(told(&f), Some(100));
+    f.take_off();
+    let goals = f.goals(0);
+    f.stream(40_000, goals, None, |_| {});
+    assert_eq!(told(&f), Some(50));
+    f.clients[0].command(&mut f.world, MavCmd::MAV_CMD_NAV_LAND, &[]);
+    while f.world.snapshot().vehicles[0].armed {
+        f.pass(100);
+    }
+    f.pass(1500);
+    assert_eq!(told(&f), Some(100));
+}
+
+#[test]
 fn spec_px4_calls_itself_at_rest_for_a_second_after_lift_off() {
     let mut f = Flight::new(of(Firmware::Px4, |_| {}));
     f.take_off();

@@ -16,7 +16,7 @@ use veilwing::mission::{Notice, Outgoing};
 use veilwing::planner::slots::Plan;
 use veilwing::planning;
 use veilwing::role::{PerVehicle, Role};
-use veilwing_sitl::{Firmware, FlightReport, RadioDevice, RadioPlace, Slip, World};
+use veilwing_sitl::{Firmware, FlightReport, RadioDevice, RadioPlace, Slip, Traps, World};
 
 /// No flight of the small mission takes longer, faults included.
 pub const LONGEST: Duration = Duration::from_secs(300);
@@ -116,6 +116,8 @@ pub struct Setup {
     pub pair: Path,
     /// An ArduCopter of the 6DoF frame, whose bridge script dies of a burst of commands.
     pub bridged: Option<Role>,
+    /// The manners of both autopilots.
+    pub traps: Traps,
     /// A slip planted in what a vehicle's autopilot hears.
     pub slip: Option<(Role, Slip)>,
     pub seed: u64,
@@ -135,6 +137,7 @@ impl Default for Setup {
             battery: None,
             pair: Path::GOOD,
             bridged: None,
+            traps: Traps::default(),
             slip: None,
             seed: 1,
         }
@@ -168,6 +171,7 @@ impl Flight {
         let leader = &setup.given.i;
         let mut config = world_config(&leader.mission, &leader.plan).unwrap();
         config.seed = setup.seed;
+        config.vehicles.iter_mut().for_each(|vehicle| vehicle.traps = setup.traps);
         if let Some((role, slip)) = setup.slip {
             config.vehicles[index(role)].slip = Some(slip);
         }

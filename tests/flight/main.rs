@@ -17,6 +17,7 @@ mod guard;
 mod harness;
 mod hosts;
 mod kinds;
+mod manners;
 mod metadata;
 mod mutations;
 mod nominal;

@@ -74,6 +74,15 @@ impl Parameters {
         self.revision += 1;
     }
 
+    /// Adds what only PX4 in simulation has: how long its battery lasts, in seconds, and where it stops, in percent.
+    pub fn describe_simulated_battery(&mut self) {
+        for (name, value) in [("SIM_BAT_DRAIN", 60.0), ("SIM_BAT_MIN_PCT", 50.0)] {
+            self.table.push((Cow::Borrowed(name), Value::Real(value)));
+        }
+        self.table.sort_by(|a, b| a.0.cmp(&b.0));
+        self.revision += 1;
+    }
+
     pub fn len(&self) -> usize {
         self.table.len()
     }

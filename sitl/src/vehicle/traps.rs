@@ -11,6 +11,13 @@ pub struct Traps {
     /// PX4: a lost stream with COM_OBL_RC_ACT 0 to 2 leaves the vehicle to the pilot's sticks, and without any it goes away
     /// sideways and down. Off: it lands.
     pub sticks_missing: bool,
+    /// PX4: a second after disarming it goes back to the last mode asked for that can be armed in: OFFBOARD, after a landing.
+    pub armable_mode_returns: bool,
+    /// PX4: telemetry leaves on the ticks of an 8 ms loop: 50 Hz comes in steps of 16 and 24 ms.
+    pub uneven_telemetry: bool,
+    /// PX4 in simulation: the battery that it reports loses its charge in SIM_BAT_DRAIN seconds of being armed, whatever is
+    /// flown, down to SIM_BAT_MIN_PCT and no further, and is full again once disarmed.
+    pub simulated_battery: bool,
     /// PX4: the land detector takes little body-z thrust without motion for the ground, and disarms in mid-air.
     pub land_detector: bool,
     /// PX4: with the roll and pitch rate bits of an attitude target clear, its rates and scalar thrust are flown too,
@@ -65,6 +72,9 @@ impl Default for Traps {
             ack_without_stream: true,
             resume_takes_over: true,
             sticks_missing: true,
+            armable_mode_returns: true,
+            uneven_telemetry: true,
+            simulated_battery: false,
             land_detector: true,
             rates_fight_attitude: true,
             guided_first: true,

@@ -198,7 +198,10 @@ impl Autopilot {
                 self.offboard.clear();
             }
             self.enter(mode, &sensed);
+        } else {
+            self.traces.changes(mode, mode, now);
         }
+        self.asked_for(mode);
         if mode == Mode::Takeoff {
             let above_m = f64::from(self.parameters.real("MIS_TAKEOFF_ALT"));
             self.flight.takeoff_altitude_enu_m = Some(sensed.position_enu_m.z + above_m);
@@ -254,14 +257,14 @@ impl Autopilot {
             return self.unknown_message();
         }
         let firmware = self.firmware;
-        let streams = self.streams.entry(link).or_insert_with(|| streams::Streams::new(firmware, now));
+        let refuses = firmware == Firmware::ArduCopter && self.traps.fast_interval_refused;
+        let streams = self.streams(link, now);
         if interval_us < 0.0 {
             streams.stop(id);
         } else if interval_us == 0.0 {
             streams.set_default(id, firmware, now);
         } else {
             let asked = Duration::from_micros(interval_us as u64).min(SLOWEST_INTERVAL);
-            let refuses = firmware == Firmware::ArduCopter && self.traps.fast_interval_refused;
             if asked < FASTEST_INTERVAL && refuses {
                 return MavResult::MAV_RESULT_DENIED;
             }

@@ -63,6 +63,8 @@ pub const COMPONENT: u8 = 1;
 const HEARTBEAT_INTERVAL: Duration = Duration::from_secs(1);
 /// From a restart to the first word.
 const BOOT_TIME: Duration = Duration::from_secs(3);
+/// From disarming to the mode that PX4 goes back to, as seen on the real program.
+const MODE_RETURNS_AFTER: Duration = Duration::from_secs(1);
 
 /// What the autopilot's estimator says at one instant.
 #[derive(Debug, Clone, Copy)]
@@ -108,6 +110,10 @@ pub(crate) struct Autopilot {
 
     pub mode: Mode,
     pub armed: bool,
+    /// The last mode asked for in which it can be armed.
+    armable: Mode,
+    /// PX4: the mode to go back to after disarming, and when.
+    returns_to: Option<(Mode, Duration)>,
     /// As the autopilot believes.
     pub landed: bool,
     /// As it is.
@@ -148,6 +154,9 @@ impl Autopilot {
         }
         if config.firmware == Firmware::Px4 {
             parameters.describe_rotors(&config.rotors());
+            if config.traps.simulated_battery {
+                parameters.describe_simulated_battery();
+            }
         }
         // The two of a pair return at altitudes of their own.
         if config.role == Role::J {
@@ -182,6 +191,8 @@ impl Autopilot {
                 Firmware::ArduCopter => Mode::Stabilize,
             },
             armed: false,
+            armable: Mode::Hold,
+            returns_to: None,
             landed: true,
             grounded: true,
             resumes: false,
@@ -344,10 +355,15 @@ impl Autopilot {
     /// The old way to ask for telemetry. PX4 does not listen to it.
     fn request_data_stream(&mut self, link: usize, m: &REQUEST_DATA_STREAM_DATA, now: Duration) {
         if self.firmware == Firmware::ArduCopter {
-            let firmware = self.firmware;
-            let streams = self.streams.entry(link).or_insert_with(|| streams::Streams::new(firmware, now));
+            let streams = self.streams(link, now);
             streams.set_group(m.req_stream_id as u8, m.start_stop == 1, m.req_message_rate, now);
         }
+    }
+
+    /// A link's streams; a new link has the firmware's own.
+    fn streams(&mut self, link: usize, now: Duration) -> &mut streams::Streams {
+        let begun = || streams::Streams::new(self.firmware, &self.traps, now);
+        self.streams.entry(link).or_insert_with(begun)
     }
 
     fn text(&self, severity: MavSeverity, text: &str, router: &mut Router) {
@@ -356,6 +372,7 @@ impl Autopilot {
 
     /// One step: telemetry, failsafes, and what the vehicle shall do.
     pub fn tick(&mut self, sensed: &Sensed, router: &mut Router) -> Guidance {
+        let sensed = &Sensed { battery: self.reported_charge(sensed), ..*sensed };
         self.sensed = Some(*sensed);
         if sensed.now < self.silent_until {
             return Guidance::Off;
@@ -365,10 +382,33 @@ impl Autopilot {
         }
         self.tell(sensed, router);
         self.watch_land(sensed, router);
+        self.watch_disarmed(sensed);
         self.watch(sensed, router);
         self.watch_plans(sensed.now, router);
         let guidance = self.guide(sensed, router);
         self.tilted_by_the_dead(guidance, sensed)
+    }
+
+    /// The charge as it is told, of 1: the battery's, or that which PX4 makes up in simulation.
+    fn reported_charge(&self, sensed: &Sensed) -> f64 {
+        let made_up = self.firmware == Firmware::Px4 && self.traps.simulated_battery;
+        match (made_up, self.armed) {
+            (false, _) => sensed.battery,
+            (true, false) => 1.0,
+            (true, true) => {
+                let armed_s = sensed.now.saturating_sub(self.ground.armed_at).as_secs_f64();
+                let left = 1.0 - armed_s / f64::from(self.parameters.real("SIM_BAT_DRAIN"));
+                left.max(f64::from(self.parameters.real("SIM_BAT_MIN_PCT")) / 100.0)
+            }
+        }
+    }
+
+    /// PX4, disarmed, goes back to a mode that it can be armed in.
+    fn watch_disarmed(&mut self, sensed: &Sensed) {
+        if let Some((mode, _)) = self.returns_to.take_if(|(_, at)| *at <= sensed.now) {
+            self.mode = mode;
+            self.flight.hold_here(sensed.position_enu_m, heading_rad(&sensed.nominal));
+        }
     }
 
     /// ArduCopter takes no key while it is armed, and says so.
@@ -391,14 +431,12 @@ impl Autopilot {
             self.traces.beats(self.mode, self.armed, sensed.now);
         }
         for link in router.active_links().collect::<Vec<_>>() {
-            let streams =
-                self.streams.entry(link).or_insert_with(|| streams::Streams::new(self.firmware, sensed.now));
-            for (id, interval) in streams.due(sensed.now) {
+            for (id, next) in self.streams(link, sensed.now).due(sensed.now) {
                 if let Some(message) = self.message(id, sensed) {
                     router.send(To::Link(link), COMPONENT, &message);
                     if link == COMPANION_LINK {
                         let health = [self.estimator_ok, self.gps_ok];
-                        self.traces.sends(id, interval, health, sensed.now);
+                        self.traces.sends(id, next, health, sensed.now);
                     }
                 }
             }
@@ -412,6 +450,11 @@ impl Autopilot {
     }
 
     fn disarm(&mut self) {
+        if let (Firmware::Px4, true, Some(sensed)) =
+            (self.firmware, self.traps.armable_mode_returns, &self.sensed)
+        {
+            self.returns_to = Some((self.armable, sensed.now + MODE_RETURNS_AFTER));
+        }
         self.armed = false;
         self.traces.disarms();
         self.resumes = false;
@@ -430,15 +473,24 @@ impl Autopilot {
         }
         self.traces.changes(self.mode, mode, sensed.now);
         self.mode = mode;
+        self.returns_to = None;
         self.resumes = false;
         self.failsafe = false;
         self.flight.hold_here(sensed.position_enu_m, heading_rad(&sensed.nominal));
+    }
+
+    /// Somebody has chosen this mode; what a failsafe enters nobody has.
+    fn asked_for(&mut self, mode: Mode) {
+        if ![Mode::Land, Mode::ReturnToLaunch].contains(&mode) {
+            self.armable = mode;
+        }
     }
 
     /// The pilot takes the sticks.
     pub fn pilot_takes_over(&mut self, router: &mut Router) {
         if let Some(sensed) = self.sensed {
             self.enter(Mode::Position, &sensed);
+            self.asked_for(Mode::Position);
             let text = format!("Pilot took over: {}", self.mode.name(self.firmware));
             self.text(MavSeverity::MAV_SEVERITY_INFO, &text, router);
         }

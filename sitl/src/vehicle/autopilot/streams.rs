@@ -6,7 +6,7 @@ use std::time::Duration;
 use mavlink::MessageData;
 use mavlink::dialects::ardupilotmega::*;
 
-use crate::vehicle::config::Firmware;
+use crate::vehicle::config::{Firmware, Traps};
 
 /// What a link is sent before anybody asks: message id and rate.
 const DEFAULT_RATES_HZ: &[(u32, f64)] = &[
@@ -40,6 +40,9 @@ const GROUPS: &[(u8, &[u32])] = &[
     (12, &[SYSTEM_TIME_DATA::ID, BATTERY_STATUS_DATA::ID, EKF_STATUS_REPORT_DATA::ID]),
 ];
 
+/// PX4's loop, on whose ticks a message leaves that is due.
+const PX4_LOOP: Duration = Duration::from_millis(8);
+
 /// A message sent again and again.
 #[derive(Debug, Clone, Copy)]
 struct Stream {
@@ -52,11 +55,14 @@ struct Stream {
 pub(super) struct Streams {
     streams: BTreeMap<u32, Stream>,
     next_due: Duration,
+    /// What is due waits for the next tick of a loop of this period.
+    tick: Option<Duration>,
 }
 
 impl Streams {
-    pub fn new(firmware: Firmware, now: Duration) -> Self {
-        let mut streams = Self { streams: BTreeMap::new(), next_due: now };
+    pub fn new(firmware: Firmware, traps: &Traps, now: Duration) -> Self {
+        let tick = (firmware == Firmware::Px4 && traps.uneven_telemetry).then_some(PX4_LOOP);
+        let mut streams = Self { streams: BTreeMap::new(), next_due: now, tick };
         for (id, _) in DEFAULT_RATES_HZ {
             streams.set_default(*id, firmware, now);
         }
@@ -98,20 +104,25 @@ impl Streams {
         self.streams.get(&id).map(|s| s.interval)
     }
 
-    /// The messages due at `now`, and their intervals. Their times stay on their own grid.
+    /// The messages due at `now`, and when each goes out next. Their times stay on their own grid.
     pub fn due(&mut self, now: Duration) -> Vec<(u32, Duration)> {
-        if now < self.next_due {
+        let tick_us = self.tick.map_or(1, |tick| tick.as_micros() as u64);
+        let now_us = now.as_micros() as u64;
+        // The loop's last tick.
+        let by = Duration::from_micros(now_us - now_us % tick_us);
+        if by < self.next_due {
             return Vec::new();
         }
         let mut due = Vec::new();
         self.next_due = Duration::MAX;
         for (id, stream) in &mut self.streams {
-            if stream.due <= now {
-                due.push((*id, stream.interval));
+            if stream.due <= by {
                 stream.due += stream.interval;
-                if stream.due <= now {
+                if stream.due <= by {
                     stream.due = now + stream.interval;
                 }
+                let next_us = (stream.due.as_micros() as u64).next_multiple_of(tick_us);
+                due.push((*id, Duration::from_micros(next_us)));
             }
             self.next_due = self.next_due.min(stream.due);
         }
@@ -140,7 +151,7 @@ mod tests {
 
     #[test]
     fn spec_streams_keep_their_rate() {
-        let mut streams = Streams::new(Firmware::Px4, Duration::ZERO);
+        let mut streams = Streams::new(Firmware::Px4, &Traps::default(), Duration::ZERO);
         let id = LOCAL_POSITION_NED_DATA::ID;
         streams.set(id, Duration::from_millis(20), Duration::ZERO);
         let mut count = 0;
@@ -156,8 +167,22 @@ mod tests {
     }
 
     #[test]
+    fn spec_px4_sends_on_the_ticks_of_its_loop() {
+        let id = LOCAL_POSITION_NED_DATA::ID;
+        for (uneven, steps_ms) in [(true, [24, 16, 24, 16, 24]), (false, [20; 5])] {
+            let traps = Traps { uneven_telemetry: uneven, ..Traps::default() };
+            let mut streams = Streams::new(Firmware::Px4, &traps, Duration::ZERO);
+            streams.set(id, Duration::from_millis(20), Duration::ZERO);
+            let sent = |ms: &u64| streams.due(Duration::from_millis(*ms)).iter().any(|(i, _)| *i == id);
+            let at: Vec<u64> = (0..=110).filter(sent).collect();
+            let steps: Vec<u64> = at.windows(2).map(|pair| pair[1] - pair[0]).collect();
+            assert_eq!(steps, steps_ms, "{uneven}");
+        }
+    }
+
+    #[test]
     fn spec_a_group_of_the_old_request() {
-        let mut streams = Streams::new(Firmware::ArduCopter, Duration::ZERO);
+        let mut streams = Streams::new(Firmware::ArduCopter, &Traps::default(), Duration::ZERO);
         let interval = |streams: &Streams, id| streams.interval(id).map(|d| d.as_millis());
         streams.set_group(10, true, 20, Duration::ZERO);
         assert_eq!(interval(&streams, ATTITUDE_DATA::ID), Some(50));

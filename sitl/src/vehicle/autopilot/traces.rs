@@ -58,10 +58,10 @@ impl Traces {
         Some(self.position_due?.min(self.attitude_due?))
     }
 
-    /// A message of this id goes to the companion, who is sent one every `interval`.
-    pub fn sends(&mut self, id: u32, interval: Duration, [estimator_ok, gps_ok]: [bool; 2], now: Duration) {
+    /// A message of this id goes to the companion, who is sent the next one at `next`.
+    pub fn sends(&mut self, id: u32, next: Duration, [estimator_ok, gps_ok]: [bool; 2], now: Duration) {
         // Of two streams that tell the same, the faster one's promise holds.
-        let promise = |due: Option<Duration>| Some(due.filter(|due| *due > now).unwrap_or(now + interval));
+        let promise = |due: Option<Duration>| Some(due.filter(|due| *due > now).unwrap_or(next));
         match id {
             LOCAL_POSITION_NED_DATA::ID | GLOBAL_POSITION_INT_DATA::ID => {
                 self.position_due = promise(self.position_due);
@@ -177,6 +177,10 @@ mod tests {
         ordered.ordered();
         ordered.changes(Mode::Position, Mode::Companion, 4 * MS);
         assert_eq!(ordered.taken_back, None);
+        let mut gone_back = traces;
+        // PX4 itself went back to OFFBOARD, and the companion asks for what is there already.
+        gone_back.changes(Mode::Companion, Mode::Companion, 4 * MS);
+        assert_eq!(gone_back.taken_back, Some(taken));
         traces.disarms();
         traces.changes(Mode::Position, Mode::Companion, 4 * MS);
         assert_eq!(traces.taken_back, Some(Taken { disarmed: true, ..taken }));
@@ -186,7 +190,7 @@ mod tests {
     fn spec_what_is_shown_has_a_first_and_a_latest_time() {
         let mut traces = Traces::default();
         for (ms, ok) in [(1, true), (2, false), (3, false)] {
-            traces.sends(ESTIMATOR_STATUS_DATA::ID, MS, [ok, true], ms * MS);
+            traces.sends(ESTIMATOR_STATUS_DATA::ID, (ms + 1) * MS, [ok, true], ms * MS);
             traces.beats(if ok { Mode::Companion } else { Mode::Hold }, true, ms * MS);
         }
         let shown = Some(Shown { first: 2 * MS, latest: 3 * MS });
@@ -196,11 +200,11 @@ mod tests {
         traces.beats(Mode::Companion, true, 5 * MS);
         assert_eq!(traces.out_of_control, None);
         assert_eq!(traces.state_due(), None);
-        traces.sends(ATTITUDE_QUATERNION_DATA::ID, 20 * MS, [true; 2], 5 * MS);
-        traces.sends(LOCAL_POSITION_NED_DATA::ID, 20 * MS, [true; 2], 7 * MS);
-        traces.sends(ATTITUDE_DATA::ID, 250 * MS, [true; 2], 8 * MS);
+        traces.sends(ATTITUDE_QUATERNION_DATA::ID, 25 * MS, [true; 2], 5 * MS);
+        traces.sends(LOCAL_POSITION_NED_DATA::ID, 27 * MS, [true; 2], 7 * MS);
+        traces.sends(ATTITUDE_DATA::ID, 258 * MS, [true; 2], 8 * MS);
         assert_eq!(traces.state_due(), Some(25 * MS));
-        traces.sends(ATTITUDE_QUATERNION_DATA::ID, 20 * MS, [true; 2], 25 * MS);
+        traces.sends(ATTITUDE_QUATERNION_DATA::ID, 45 * MS, [true; 2], 25 * MS);
         assert_eq!(traces.state_due(), Some(27 * MS));
     }
 }
