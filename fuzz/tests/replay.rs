@@ -64,6 +64,7 @@ targets! {
     prop_leased_commands_take_whatever_comes: "transmitter-leased",
     prop_a_power_parameter_takes_whatever_comes: "transmitter-parameter",
     prop_the_service_of_a_slot_takes_whatever_comes: "slot",
+    prop_slots_that_carry_each_other_on_take_whatever_comes: "slot-carried-on",
     prop_the_executive_takes_whatever_comes: "executive",
     prop_mission_files_take_whatever_comes: "mission-file",
     prop_vehicle_files_take_whatever_comes: "vehicle-file",

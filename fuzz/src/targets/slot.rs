@@ -1,6 +1,8 @@
 //! The service of a slot on both vehicles: in the middle of a slot they take what comes over the pair link, and whatever
 //! is said must not raise a power, lengthen a lease or call for a flood of answers; nor may a vehicle that is not fit
-//! radiate.
+//! radiate. Once in a slot that is held, once through slots that carry each other on.
+
+mod terms;
 
 use std::sync::OnceLock;
 use std::time::Duration;
@@ -8,30 +10,24 @@ use std::time::Duration;
 use arbitrary::Unstructured;
 use mavlink::dialects::ardupilotmega::{COMMAND_ACK_DATA, MavCmd, MavMessage, MavResult};
 use mavlink::{MavHeader, Message};
-use veilwing::geo::{Enu, Pose};
+use veilwing::geo::Enu;
 use veilwing::link::codec::{Decoder, Encoder};
 use veilwing::link::envelope::PAYLOAD_TYPE;
 use veilwing::link::{Counters, Envelope, Form, Rejection};
 use veilwing::pair::wire;
-use veilwing::pair::{self, PlanTerms, SlotTerms};
-use veilwing::planner::plan::VehiclePlan;
+use veilwing::pair::{self, PlanTerms};
 use veilwing::role::{PerVehicle, Role};
-use veilwing::service::{Ceilings, Freshness, Outgoing, Settings, SlotService, Tolerance, Vehicle};
+use veilwing::service::{Ceilings, Freshness, Outgoing, Settings, Slot, SlotService, Tolerance, Vehicle};
 use veilwing::time::{Instant, Utc};
 use veilwing::transmitter::{self, Kind, Transmitter};
 
 use crate::reached::Reached;
 use crate::target::Target;
 use crate::wire::{bytes as wire_bytes, frame_v2, tunnel};
+use terms::{POSE, POWER_W};
 
 const LEASE: Duration = Duration::from_millis(500);
-const NEEDS: Duration = Duration::from_secs(1);
-const POWER_W: f64 = 0.5;
 const TICK: Duration = Duration::from_millis(10);
-/// The slot stays open longer than any input lasts.
-const SLOT: Duration = Duration::from_secs(100_000);
-const POSE: Pose =
-    Pose { position_enu_m: Enu::new(1.0, 2.0, 80.0), roll_rad: 0.5, pitch_rad: 0.1, yaw_rad: 0.0 };
 
 /// One companion as far as the pair link can reach: the service that flies.
 #[derive(Clone)]
@@ -78,7 +74,12 @@ impl Fitness {
         self.has(Self::STALE | Self::LOST_CONTROL | Self::BAD_ESTIMATE | Self::ASTRAY)
     }
 
-    fn evidence(self, now: Instant) -> Vehicle {
+    /// What is known of a vehicle that keeps to its slot's pose, or turns as its slot asks for.
+    fn evidence(self, slot: Option<&Slot>, now: Instant) -> Vehicle {
+        let turned = |slot: &Slot| {
+            let since_s = now.seconds_since(slot.commitment.opens_at);
+            slot.track.as_ref().map(|track| track.attitude(since_s))
+        };
         let sampled = if self.has(Self::STALE) { Instant::ZERO } else { now };
         let aside_m = if self.has(Self::ASTRAY) { 2.0 } else { 0.0 };
         Vehicle {
@@ -86,7 +87,7 @@ impl Fitness {
             state_taken_from: Some(sampled),
             state_period: TICK,
             position_enu_m: Some(POSE.position_enu_m + Enu::new(aside_m, 0.0, 0.0)),
-            attitude: Some((POSE.attitude(), sampled)),
+            attitude: Some((slot.and_then(turned).unwrap_or_else(|| POSE.attitude()), sampled)),
             in_control: !self.has(Self::LOST_CONTROL),
             estimator_ok: !self.has(Self::BAD_ESTIMATE),
             arrived: true,
@@ -96,25 +97,8 @@ impl Fitness {
     }
 }
 
-/// Three slots, all alike.
-fn plan() -> PlanTerms {
-    let vehicle = VehiclePlan { pose: POSE, tx_power_w: POWER_W };
-    let terms = SlotTerms {
-        vehicles: PerVehicle { i: vehicle, j: vehicle },
-        tracks: None,
-        lean_rad: PerVehicle { i: 0.0, j: 0.0 },
-        opens: NEEDS,
-        lead: NEEDS,
-        carries_on_after: None,
-        radiate_from: Duration::ZERO,
-        radiate_until: SLOT,
-        length: SLOT,
-    };
-    PlanTerms { digest: [2; 32], slots: vec![terms; 3] }
-}
-
 impl Companion {
-    fn new(role: Role) -> Self {
+    fn new(role: Role, plan: PlanTerms) -> Self {
         let pair = pair::Settings {
             role,
             boot_id: 1 + role as u32,
@@ -143,7 +127,7 @@ impl Companion {
         let now = Instant::ZERO;
         let mut service =
             SlotService::new(settings, Transmitter::new(radio, now), Tolerance::for_jitter(0.0), now);
-        service.set_plan(plan());
+        service.set_plan(plan);
         service.join(0, None, now);
         Self {
             role,
@@ -171,7 +155,8 @@ impl Companion {
             self.reached.sentence("event", &format!("{} {event:?}", self.role));
         }
         assert!(events <= 3, "{}: {events} events at once", self.role);
-        self.service.decide(&self.vehicle.evidence(now), now);
+        let evidence = self.vehicle.evidence(self.service.slot(), now);
+        self.service.decide(&evidence, now);
         let unfit = self.vehicle.is_unfit();
         assert!(!(unfit && self.service.interlock().is_on()), "{}: on with {:?}", self.role, self.vehicle);
         self.check(now);
@@ -220,27 +205,46 @@ impl Companion {
     }
 }
 
-/// The service of a slot.
-pub const TARGET: Target = Target {
+/// The service of a slot that is held.
+pub const HELD: Target = Target {
     name: "slot",
     what: "the pair link's frames, a vehicle's state and time to both vehicles' service of a slot",
     words: &[],
     seeds,
-    run,
+    run: run_held,
     generated: 1500,
+};
+
+/// The service of slots that carry each other on.
+pub const CARRIED_ON: Target = Target {
+    name: "slot-carried-on",
+    what: "the same to slots that are served through turns and carry each other on",
+    words: &[],
+    seeds,
+    run: run_carried_on,
+    generated: 500,
 };
 
 fn seeds() -> Vec<Vec<u8>> {
     // Both on a good link for a while; each kind of frame of either, as it was; either unfit and fit again.
-    let linked = vec![0x3E; 20];
+    let linked = vec![0x3E; 80];
     let repeated = (0..8).flat_map(|which| [0x60, which, 255, 0, 0x61, which, 255, 0]).collect();
     let unfit = [1, 2, 4, 8, 16].iter().flat_map(|what| [0x43, *what, 0x3E, 0x5F, 0, 0x3E]).collect();
     vec![linked, repeated, unfit]
 }
 
-fn run(input: &[u8], reached: &mut Reached) {
+fn run_held(input: &[u8], reached: &mut Reached) {
     static FRESH: OnceLock<Pair> = OnceLock::new();
-    let mut pair = FRESH.get_or_init(Pair::new).clone();
+    run(FRESH.get_or_init(Pair::new), input, reached);
+}
+
+fn run_carried_on(input: &[u8], reached: &mut Reached) {
+    static FRESH: OnceLock<Pair> = OnceLock::new();
+    run(FRESH.get_or_init(|| Pair::radiating(terms::through_turns)), input, reached);
+}
+
+fn run(fresh: &Pair, input: &[u8], reached: &mut Reached) {
+    let mut pair = fresh.clone();
     // An input that ends within an event has none there.
     let _ = pair.take(&mut Unstructured::new(input));
     pair.note(reached);
@@ -251,15 +255,19 @@ fn utc(now: Instant) -> Utc {
 }
 
 impl Pair {
-    /// Both on the air in slot 0.
+    /// Both on the air in slot 0, which they hold.
     ///
     /// # Panics
     /// If a pair on a perfect link does not come to radiate.
     #[must_use]
     #[allow(clippy::new_without_default, reason = "it flies to where it begins, and may fail on the way")]
     pub fn new() -> Self {
+        Self::radiating(terms::held)
+    }
+
+    fn radiating(plan: fn() -> PlanTerms) -> Self {
         let mut target = Self {
-            companions: PerVehicle::from_fn(Companion::new),
+            companions: PerVehicle::from_fn(|role| Companion::new(role, plan())),
             now: Instant::ZERO,
             counters: Counters::default(),
             taken: 0,
