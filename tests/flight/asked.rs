@@ -7,6 +7,7 @@ use veilwing::desk::simulation::Observer;
 use veilwing::mission::{Outcome, Outgoing};
 use veilwing::planner::slots::PlannedSlot;
 use veilwing::role::Role;
+use veilwing::service::Standing;
 use veilwing_sitl::Fault;
 
 use crate::face::{Watched, error, results, value};
@@ -538,6 +539,32 @@ fn spec_a_slow_vehicle_says_where_it_stands_beside_its_live_figures() {
         said(&watched, since).filter(is).count()
     };
     assert!(of(true) > 20 && of(false) > 20, "{} {}", of(true), of(false));
+}
+
+/// The phases that the companion of I has been in.
+#[derive(Default)]
+struct Phases(Vec<&'static str>);
+
+impl Observer for Phases {
+    fn stands(&mut self, _at: Duration, role: Role, phase: &'static str, _standing: Standing) {
+        if role == Role::I && self.0.last() != Some(&phase) {
+            self.0.push(phase);
+        }
+    }
+}
+
+#[test]
+fn spec_the_phases_of_a_flight_are_told_by_their_names() {
+    let mut watched = Watched::new(true);
+    let mut phases = Phases::default();
+    while watched.flight.outcomes.i.is_none() {
+        watched.flight.step(LONGEST, &mut phases).unwrap();
+    }
+    let (slots, between) = (["ready", "slot"], ["standby", "taking control", "arming", "climbing"]);
+    let home = ["returning", "landing", "ended"];
+    let expected: Vec<_> = between.into_iter().chain(slots).chain(slots).chain(home).collect();
+    let begun = phases.0.iter().position(|phase| *phase == "standby").unwrap();
+    assert_eq!(phases.0[begun..], expected);
 }
 
 /// Who answers a radio that asks for the time.
