@@ -3,10 +3,12 @@
 use std::time::Duration;
 
 use mavlink::dialects::ardupilotmega::*;
+use veilwing::autopilot::FenceDuty;
+use veilwing::config::NoFlyDraft;
 use veilwing::desk::simulation::Observer;
 use veilwing::mission::{Outcome, Outgoing};
-use veilwing::planner::slots::PlannedSlot;
-use veilwing::role::Role;
+use veilwing::planner::slots::{Plan, PlannedSlot};
+use veilwing::role::{PerVehicle, Role};
 use veilwing::service::Standing;
 use veilwing_sitl::Fault;
 
@@ -594,5 +596,96 @@ fn spec_what_comes_over_the_autopilot_s_link_is_the_radio_s_unless_that_has_one_
             watched.flight.step(end, &mut answered).unwrap();
         }
         assert_eq!(answered.0, answers, "apart {apart}");
+    }
+}
+
+#[test]
+fn spec_what_of_the_no_fly_areas_an_autopilot_would_cross_on_its_own_way_home_is_warned_of() {
+    // On I's way home from bravo, above its pose at 10 m: it returns at up to 20 m, and J from there to 30 m.
+    let area = |name: &str, floor_m: f64, ceiling_m: f64| NoFlyDraft {
+        name: name.into(),
+        area_enu_m: Some(vec![[-2.7, 3.2], [-0.7, 3.2], [-0.7, 5.2], [-2.7, 5.2]]),
+        floor_m: Some(floor_m),
+        ceiling_m: Some(ceiling_m),
+        ..NoFlyDraft::default()
+    };
+    let under = yard().under(|m| m.no_fly = vec![area("low", 12.0, 15.0), area("high", 24.0, 28.0)]);
+    let given = PerVehicle { i: under.clone(), j: under };
+    let mut flight = Flight::new(Setup { given, start_unasked: false, ..Setup::default() });
+    flight.pass(Duration::from_secs(15));
+    let warned = |area: &str| {
+        let text = format!("straight home from the pose for bravo {area:?}");
+        let warnings = flight
+            .log
+            .notices
+            .iter()
+            .filter(|(_, role, text)| *role == Role::I && text.contains("own return"));
+        warnings.into_iter().any(|(.., said)| said.contains(&text))
+    };
+    assert!(warned("low") && !warned("high"), "{}", flight.story());
+}
+
+#[test]
+fn spec_what_the_other_vehicle_owes_is_said_in_words() {
+    let waits = |mut flight: Flight, words: &str| {
+        flight.pass(Duration::from_secs(20));
+        let waiting = flight
+            .log
+            .notices
+            .iter()
+            .filter(|(_, role, text)| *role == Role::I && text.starts_with("waiting: "));
+        assert!(waiting.clone().any(|(.., text)| text.contains(words)), "{words}\n{}", flight.story());
+    };
+    let setup = || Setup { start_unasked: false, ..Setup::default() };
+    let mut nowhere = Flight::new(setup());
+    nowhere.set_autopilot_path(Role::J, Path::CUT);
+    waits(nowhere, "vehicle J does not know yet where it stands");
+    let given = PerVehicle { i: yard().clone(), j: yard().under(|m| m.tdma.slot_s = 5.5) };
+    waits(Flight::new(Setup { given, ..setup() }), "vehicle J flies another mission");
+    let mut other = yard().clone();
+    other.plan.slots[1].plan.vehicles.j.tx_power_w *= 1.0 - f64::EPSILON;
+    other.plan = Plan::new(other.plan.slots);
+    let given = PerVehicle { i: yard().clone(), j: other };
+    waits(Flight::new(Setup { given, ..setup() }), "vehicle J made another plan");
+    for (by_s, late, early) in [(5.0, "I", "J"), (-5.0, "J", "I")] {
+        let mut flight = Flight::new(setup());
+        flight.world.inject(Fault::ClockJump { vehicle: 1, by_s });
+        let words =
+            format!("the autopilot's clock of vehicle {late} is 5.00 s behind that of vehicle {early}");
+        waits(flight, &words);
+    }
+}
+
+#[test]
+fn spec_how_bad_it_is_is_said_beside_the_words() {
+    let mut watched = Watched::new(true);
+    watched.pass(Duration::from_secs(10));
+    watched.command(Role::I, MavCmd::MAV_CMD_USER_2, 0.0);
+    let severity = |what: &str| {
+        said(&watched, 0).find_map(|m| match m {
+            MavMessage::STATUSTEXT(m) if m.text.to_str().unwrap().contains(what) => Some(m.severity),
+            _ => None,
+        })
+    };
+    for (what, how) in [
+        ("autopilot found", MavSeverity::MAV_SEVERITY_INFO),
+        ("preflight warning", MavSeverity::MAV_SEVERITY_WARNING),
+        ("mission aborted: radio kill", MavSeverity::MAV_SEVERITY_ERROR),
+    ] {
+        assert_eq!(severity(what), Some(how), "{what}");
+    }
+}
+
+#[test]
+fn spec_who_is_blown_off_its_way_up_or_home_is_landed_by_the_autopilot_after_a_while() {
+    let fence = PerVehicle { i: FenceDuty::None, j: FenceDuty::None };
+    for (since, later_s) in [("taking off", 4), ("all slots are over", 1)] {
+        let mut flight = Flight::new(Setup { fence, ..Setup::default() });
+        assert!(flight.until(|flight| flight.said(Role::I, since).is_some()));
+        flight.pass(Duration::from_secs(later_s));
+        flight.world.inject(Fault::WindStep { vehicle: 0, mean_enu_m_s: [24.0, 0.0, 0.0] });
+        flight.pass(Duration::from_secs(60));
+        let text = "from where it should be: the autopilot lands here";
+        assert!(flight.said(Role::I, text).is_some(), "{since}\n{}", flight.story());
     }
 }
