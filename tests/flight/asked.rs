@@ -14,6 +14,7 @@ use veilwing_sitl::Fault;
 
 use crate::face::{Watched, error, results, value};
 use crate::harness::*;
+use crate::kinds::level;
 
 const GROUND: (u8, u8) = (255, 190);
 
@@ -262,6 +263,7 @@ fn val_where_it_is_said_to_be_is_where_the_world_has_it_and_the_plan_is_near() {
     assert!(radio.contains(&0.0) && radio.contains(&2.0), "{radio:?}");
     let figures = |name: &str| said(&watched, since).filter_map(|m| named(m, name)).collect::<Vec<_>>();
     assert_eq!(figures("VW_ROLE")[0], 0.0);
+    assert_eq!(figures("VW_SLOTS")[0], 2.0);
     assert!(figures("VW_RTT").iter().all(|ms| (0.5..150.0).contains(ms)), "{:?}", figures("VW_RTT"));
     let slots = &yard().plan.slots;
     let nearest = |value: f32, of: &dyn Fn(&PlannedSlot) -> f64| {
@@ -647,6 +649,25 @@ fn spec_what_the_other_vehicle_owes_is_said_in_words() {
     other.plan = Plan::new(other.plan.slots);
     let given = PerVehicle { i: yard().clone(), j: other };
     waits(Flight::new(Setup { given, ..setup() }), "vehicle J made another plan");
+    let mut unfit = Flight::new(setup());
+    let wrong = PARAM_SET_DATA {
+        param_value: f32::from_le_bytes(60_i32.to_le_bytes()),
+        target_system: 2,
+        target_component: 1,
+        param_id: "FD_FAIL_R".into(),
+        param_type: MavParamType::MAV_PARAM_TYPE_INT32,
+    };
+    unfit.tell_autopilot(Role::J, &MavMessage::PARAM_SET(wrong));
+    waits(unfit, "vehicle J is not ready");
+    // What nothing fails of is said once.
+    let mut ready = Flight::new(setup());
+    ready.pass(Duration::from_secs(100));
+    let orders = ready
+        .log
+        .notices
+        .iter()
+        .filter(|(_, role, text)| *role == Role::I && text == "waiting: MISSION_START");
+    assert_eq!(orders.count(), 1, "{}", ready.story());
     for (by_s, late, early) in [(5.0, "I", "J"), (-5.0, "J", "I")] {
         let mut flight = Flight::new(setup());
         flight.world.inject(Fault::ClockJump { vehicle: 1, by_s });
@@ -688,4 +709,41 @@ fn spec_who_is_blown_off_its_way_up_or_home_is_landed_by_the_autopilot_after_a_w
         let text = "from where it should be: the autopilot lands here";
         assert!(flight.said(Role::I, text).is_some(), "{since}\n{}", flight.story());
     }
+}
+
+#[test]
+fn spec_an_estimate_that_is_not_to_be_trusted_is_no_connection() {
+    let mut watched = Watched::new(false);
+    watched.flight.world.inject(Fault::EstimatorFailure { vehicle: 0 });
+    watched.pass(Duration::from_secs(15));
+    assert_eq!(phase(&watched), Some(0.0));
+}
+
+#[test]
+fn spec_a_companion_that_ends_waits_until_a_radio_that_does_not_answer_must_be_off() {
+    let given = PerVehicle { i: level(), j: level() };
+    let mut flight = in_mid_slot(Setup { given, radio_apart: true, ..Setup::default() });
+    flight.set_radio_path(Role::I, Path::CUT);
+    let at = flight.now;
+    flight.stop(Role::I);
+    assert!(flight.until(|flight| flight.outcomes[Role::I].is_some()), "{}", flight.story());
+    let took = flight.now - at;
+    // Of the lease that it was given last not much more than a renewal's pause is gone.
+    assert!(took >= Duration::from_millis(250) && took <= Duration::from_millis(500), "{took:?}");
+}
+
+#[test]
+fn spec_a_vehicle_that_does_not_disarm_by_itself_is_disarmed_once_it_is_down() {
+    let mut flight = Flight::new(Setup::default());
+    let never = PARAM_SET_DATA {
+        param_value: -1.0,
+        target_system: 1,
+        target_component: 1,
+        param_id: "COM_DISARM_LAND".into(),
+        param_type: MavParamType::MAV_PARAM_TYPE_REAL32,
+    };
+    flight.tell_autopilot(Role::I, &MavMessage::PARAM_SET(never));
+    flight.fly_out();
+    assert_eq!(flight.outcomes.i, Some(Outcome::Completed), "{}", flight.story());
+    assert!(flight.landed(Role::I));
 }
