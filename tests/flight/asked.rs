@@ -279,6 +279,14 @@ fn val_where_it_is_said_to_be_is_where_the_world_has_it_and_the_plan_is_near() {
     // What the jitter leaves of the plan's.
     let plans = slots.iter().map(|slot| 10.0 * slot.plan.user_sinr.log10()).fold(0.0, f64::max);
     assert!(f64::from(mean) > 50.0 && f64::from(mean) < plans, "{sinr:?}");
+    // On state that is old it reckons nothing.
+    watched.flight.set_telemetry_path(Role::I, Path::CUT);
+    watched.pass(Duration::from_millis(300));
+    let since = watched.station.heard.len();
+    watched.pass(Duration::from_millis(500));
+    assert!(!said(&watched, since).any(|m| named(m, "SINR_USER").is_some()));
+    watched.flight.set_telemetry_path(Role::I, Path::GOOD);
+    watched.until(|watched| watched.flight.radiating() == [true, true]);
     // Cut off, it does not know whether its radio is off.
     watched.flight.set_autopilot_path(Role::I, Path::CUT);
     let since = watched.station.heard.len();
@@ -418,6 +426,8 @@ fn spec_after_an_ordered_return_j_waits_until_i_is_down_and_what_was_confirmed_i
     flight.command(Role::I, MavCmd::MAV_CMD_NAV_RETURN_TO_LAUNCH);
     flight.fly_out();
     flight.assert_safe();
+    let why = "vehicle I fell silent: by the operator's order";
+    assert!(flight.said(Role::J, why).is_some(), "{}", flight.story());
     let (down, leaves) = (flight.said(Role::I, "landed"), flight.said(Role::J, "returning home"));
     let waited = leaves.unwrap().abs_diff(down.unwrap());
     assert!(waited < Duration::from_secs(5), "{}", flight.story());
@@ -746,4 +756,25 @@ fn spec_a_vehicle_that_does_not_disarm_by_itself_is_disarmed_once_it_is_down() {
     flight.fly_out();
     assert_eq!(flight.outcomes.i, Some(Outcome::Completed), "{}", flight.story());
     assert!(flight.landed(Role::I));
+}
+
+#[test]
+fn spec_j_is_silent_at_once_where_its_own_estimate_fails_though_i_may_rest_on_it() {
+    let mut flight = in_mid_slot(Setup::default());
+    // I hears nothing of it, and gives up none of its leases.
+    flight.set_pair_path(Role::J, Path::CUT);
+    flight.world.inject(Fault::EstimatorFailure { vehicle: 1 });
+    assert!(
+        flight.until(|flight| flight.said(Role::J, "aborted: estimator").is_some()),
+        "{}",
+        flight.story()
+    );
+    let at = flight.now;
+    flight.pass(Duration::from_secs(1));
+    assert!(
+        flight.silent_after(Role::J, at) <= REACTION,
+        "{:?}\n{}",
+        flight.silent_after(Role::J, at),
+        flight.story()
+    );
 }

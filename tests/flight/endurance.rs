@@ -140,6 +140,7 @@ fn spec_a_slot_that_does_not_fit_any_more_is_not_flown_to() {
         flight.log.notices.iter().find(|(_, role, text)| *role == Role::J && text.contains("aborted"));
     let (_, _, text) = aborted.unwrap();
     assert!(text.contains("slot 1 with the way home takes"), "{text}");
+    assert!(text.ends_with("takes 1.5"), "{text}");
     // Of 200 s 88 are flown.
     assert!(text.contains("56% are left") && text.contains("the reserve of 20%"), "{text}");
 }

@@ -82,3 +82,32 @@ fn spec_a_vehicle_that_hears_nothing_of_the_other_does_not_set_off() {
     assert!(flight.until(|flight| moved(flight, second)), "{}", flight.story());
     completes(&mut flight);
 }
+
+/// When the second one sets off to its next place, the first unheard by it from then on for so long.
+fn sets_off(unheard: Option<(Duration, Duration)>) -> Duration {
+    let mut flight = Flight::new(setup());
+    assert!(flight.until(|flight| flight.said(Role::I, "slot 1 for bravo: agreed").is_some()));
+    let start = PerVehicle::from_fn(|role| x(&flight, role));
+    let moved = |flight: &Flight, role: Role| (x(flight, role) - start[role]).abs() > 0.3;
+    assert!(flight.until(|flight| Role::BOTH.into_iter().any(|role| moved(flight, role))));
+    let first = if moved(&flight, Role::I) { Role::I } else { Role::J };
+    if let Some((from, length)) = unheard {
+        flight.pass(from - flight.now);
+        flight.set_pair_path(first, Path::CUT);
+        flight.pass(length);
+        flight.set_pair_path(first, Path::GOOD);
+    }
+    assert!(flight.until(|flight| moved(flight, first.peer())), "{}", flight.story());
+    let at = flight.now;
+    completes(&mut flight);
+    at
+}
+
+#[test]
+fn spec_who_does_not_hear_that_its_turn_has_come_sets_off_as_much_later() {
+    let second = Duration::from_secs(1);
+    let planned = sets_off(None);
+    let late = sets_off(Some((planned - 2 * second, Duration::from_millis(2500))));
+    let waited = late - planned;
+    assert!(waited >= second && waited <= 2 * second, "{waited:?}");
+}
