@@ -2,10 +2,12 @@
 
 use std::time::Duration;
 
+use veilwing::autopilot::FenceDuty;
 use veilwing::geo::{Enu, Pose};
 use veilwing::mission::Outcome;
 use veilwing::planner::slots::Plan;
 use veilwing::role::{PerVehicle, Role};
+use veilwing_sitl::Fault;
 
 use crate::harness::*;
 
@@ -110,4 +112,20 @@ fn spec_who_does_not_hear_that_its_turn_has_come_sets_off_as_much_later() {
     let late = sets_off(Some((planned - 2 * second, Duration::from_millis(2500))));
     let waited = late - planned;
     assert!(waited >= second && waited <= 2 * second, "{waited:?}");
+}
+
+#[test]
+fn spec_who_waits_too_long_for_its_turn_gives_the_slot_up() {
+    let fence = PerVehicle { i: FenceDuty::None, j: FenceDuty::None };
+    let mut flight = Flight::new(Setup { fence, ..setup() });
+    assert!(flight.until(|flight| flight.said(Role::I, "slot 1 for bravo: agreed").is_some()));
+    let start = PerVehicle::from_fn(|role| x(&flight, role));
+    let moved = |flight: &Flight, role: Role| (x(flight, role) - start[role]).abs() > 5.0;
+    assert!(flight.until(|flight| Role::BOTH.into_iter().any(|role| moved(flight, role))));
+    let first = if moved(&flight, Role::I) { Role::I } else { Role::J };
+    // Blown off its way, it does not arrive.
+    let wind = Fault::WindStep { vehicle: index(first), mean_enu_m_s: [0.0, 24.0, 0.0] };
+    flight.world.inject(wind);
+    let text = format!("vehicle {first} is not where it should be for its turn to pass");
+    assert!(flight.until(|flight| flight.said(first.peer(), &text).is_some()), "{}", flight.story());
 }
