@@ -6,6 +6,8 @@
 mod clocks;
 #[path = "pair/companion.rs"]
 mod companion;
+#[path = "pair/edges.rs"]
+mod edges;
 #[path = "pair/model.rs"]
 mod model;
 #[path = "pair/observer.rs"]

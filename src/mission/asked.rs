@@ -115,6 +115,7 @@ mod tests {
         asked.note((254, 190), KILL, (Order::Start, 2), at(0));
         let start_lives = |_, _| Progress::Open;
         assert_eq!(asked.answers(start_lives, at(600)).len(), 2);
+        assert!(asked.answers(start_lives, at(10_000)).is_empty());
         assert_eq!(results(&asked.answers(start_lives, at(10_001))), [MavResult::MAV_RESULT_FAILED]);
         assert_eq!(
             results(&asked.answers(|_, _| Progress::Void, at(10_002))),

@@ -226,6 +226,60 @@ mod tests {
     }
 
     #[test]
+    fn spec_what_the_gauge_falls_by_while_it_settles_says_nothing() {
+        let mut endurance = of(None);
+        for (s, charge) in [(0.0, 0.9), (1.0, 0.87), (3.0, 0.84), (11.0, 0.84), (20.0, 0.83)] {
+            endurance.feed(Some(charge), None, true, at(s));
+        }
+        assert_eq!(endurance.left(at(20.0)), None, "one step is no rate");
+        // At the reserve nothing is left, whatever the rate.
+        let mut endurance = of(None);
+        endurance.feed(Some(0.2), None, true, at(0.0));
+        assert_eq!(endurance.left(at(0.0)), Some(Duration::ZERO));
+        assert_eq!(endurance.reserve(), 0.2);
+    }
+
+    #[test]
+    fn spec_from_when_on_and_for_how_long_a_step_of_the_gauge_counts() {
+        let left = |floor: Option<f64>, said: &[(f64, f64)]| {
+            let mut endurance = of(None);
+            said.iter().for_each(|(s, charge)| endurance.feed(Some(*charge), floor, true, at(*s)));
+            endurance.left(at(said.last().unwrap().0)).map(|left| left.as_secs_f64().round())
+        };
+        // The first is no step, from ten seconds on, and below a floor.
+        assert_eq!(left(None, &[(0.0, 0.9), (10.0, 0.85), (20.0, 0.84), (30.0, 0.83)]), Some(630.0));
+        assert_eq!(left(Some(0.5), &[(0.0, 0.9), (20.0, 0.5), (30.0, 0.49), (40.0, 0.48)]), None);
+        // Two are kept however old they are, and those of a minute with both its ends.
+        assert_eq!(left(None, &[(0.0, 0.9), (12.0, 0.89), (20.0, 0.88), (100.0, 0.87)]), Some(5360.0));
+        let minute = [(0.0, 0.9), (12.0, 0.89), (20.0, 0.88), (40.0, 0.87), (80.0, 0.86)];
+        assert_eq!(left(None, &minute), Some(1980.0));
+        // What takes all that is left fits.
+        let mut endurance = of(Some(1000));
+        endurance.feed(Some(0.9), None, false, at(0.0));
+        let all = endurance.left(at(0.0)).unwrap();
+        assert_eq!(endurance.check(all, at(0.0)).result, Verdict::Pass);
+    }
+
+    #[test]
+    fn spec_it_is_asked_once_a_second_whether_it_is_enough() {
+        let mut endurance = of(None);
+        let asked = (0..30).filter(|tenths| endurance.is_due(at(f64::from(*tenths) / 10.0)));
+        assert_eq!(asked.collect::<Vec<_>>(), [0, 10, 20]);
+    }
+
+    #[test]
+    fn spec_what_was_lost_more_than_a_minute_ago_is_no_rate_any_more() {
+        let mut endurance = of(None);
+        let mut charge = 1.0;
+        for s in 0..=200 {
+            charge -= if (10..30).contains(&s) { 0.01 } else { 0.001 };
+            endurance.feed(Some((charge * 100.0_f64).ceil() / 100.0), None, true, at(f64::from(s)));
+        }
+        let left_s = endurance.left(at(200.0)).unwrap().as_secs_f64();
+        assert!((left_s / ((charge - 0.2) / 0.001) - 1.0).abs() < 0.05, "{left_s}");
+    }
+
+    #[test]
     fn spec_a_gauge_that_stands_still_does_not_hide_the_time() {
         let mut endurance = of(Some(500));
         for s in 0..=200 {

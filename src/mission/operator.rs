@@ -230,3 +230,20 @@ fn unconfirmed(command: MavCmd) -> Option<&'static str> {
         _ => None,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn spec_an_order_that_may_go_unconfirmed_has_a_name_and_a_start_says_itself_what_becomes_of_it() {
+        for (command, name) in [
+            (MavCmd::MAV_CMD_USER_2, Some("kill")),
+            (MavCmd::MAV_CMD_NAV_RETURN_TO_LAUNCH, Some("return")),
+            (MavCmd::MAV_CMD_DO_PAUSE_CONTINUE, Some("pause or continue")),
+            (MavCmd::MAV_CMD_MISSION_START, None),
+        ] {
+            assert_eq!(unconfirmed(command), name);
+        }
+    }
+}

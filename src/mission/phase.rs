@@ -172,3 +172,57 @@ impl Phase {
         self.is_returning() || matches!(self, Self::Surrendered { .. } | Self::Ended)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geo::{Attitude, Enu};
+    use crate::schedule::trajectory::Limits;
+
+    fn at(s: u64) -> Instant {
+        Instant::from_start(Duration::from_secs(s))
+    }
+
+    fn motion() -> Motion {
+        let start = Start { position_enu_m: Enu::zeros(), attitude: Attitude::level() };
+        let mut way = Trajectory::rest(&start);
+        way.fly(&[Enu::new(10.0, 0.0, 0.0)], &Limits::new(5.0, 2.0, 0.5));
+        Motion::new(way, at(100))
+    }
+
+    #[test]
+    fn spec_a_motion_is_over_once_its_trajectory_is_flown() {
+        let motion = motion();
+        let ends_at = at(100) + motion.trajectory.duration();
+        assert_eq!(motion.ends_at(), ends_at);
+        for (now, over) in
+            [(at(100), false), (ends_at - Duration::from_millis(1), false), (ends_at, true), (at(900), true)]
+        {
+            assert_eq!(motion.is_over(now), over, "{now:?}");
+        }
+    }
+
+    #[test]
+    fn spec_what_is_asked_of_a_phase() {
+        let since = at(0);
+        // On the ground before anything was asked for; on the ground; outward; on its way home; ending.
+        for (phase, is) in [
+            (Phase::Connecting, [true, true, false, false, false]),
+            (Phase::Standby, [true, true, false, false, false]),
+            (Phase::TakingControl(motion()), [false, true, false, false, false]),
+            (Phase::Arming(motion()), [false, true, false, false, false]),
+            (Phase::Climbing(motion()), [false, false, true, false, false]),
+            (Phase::InService { motion: motion(), turns: None }, [false, false, true, false, false]),
+            (Phase::Holding { motion: motion(), since }, [false, false, false, true, true]),
+            (Phase::Returning(motion()), [false, false, false, true, true]),
+            (Phase::Landing, [false, false, false, true, true]),
+            (Phase::Surrendered { since }, [false, false, false, false, true]),
+            (Phase::Ended, [false, false, false, false, true]),
+        ] {
+            let [waiting, ground, outward, returning, ending] = is;
+            assert_eq!((phase.is_waiting(), phase.is_on_the_ground()), (waiting, ground), "{phase:?}");
+            assert_eq!((phase.is_outward(), phase.is_returning()), (outward, returning), "{phase:?}");
+            assert_eq!(phase.is_ending(), ending, "{phase:?}");
+        }
+    }
+}

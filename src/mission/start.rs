@@ -159,6 +159,11 @@ mod tests {
 
     #[test]
     fn spec_a_time_in_the_past_takes_the_operator_s_word() {
+        assert_eq!(
+            Start::new(false, Some(AT), false, NOW).is_due(Some(AT), CLIMB, NOW),
+            Ok(()),
+            "not past yet"
+        );
         let mut start = Start::new(false, Some(AT), false, NOW);
         let late = Some(AT + Duration::from_micros(1));
         assert!(order(start.is_due(late, CLIMB, NOW)).contains("past"));

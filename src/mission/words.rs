@@ -82,6 +82,23 @@ mod tests {
     use super::*;
 
     #[test]
+    fn spec_each_answer_and_what_a_battery_is_to_be_enough_for_have_words_of_their_own() {
+        use VeilwingAnswer::*;
+        let answers = [
+            VEILWING_ANSWER_ACCEPTED,
+            VEILWING_ANSWER_NOT_READY,
+            VEILWING_ANSWER_WRONG_PLAN,
+            VEILWING_ANSWER_WRONG_SLOT,
+            VEILWING_ANSWER_TOO_LATE,
+            VEILWING_ANSWER_CLOCK,
+            VEILWING_ANSWER_LIMITS,
+        ];
+        let words: std::collections::BTreeSet<_> = answers.into_iter().map(answer).collect();
+        assert!(words.len() == answers.len() && words.iter().all(|words| words.len() > 5), "{words:?}");
+        assert_eq!([None, Some(3)].map(way_home), ["the way home", "slot 3 with the way home"]);
+    }
+
+    #[test]
     fn spec_jamming_in_vain_names_whose_fault_it_is() {
         let short = in_vain(Role::I, Jamming::Short { given_w: 3.77e-6, planned_w: 3.82e-6 });
         assert!(short.starts_with("our radio gives 3.770 uW of the plan's 3.820 uW"), "{short}");

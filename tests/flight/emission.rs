@@ -84,3 +84,21 @@ fn spec_a_permission_that_ends_in_flight_ends_the_emission_with_it() {
     assert!(flight.log.on_air.iter().all(|(when, on)| *when < at || *on == [false; 2]), "{}", flight.story());
     flight.assert_safe();
 }
+
+/// With seconds to spare or without.
+#[test]
+fn spec_what_a_permission_lets_begin_it_lets_end() {
+    let begun = (76..100).map(|seconds| {
+        let mut flight = Flight::new(real(Some([ALWAYS[0], after(seconds)])));
+        flight.pass(Duration::from_secs(10));
+        let begun = flight.said(Role::I, "taking off").is_some();
+        if begun {
+            flight.fly_out();
+            assert!(flight.said(Role::I, "not served").is_none(), "{seconds}\n{}", flight.story());
+            assert!(flight.said(Role::I, "not at this time").is_none(), "{seconds}\n{}", flight.story());
+        }
+        begun
+    });
+    let begun: Vec<_> = begun.collect();
+    assert!(begun.contains(&true) && begun.contains(&false), "{begun:?}");
+}

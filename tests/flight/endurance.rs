@@ -112,3 +112,35 @@ fn spec_what_the_preflight_lets_begin_is_flown_to_the_end() {
     let left = flight.report().battery_left;
     assert!(left.i.min(left.j) >= RESERVE, "{endurance_s} s: {left:?}");
 }
+
+#[test]
+fn spec_j_does_not_wait_until_i_is_down_where_its_battery_does_not_bear_that() {
+    let [waited, at_once] = [1.0, 30.0].map(|times| {
+        let mut flight = in_mid_slot(of(Some(1800.0)));
+        flight.command(Role::I, MavCmd::MAV_CMD_NAV_RETURN_TO_LAUNCH);
+        flight.world.inject(Fault::BatteryWeak { vehicle: 1, times });
+        flight.fly_out();
+        flight.assert_safe();
+        flight.said(Role::J, "returning home").unwrap()
+    });
+    assert!(at_once + Duration::from_secs(2) < waited, "{at_once:?} {waited:?}");
+}
+
+#[test]
+fn spec_a_slot_that_does_not_fit_any_more_is_not_flown_to() {
+    let mut flight = in_mid_slot(of(Some(200.0)));
+    flight.command(Role::I, MavCmd::MAV_CMD_DO_PAUSE_CONTINUE);
+    // So long that the way home fits and the slot before it does not.
+    let taken_off = flight.said(Role::J, "taking off").unwrap();
+    flight.pass(taken_off + Duration::from_secs(88) - flight.now);
+    flight.command_with(Role::I, MavCmd::MAV_CMD_DO_PAUSE_CONTINUE, 1.0);
+    flight.fly_out();
+    flight.assert_safe();
+    let aborted =
+        flight.log.notices.iter().find(|(_, role, text)| *role == Role::J && text.contains("aborted"));
+    let (_, _, text) = aborted.unwrap();
+    assert!(text.contains("slot 1 with the way home takes"), "{text}");
+    assert!(text.ends_with("takes 1.5"), "{text}");
+    // Of 200 s 88 are flown.
+    assert!(text.contains("56% are left") && text.contains("the reserve of 20%"), "{text}");
+}

@@ -6,7 +6,8 @@ use std::time::Duration;
 
 use mavlink::dialects::ardupilotmega::*;
 use strum::VariantArray;
-use veilwing::desk::simulation::{Flight, Given, Observer, Path, Setup, index, vehicle, world_config};
+use veilwing::config::{Vehicle, VehicleDraft};
+use veilwing::desk::simulation::{Flight, Given, Observer, Path, Setup, index, vehicle_draft, world_config};
 use veilwing::link::codec::Encoder;
 use veilwing::mission::{Figure, Outgoing, Vector};
 use veilwing::role::{PerVehicle, Role};
@@ -17,7 +18,7 @@ use crate::harness::{LONGEST, yard};
 /// A ground station on both vehicles.
 #[derive(Default)]
 pub(super) struct Station {
-    encoder: Encoder,
+    pub(super) encoder: Encoder,
     on_air: Vec<(Duration, [bool; 2])>,
     pub(super) heard: Vec<(Duration, Role, MavMessage)>,
 }
@@ -56,10 +57,17 @@ pub(super) struct Watched {
 
 impl Watched {
     pub(super) fn new(start_unasked: bool) -> Self {
+        Self::of(start_unasked, |_| {})
+    }
+
+    /// With other vehicle files.
+    pub(super) fn of(start_unasked: bool, change: impl Fn(&mut VehicleDraft)) -> Self {
         let planned = yard();
         let world = World::new(world_config(&planned.mission, &planned.plan).unwrap()).unwrap();
         let given = PerVehicle::from_fn(|role| {
-            let vehicle = vehicle(&planned.mission, role).unwrap();
+            let mut draft = vehicle_draft(&planned.mission, role, [1, 2]);
+            change(&mut draft);
+            let vehicle = Vehicle::new(draft).unwrap();
             Arc::new(Given { mission: planned.mission.clone(), plan: planned.plan.clone(), vehicle })
         });
         let setup = Setup { given, start_unasked, autopilot: Path::GOOD, pair: Path::GOOD, seed: 1 };
@@ -143,7 +151,7 @@ pub(super) fn value(message: &MavMessage) -> (&str, f32, u16, u16) {
     }
 }
 
-fn error(message: &MavMessage) -> MavParamError {
+pub(super) fn error(message: &MavMessage) -> MavParamError {
     match message {
         MavMessage::PARAM_ERROR(m) => {
             assert_eq!((m.target_system, m.target_component), (255, 190));
@@ -153,7 +161,7 @@ fn error(message: &MavMessage) -> MavParamError {
     }
 }
 
-fn results(said: &[MavMessage]) -> Vec<MavResult> {
+pub(super) fn results(said: &[MavMessage]) -> Vec<MavResult> {
     let result = |m: &MavMessage| match m {
         MavMessage::COMMAND_ACK(ack) => Some(ack.result),
         _ => None,

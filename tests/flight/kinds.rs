@@ -59,7 +59,7 @@ fn assert_served(report: &FlightReport, position_m: f64) {
 }
 
 /// The yard flown by vehicles that stay level.
-fn level() -> Planned {
+pub fn level() -> Planned {
     let conventional = yard().mission.changed(|m| {
         m.vehicles.i.airframe = Airframe::Conventional;
         m.vehicles.j.airframe = Airframe::Conventional;

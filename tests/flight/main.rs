@@ -6,6 +6,7 @@
 
 mod agreement;
 mod apart;
+mod asked;
 mod devices;
 mod emission;
 mod endurance;

@@ -52,6 +52,8 @@ fn spec_the_first_transit_begins_at_the_given_time_whoever_asks_for_more() {
             assert!(flight.landed(role), "{}", flight.story());
             let announced = flight.said(role, "the start at 2027-01-15T12:01:15Z, with take-off");
             assert!(announced.is_some(), "{}", flight.story());
+            // Twenty seconds and the climb.
+            assert!(flight.said(role, "with take-off 20 s").is_none(), "{}", flight.story());
         }
         // In the air in time, and waiting where the transit begins.
         flight.pass(at - flight.now - Duration::from_secs(4));

@@ -23,6 +23,10 @@ pub struct Companion {
     pub pose_lost: bool,
     /// No state comes from the autopilot since then.
     pub stale_since: Option<Instant>,
+    /// What else is amiss with the vehicle.
+    pub amiss: fn(&mut Vehicle),
+    /// What the service had to say, where that is looked at.
+    pub events: Option<Vec<Event>>,
     /// Slots given up or flown, for the counting: their numbers.
     pub finished: Vec<u16>,
     /// To take part as soon as the peer does not say any more that it has ended.
@@ -39,6 +43,8 @@ impl Companion {
             aborted: None,
             pose_lost: false,
             stale_since: None,
+            amiss: |_| {},
+            events: None,
             finished: Vec::new(),
             joining: true,
             next_tick: Instant::ZERO,
@@ -114,6 +120,7 @@ impl Companion {
         }
         self.service.advance(Some(self.clocks.utc(t)), now);
         while let Some(event) = self.service.poll_event() {
+            self.events.iter_mut().for_each(|events| events.push(event));
             match event {
                 Event::Over(slot, _) => self.finished.push(slot),
                 Event::AllOver => self.joining = true,
@@ -126,6 +133,8 @@ impl Companion {
         let arrived = slot.is_some_and(|slot| slot.carried_on || now >= slot.commitment.leaves_at + LEAD / 2);
         let since = self.stale_since.unwrap_or(now);
         let here = vehicle(self.role, slot, since, self.pose_lost);
-        self.service.decide(&Vehicle { arrived, ended: self.aborted.is_some(), ..here }, now);
+        let mut here = Vehicle { arrived, ended: self.aborted.is_some(), ..here };
+        (self.amiss)(&mut here);
+        self.service.decide(&here, now);
     }
 }

@@ -6,7 +6,7 @@ use std::time::Duration;
 use mavlink::MavHeader;
 use mavlink::dialects::ardupilotmega::{MavMessage as Common, TIMESYNC_DATA};
 use veilwing::pair::Order;
-use veilwing::pair::wire::VeilwingSilence;
+use veilwing::pair::wire::{self, VeilwingSilence};
 use veilwing::role::{PerVehicle, Role};
 use veilwing::service::{Outgoing, Standing, Tolerance};
 use veilwing::time::Instant;
@@ -18,24 +18,43 @@ use super::setup::{Flown, LEASE, NUMBERED, service, system};
 
 const STEP: Duration = Duration::from_millis(1);
 
-struct Pair {
-    t: Duration,
-    companions: PerVehicle<Companion>,
+pub(super) struct Pair {
+    pub(super) t: Duration,
+    pub(super) companions: PerVehicle<Companion>,
     radios: PerVehicle<Radio>,
+    /// Whose messages do not reach the other.
+    pub(super) unheard: PerVehicle<bool>,
+    /// Whose radio does not say anything.
+    pub(super) dumb: PerVehicle<bool>,
+    /// What was said to the other, heard or not.
+    pub(super) said: Vec<(Role, wire::MavMessage)>,
 }
 
 impl Pair {
-    fn new() -> Self {
-        let clocks = Clocks { started: Duration::ZERO, rate: 1.0, utc_error_us: 0 };
+    pub(super) fn new() -> Self {
+        Self::apart(0)
+    }
+
+    /// J's UTC is ahead by so much.
+    pub(super) fn apart(utc_error_us: i64) -> Self {
         let companions = PerVehicle::from_fn(|role| {
+            let utc_error_us = if role == Role::J { utc_error_us } else { 0 };
+            let clocks = Clocks { started: Duration::ZERO, rate: 1.0, utc_error_us };
             let boot = if role == Role::I { 1 } else { 2 };
             Companion::new(role, clocks, service(role, boot, NUMBERED, LEASE, &Flown::default()))
         });
-        Self { t: Duration::ZERO, companions, radios: PerVehicle::default() }
+        Self {
+            t: Duration::ZERO,
+            companions,
+            radios: PerVehicle::default(),
+            unheard: PerVehicle::default(),
+            dumb: PerVehicle::default(),
+            said: Vec::new(),
+        }
     }
 
     /// In the middle of the airtime of slot 2, both on the air.
-    fn on_air() -> Self {
+    pub(super) fn on_air() -> Self {
         let mut pair = Self::new();
         pair.until(|pair| pair.is_on(Role::I) && pair.companions.i.service.slot_number() == 2);
         pair.run(Duration::from_millis(500));
@@ -43,34 +62,34 @@ impl Pair {
         pair
     }
 
-    fn now(&self) -> Instant {
+    pub(super) fn now(&self) -> Instant {
         self.companions.i.clocks.local(self.t)
     }
 
-    fn is_on(&self, role: Role) -> bool {
+    pub(super) fn is_on(&self, role: Role) -> bool {
         self.companions[role].service.interlock().is_on()
     }
 
-    fn standing(&self, role: Role) -> Standing {
+    pub(super) fn standing(&self, role: Role) -> Standing {
         self.companions[role].service.standing()
     }
 
-    fn gave_up(&self, role: Role) -> &str {
+    pub(super) fn gave_up(&self, role: Role) -> &str {
         self.companions[role].aborted.as_deref().unwrap_or("no")
     }
 
     /// An order at this vehicle, and what comes of it there.
-    fn order(&mut self, role: Role, order: Order) {
+    pub(super) fn order(&mut self, role: Role, order: Order) {
         let now = self.now();
         self.companions[role].service.orders_mut().give(order, now);
         self.companions[role].handle_timeout(self.t);
     }
 
-    fn step(&mut self) {
+    pub(super) fn step(&mut self) {
         self.t += STEP;
         let t = self.t;
         for role in Role::BOTH {
-            if t.as_millis().is_multiple_of(200) {
+            if t.as_millis().is_multiple_of(200) && !self.dumb[role] {
                 let report = self.radios[role].report(t);
                 self.companions[role].handle_radio(&report, t);
             }
@@ -79,11 +98,18 @@ impl Pair {
             }
             while let Some(message) = self.companions[role].service.poll_transmit() {
                 match message {
-                    Outgoing::Pair(message) => self.companions[role.peer()].handle_pair(&message, t),
+                    Outgoing::Pair(message) => {
+                        if !self.unheard[role] {
+                            self.companions[role.peer()].handle_pair(&message, t);
+                        }
+                        self.said.push((role, *message));
+                    }
                     Outgoing::Radio(message) => {
                         if let Common::COMMAND_INT(command) = *message {
                             let answer = self.radios[role].command(&command, t);
-                            self.companions[role].handle_radio(&answer, t);
+                            if !self.dumb[role] {
+                                self.companions[role].handle_radio(&answer, t);
+                            }
                         }
                     }
                 }
@@ -91,14 +117,14 @@ impl Pair {
         }
     }
 
-    fn run(&mut self, span: Duration) {
+    pub(super) fn run(&mut self, span: Duration) {
         let end = self.t + span;
         while self.t < end {
             self.step();
         }
     }
 
-    fn until(&mut self, reached: impl Fn(&Self) -> bool) {
+    pub(super) fn until(&mut self, reached: impl Fn(&Self) -> bool) {
         let latest = self.t + Duration::from_secs(60);
         while !reached(self) {
             assert!(self.t < latest, "{:?}", Role::BOTH.map(|role| self.standing(role)));
@@ -127,6 +153,7 @@ fn spec_what_a_half_says_of_itself_in_the_course_of_a_slot() {
         let service = &pair.companions[role].service;
         assert_eq!(service.silence(now), None);
         let end = service.lease_end(now).unwrap();
+        assert_eq!(service.jam_lease(now), Some(end).filter(|_| role == Role::I));
         assert!(end > now && end <= now + LEASE, "{role}: {end:?} at {now:?}");
     }
     pair.until(|pair| pair.companions.i.service.slot_number() == 3);

@@ -70,3 +70,24 @@ impl Executive {
 pub(super) fn boot_ms(now: Instant) -> u32 {
     now.since_start().as_millis() as u32
 }
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use super::*;
+
+    #[test]
+    fn spec_stations_are_told_what_we_can_do_and_which_version_we_are() {
+        let bits = [
+            MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_COMMAND_INT,
+            MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_C_CAST,
+            MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_FTP,
+            MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_MAVLINK2,
+        ];
+        assert!(bits.into_iter().all(|bit| capabilities().contains(bit)));
+        let [major, minor, patch, _] = version().to_be_bytes();
+        assert!(env!("CARGO_PKG_VERSION").starts_with(&format!("{major}.{minor}.{patch}")));
+        assert_eq!(boot_ms(Instant::from_start(Duration::from_millis(1500))), 1500);
+    }
+}

@@ -372,6 +372,33 @@ mod tests {
     }
 
     #[test]
+    fn spec_what_changes_by_itself_is_said_to_and_numbers_have_their_units() {
+        let shown = TABLE.iter().map(|parameter| {
+            let Shown { group, unit, decimals, words, volatile, .. } = parameter.shown;
+            (parameter.name, group, unit, decimals, words.len(), volatile)
+        });
+        let expected = [
+            ("VW_ROLE", "Mission", "", 0, 2, false),
+            ("VW_PHASE", "Mission", "", 0, 12, true),
+            ("VW_SLOT", "Mission", "", 0, 0, true),
+            ("VW_SLOTS", "Mission", "", 0, 0, true),
+            ("VW_PMAX_W", "Radio", "W", 3, 0, true),
+            ("VW_LEASE_MS", "Radio", "ms", 0, 0, false),
+            ("VW_JITTER_DEG", "Mission", "deg", 2, 0, false),
+            ("VW_RATE_HZ", "Mission", "Hz", 1, 0, false),
+            ("VW_KILLED", "Radio", "", 0, 2, true),
+            ("VW_POS_TOL_M", "Pose", "m", 2, 0, false),
+            ("VW_ATT_TOL_DEG", "Pose", "deg", 2, 0, false),
+            ("VW_LIVE_HZ", "Display", "Hz", 1, 0, false),
+        ];
+        assert_eq!(shown.collect::<Vec<_>>(), expected);
+        for ((.., unit, _, words, _), described) in expected.into_iter().zip(described()) {
+            assert_eq!(described.get("units").is_some(), !unit.is_empty(), "{described}");
+            assert_eq!(described.get("values").is_some(), words > 0, "{described}");
+        }
+    }
+
+    #[test]
     fn spec_what_is_shown_of_a_parameter_is_whole() {
         for parameter in &TABLE {
             let Shown { what, group, words, .. } = parameter.shown;

@@ -292,6 +292,27 @@ fn spec_a_burst_ends_with_its_session_and_is_bounded() {
 }
 
 #[test]
+fn spec_a_session_that_is_opened_anew_ends_its_own_burst_alone_and_a_slow_vehicle_s_pieces_come_slowly() {
+    for (opened, goes_on) in [(1, false), (2, true)] {
+        let mut desk = Desk::new();
+        desk.path(ME, 1, OPEN, b"parameter.json");
+        desk.sequence += 1;
+        let burst = payload(desk.sequence, 1, BURST, 10, 0, &[]);
+        assert_eq!(desk.ask(ME, &burst), None);
+        desk.path(ME, opened, OPEN, b"general.json");
+        assert_eq!(!desk.pieces(Duration::from_secs(1)).is_empty(), goes_on, "{opened}");
+    }
+    let mut desk = Desk::new();
+    desk.path(ME, 1, OPEN, b"parameter.json");
+    let burst = payload(7, 1, BURST, 10, 0, &[]);
+    desk.ask(ME, &burst);
+    let tick = Duration::from_secs(1);
+    let at = |s: u64| Instant::from_start(Duration::from_secs(s));
+    let comes = [1, 2, 3, 4].map(|s| desk.server.piece(tick, at(s)).is_some());
+    assert_eq!(comes, [true, false, true, false], "at every other tick");
+}
+
+#[test]
 fn spec_stations_take_turns() {
     let mut desk = Desk::new();
     for who in [ME, OTHER] {
