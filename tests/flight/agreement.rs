@@ -187,11 +187,14 @@ fn spec_j_does_not_jam_in_vain() {
         let j = slots.iter().map(|slot| slot.radiated_s.j).sum::<f64>();
         let longest = slots.iter().map(|slot| slot.radiated_s.j).fold(0.0, f64::max);
         println!("{ms:>4} ms {:>6} {i:>7.3} {j:>7.3} {longest:>7.3}", slots.len());
-        // Of 8.8 s. With 400 ms there and back too little is left of a lease of 500 ms when it arrives.
-        let served = ms <= 150;
-        assert_eq!(i > 8.5, served, "{ms}\n{}", flight.story());
-        assert_eq!(flight.said(Role::J, "ended early").is_none(), served, "{ms}\n{}", flight.story());
-        assert!(served || longest < 3.1, "{ms}\n{}", flight.story());
+        // Of 8.8 s. With 400 ms there and back too little is left of a lease of 500 ms when it arrives; how much I is on then
+        // depends on the beat of its own state.
+        assert_eq!(i > 8.5, ms <= 150, "{ms}\n{}", flight.story());
+        assert_eq!(flight.said(Role::J, "ended early").is_none(), ms <= 150, "{ms}\n{}", flight.story());
+        // Until I was off for 1.5 s more than twice the time it was on; it is on first, and says so late.
+        for slot in &slots {
+            assert!(slot.radiated_s.j < 2.5 + 3.0 * slot.radiated_s.i, "{ms}\n{}", flight.story());
+        }
     }
 }
 
