@@ -15,6 +15,7 @@ use veilwing_sitl::Fault;
 use crate::face::{Watched, error, results, value};
 use crate::harness::*;
 use crate::kinds::level;
+use crate::start::distance;
 
 const GROUND: (u8, u8) = (255, 190);
 
@@ -81,10 +82,6 @@ fn told(watched: &Watched, what: &str) -> bool {
         MavMessage::STATUSTEXT(m) => m.text.to_str().is_ok_and(|text| text.contains(what)),
         _ => false,
     })
-}
-
-fn apart(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt()
 }
 
 #[test]
@@ -254,10 +251,13 @@ fn val_where_it_is_said_to_be_is_where_the_world_has_it_and_the_plan_is_near() {
         assert!(!of.is_empty());
     }
     assert!(
-        positions.iter().chain(&planned).all(|at| apart(*at, true_enu_m) < 1.0),
+        positions.iter().chain(&planned).all(|at| distance(*at, true_enu_m) < 1.0),
         "{positions:?} {true_enu_m:?}"
     );
-    assert!(turned.iter().all(|rpy| apart(*rpy, planned_turned[0]) < 10.0), "{turned:?} {planned_turned:?}");
+    assert!(
+        turned.iter().all(|rpy| distance(*rpy, planned_turned[0]) < 10.0),
+        "{turned:?} {planned_turned:?}"
+    );
     // On the air, which takes more than a command.
     let radio = said(&watched, 0).filter_map(|m| named(m, "VW_RADIO")).collect::<Vec<_>>();
     assert!(radio.contains(&0.0) && radio.contains(&2.0), "{radio:?}");

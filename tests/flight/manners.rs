@@ -4,25 +4,15 @@
 use std::time::Duration;
 
 use mavlink::dialects::ardupilotmega::MavCmd;
-use veilwing::mission::Outcome;
 use veilwing::role::Role;
 use veilwing_sitl::Traps;
 
 use crate::harness::*;
+use crate::start::completes;
 
 /// Flies the small mission to its end, all served.
 fn flown(traps: Traps) -> Flight {
-    let mut flight = Flight::new(Setup { traps, ..Setup::default() });
-    completes(&mut flight);
-    flight
-}
-
-fn completes(flight: &mut Flight) {
-    flight.fly_out();
-    flight.assert_safe();
-    for role in Role::BOTH {
-        assert_eq!(flight.outcomes[role], Some(Outcome::Completed), "{}", flight.story());
-    }
+    completes(Flight::new(Setup { traps, ..Setup::default() }))
 }
 
 /// How long I has been on the air, over all slots.
@@ -47,7 +37,7 @@ fn spec_a_mission_begins_in_the_mode_that_the_one_before_has_left() {
         assert!(flight.log.setpoints[role].iter().all(|at| *at <= again), "{}", flight.story());
     }
     flight.command(Role::I, MavCmd::MAV_CMD_MISSION_START);
-    completes(&mut flight);
+    let flight = completes(flight);
     assert!((radiated_s(&flight) / once_s - 2.0).abs() < 0.02, "{once_s} {}", flight.story());
 }
 

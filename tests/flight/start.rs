@@ -19,7 +19,7 @@ fn setup(time: (u8, u8, u8), start_unasked: bool) -> Setup {
     Setup { given, start_unasked, ..Setup::default() }
 }
 
-fn completes(mut flight: Flight) -> Flight {
+pub fn completes(mut flight: Flight) -> Flight {
     flight.fly_out();
     flight.assert_safe();
     for role in Role::BOTH {
@@ -32,7 +32,7 @@ fn positions(flight: &Flight) -> [[f64; 3]; 2] {
     [0, 1].map(|k| flight.world.snapshot().vehicles[k].position_enu_m)
 }
 
-fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
+pub fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt()
 }
 

@@ -61,24 +61,25 @@ impl Parameters {
 
     /// Adds the rotors as PX4 describes them (CA_ROTOR*): body FRD axes, thrust at full throttle, moment ratio.
     pub fn describe_rotors(&mut self, geometry: &Geometry) {
-        let mut add = |name: String, value| self.table.push((Cow::Owned(name), value));
-        add("CA_ROTOR_COUNT".to_owned(), Value::Int(geometry.rotors.len() as i32));
+        let mut rows = vec![("CA_ROTOR_COUNT".into(), Value::Int(geometry.rotors.len() as i32))];
         for (k, rotor) in geometry.rotors.iter().enumerate() {
             let ([px, py, pz], [ax, ay, az]) = (rotor.position_flu_m, rotor.axis_flu);
             let fields = [("PX", px), ("PY", -py), ("PZ", -pz), ("AX", ax), ("AY", -ay), ("AZ", -az)];
             for (field, value) in fields.into_iter().chain([("CT", rotor.thrust_n), ("KM", rotor.moment_m)]) {
-                add(format!("CA_ROTOR{k}_{field}"), Value::Real(value as f32));
+                rows.push((format!("CA_ROTOR{k}_{field}").into(), Value::Real(value as f32)));
             }
         }
-        self.table.sort_by(|a, b| a.0.cmp(&b.0));
-        self.revision += 1;
+        self.add(rows);
     }
 
     /// Adds what only PX4 in simulation has: how long its battery lasts, in seconds, and where it stops, in percent.
     pub fn describe_simulated_battery(&mut self) {
-        for (name, value) in [("SIM_BAT_DRAIN", 60.0), ("SIM_BAT_MIN_PCT", 50.0)] {
-            self.table.push((Cow::Borrowed(name), Value::Real(value)));
-        }
+        let rows = [("SIM_BAT_DRAIN", 60.0), ("SIM_BAT_MIN_PCT", 50.0)];
+        self.add(rows.map(|(name, value)| (name.into(), Value::Real(value))));
+    }
+
+    fn add(&mut self, rows: impl IntoIterator<Item = (Cow<'static, str>, Value)>) {
+        self.table.extend(rows);
         self.table.sort_by(|a, b| a.0.cmp(&b.0));
         self.revision += 1;
     }
