@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use crate::config::{Mission, Mode, Optimise};
 use crate::geo::Pose;
-use crate::planner::moving::{self, Flight, Limits};
+use crate::planner::moving::{self, Flight};
 use crate::planner::plan::SlotPlan;
 use crate::planner::problem::Problem;
 use crate::planner::slots::{Plan, PlannedSlot};
@@ -209,12 +209,7 @@ fn moving_superframe(
     now: &mut impl FnMut() -> Instant,
 ) -> Result<Timed, PlanningError> {
     let all = Together::of(mission)?;
-    let limits = mission.transit_limits().map(|limits| Limits {
-        speed_m_s: limits.speed_m_s,
-        climb_m_s: limits.climb_m_s,
-        acceleration_m_s2: limits.acceleration_m_s2,
-        jerk_m_s3: limits.jerk_m_s3,
-    });
+    let limits = mission.transit_limits().map(|limits| limits.of_motion());
     let started = now();
     let found = moving::plan(&all.problems, &all.service, &all.router, &limits, options, Some(TOLERATED));
     let found = found.map_err(|error| of_first(mission, error))?;

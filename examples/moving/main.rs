@@ -34,7 +34,6 @@ use veilwing::planner::moving::{self, Flight, Limits, Moving, Planned, Spline};
 use veilwing::planner::turning::{self, Joint, Protected};
 use veilwing::planner::volume::{Fairness, Ways};
 use veilwing::role::{PerVehicle, Role};
-use veilwing::schedule::trajectory;
 use veilwing::schedule::transit::Router;
 
 /// A mission, by its name.
@@ -45,15 +44,6 @@ struct Named {
     limits: PerVehicle<Limits>,
 }
 
-fn motion(limits: &PerVehicle<trajectory::Limits>) -> PerVehicle<Limits> {
-    limits.map(|limits| Limits {
-        speed_m_s: limits.speed_m_s,
-        climb_m_s: limits.climb_m_s,
-        acceleration_m_s2: limits.acceleration_m_s2,
-        jerk_m_s3: limits.jerk_m_s3,
-    })
-}
-
 fn drawn(index: usize, seed: u64, fairness: Fairness, turn_deg_s: Option<f64>) -> Named {
     let mission = mission::draw(index, seed, fairness);
     let mut limits = mission::limits();
@@ -62,7 +52,7 @@ fn drawn(index: usize, seed: u64, fairness: Fairness, turn_deg_s: Option<f64>) -
         limits.j.tilt_rate_rad_s = turn_deg_s.to_radians();
     }
     let router = Router::new(&mission.problems[0].airspace, &limits).unwrap();
-    Named { name: index.to_string(), mission, router, limits: motion(&limits) }
+    Named { name: index.to_string(), mission, router, limits: limits.map(|limits| limits.of_motion()) }
 }
 
 #[cfg(feature = "companion")]
@@ -72,7 +62,7 @@ fn demo() -> Option<Named> {
     let problems = (0..mission.users.len()).filter_map(|user| mission.problem(user)).collect();
     let limits = mission.transit_limits();
     let router = Router::new(&mission.airspace, &limits).ok()?;
-    let limits = motion(&limits);
+    let limits = limits.map(|limits| limits.of_motion());
     let mission = Superframe { problems, service: mission.service() };
     Some(Named { name: "demo".into(), mission, router, limits })
 }

@@ -44,6 +44,6 @@ pub use world::fault::Fault;
 pub use world::record::{Heard, Record, Recorder};
 pub use world::report::{FlightReport, PerVehicle, SlotReport};
 pub use world::scattering::{Fading, Rician};
-pub use world::turning::{PlannedKnot, PlannedTurns};
+pub use world::turning::{PLACES_S, PlannedKnot, PlannedTurns};
 pub use world::violation::{Breach, Invariant, Violation};
 pub use world::{Snapshot, World};

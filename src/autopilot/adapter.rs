@@ -27,7 +27,7 @@ use super::state::{Timed, VehicleState};
 use super::statustext::Texts;
 use super::streams::{Streams, Wanted};
 use super::telemetry::Telemetry;
-use crate::geo::Attitude;
+use crate::geo::{Attitude, Enu};
 use crate::preflight::Check;
 use crate::time::{Instant, Utc};
 
@@ -318,6 +318,13 @@ impl Autopilot {
     pub fn attitude(&self) -> Option<(Attitude, Instant)> {
         let attitude = self.telemetry.state.attitude?;
         Some((attitude.value, self.telemetry.clock.on_our_clock(attitude.taken)?))
+    }
+
+    /// The newest position, in metres, and when it was probably taken.
+    #[must_use]
+    pub fn position(&self, now: Instant) -> Option<(Enu, Instant)> {
+        let position = self.telemetry.state.position_enu_m?;
+        Some((position.value, self.telemetry.clock.probably_taken(position.taken, now)?))
     }
 
     /// Age of the older of position and attitude, at the most; `None` as above.

@@ -129,6 +129,15 @@ impl BootClock {
         taken.and_then(|us| u64::try_from(us).ok()).map(|us| Instant::from_start(Duration::from_micros(us)))
     }
 
+    /// When the sample that is stamped so was probably taken: in the middle of what the shortest round trip leaves open.
+    pub(super) fn probably_taken(&self, time: BootTime, now: Instant) -> Option<Instant> {
+        match self.exchanges.tracking(now) {
+            Tracking::RoundTrip(shortest) => Some(self.taken_from(time, now)? + shortest / 2),
+            Tracking::OneWay => self.taken_from(time, now),
+            Tracking::Lost | Tracking::Asking => self.on_our_clock(time),
+        }
+    }
+
     /// The autopilot's time on our clock, but for a constant and the drift: for the time between samples.
     pub(super) fn on_our_clock(&self, time: BootTime) -> Option<Instant> {
         let (first, heard_at) = self.first?;

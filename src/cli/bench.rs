@@ -24,7 +24,7 @@ use crate::time::Instant;
 
 use super::fly::{Links, boot_id, links, runtime};
 use super::recording::Recording;
-use super::{Exit, interrupt, load_flown_mission, load_vehicle, print_json, print_text};
+use super::{Exit, interrupt, load_mission, load_vehicle, print_json, print_text};
 
 /// What is appended and synced at a time, as a busy link's log is.
 const DISK_BYTES: usize = 16 * 1024;
@@ -73,7 +73,7 @@ struct Document {
 }
 
 pub(super) fn run(args: &Args) -> Exit {
-    let mission = match args.mission.as_deref().map(load_flown_mission).transpose() {
+    let mission = match args.mission.as_deref().map(load_mission).transpose() {
         Ok(mission) => mission,
         Err(exit) => return exit,
     };

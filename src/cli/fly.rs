@@ -25,7 +25,7 @@ use crate::systemd::Manager;
 use crate::transmitter::Transmitter;
 
 use super::recording::Recording;
-use super::{Exit, interrupt, load_flown_mission, load_vehicle};
+use super::{Exit, interrupt, load_mission, load_vehicle};
 
 /// Names of the links, in logs and file names.
 const AUTOPILOT: &str = "autopilot";
@@ -61,7 +61,7 @@ pub(super) struct Args {
 }
 
 pub(super) fn run(args: &Args) -> Exit {
-    let mission = match load_flown_mission(&args.mission) {
+    let mission = match load_mission(&args.mission) {
         Ok(mission) => mission,
         Err(exit) => return exit,
     };

@@ -287,19 +287,6 @@ fn load_vehicle(path: &std::path::Path) -> Result<crate::config::Vehicle, Exit> 
     }
 }
 
-/// As [`load_mission`], of one that is to be flown.
-fn load_flown_mission(path: &std::path::Path) -> Result<crate::config::Mission, Exit> {
-    let mission = load_mission(path)?;
-    if mission.planner.mode == crate::config::Mode::Moving {
-        let name = path.display();
-        eprintln!(
-            "{name}: a mission whose planner.mode is \"moving\" cannot be flown yet: set mode = \"turning\""
-        );
-        return Err(Exit::Unusable);
-    }
-    Ok(mission)
-}
-
 /// Loads a mission; warnings and errors go to stderr as `file:line:column: message`.
 fn load_mission(path: &std::path::Path) -> Result<crate::config::Mission, Exit> {
     match crate::config::Mission::load(path) {

@@ -463,10 +463,6 @@ fn volume(draft: &MissionDraft, file: &mut Document) {
                 .to_owned();
         refuse(file, "planner.mode", message, "set optimise = \"volume\", or mode = \"turning\"");
     }
-    if mode == Mode::Moving {
-        let message = "`mode` is \"moving\": `plan` plans it, and no vehicle flies it yet".to_owned();
-        file.warning(file.at("planner.mode"), message, "set mode = \"turning\" to fly".to_owned());
-    }
     if fairness != Fairness::MaxMin {
         for path in LIMITS.into_iter().filter(|path| file.given(path)).collect::<Vec<_>>() {
             let key = path.trim_start_matches("tdma.");

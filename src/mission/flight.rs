@@ -6,10 +6,11 @@ use crate::geo::Attitude;
 use crate::pair::Commitment;
 use crate::pair::orders::Order;
 use crate::pair::wire::VeilwingFlags;
-use crate::planner::turning::Track;
+use crate::planner::moving;
+use crate::planner::track::Track;
 use crate::preflight::{Check, Verdict, check};
 use crate::role::PerVehicle;
-use crate::schedule::trajectory::{Start, Trajectory};
+use crate::schedule::trajectory::{Sample, Start, Trajectory};
 use crate::service::{Served, Silence};
 use crate::time::Instant;
 
@@ -59,10 +60,15 @@ impl Executive {
                     self.land_astray(now);
                 }
             }
-            Phase::InService { .. } => self.keep_turns(now),
-            Phase::Holding { since, .. } => {
+            Phase::InService { .. } => {
+                self.keep_turns(now);
+                self.keep_to_way(now);
+            }
+            Phase::Holding { since, motion } => {
                 let waited = now.saturating_since(*since);
-                if waited >= HOLD && self.may_return(waited, now) {
+                // What leaves a motion does so to its end.
+                let stands = motion.glide.is_none() || motion.is_at_rest(now);
+                if waited >= HOLD && stands && self.may_return(waited, now) {
                     self.go_home(now);
                 }
             }
@@ -284,7 +290,7 @@ impl Executive {
             Some(attitude) => trajectory.from_attitude(attitude, limits),
             None => trajectory,
         };
-        let motion = Motion { track, ..Motion::new(trajectory, commitment.leaves_at) };
+        let motion = Motion::on_track(trajectory, commitment.leaves_at, track);
         self.phase = Phase::InService { motion, turns: peer.map(Turns::new) };
         self.agreed(&commitment, now);
     }
@@ -295,7 +301,9 @@ impl Executive {
         if let Some(cause) = self.too_little_for(&commitment, now) {
             return self.abort(cause, now);
         }
-        let motion = Motion { track: self.track(), ..motion.stopped(now) };
+        let Sample { position_enu_m, attitude, .. } = motion.sample(now);
+        let rest = Trajectory::rest(&Start { position_enu_m, attitude });
+        let motion = Motion::on_track(rest, now, self.track());
         self.phase = Phase::InService { motion, turns: None };
         self.agreed(&commitment, now);
     }
@@ -312,13 +320,54 @@ impl Executive {
         self.notice(Notice::SlotAgreed { slot: commitment.slot, user, opens_in });
     }
 
-    /// Between two slots the vehicle stays as it is: one that ended early has left it on its way from one attitude to another.
+    /// Between two slots the vehicle stays as it is, once it has come to rest: one that ended early has left it on its way from one
+    /// attitude to another.
     fn stop_turning(&mut self, now: Instant) {
+        let limits = self.motion_limits();
         if let Phase::InService { motion, .. } = &mut self.phase
             && motion.track.is_some()
         {
-            *motion = motion.stopped(now);
+            *motion = motion.stopped(now, &limits);
         }
+    }
+
+    /// What bounds the vehicle's motion on a way.
+    fn motion_limits(&self) -> moving::Limits {
+        self.settings.limits[self.settings.role].of_motion()
+    }
+
+    /// In a plan that moves: leaves the motion as soon as the slot is to end early; and between slots goes along its own way to where
+    /// the next one is entered.
+    fn keep_to_way(&mut self, now: Instant) {
+        let limits = self.motion_limits();
+        let closing = self.service.slot().map(|slot| slot.is_closing());
+        let next = self.service.slot_number();
+        let role = self.settings.role;
+        let tracks = self.itinerary.as_ref().and_then(|itinerary| itinerary.tracks(next));
+        let Some(way) = tracks.and_then(|tracks| tracks[role].way()) else { return };
+        let approach = |rests_s: f64| way.approach(rests_s, &limits);
+        let Phase::InService { motion, .. } = &mut self.phase else { return };
+        match closing {
+            Some(false) => {}
+            Some(true) if motion.is_on_track(now) => *motion = motion.stopped(now, &limits),
+            Some(true) if motion.track.is_some() => *motion = motion.clone().without_track(),
+            Some(true) => {}
+            None if self.service.orders().is_paused() || !motion.is_at_rest(now) => {}
+            None => {
+                if let Some(glide) = motion.rests_s.and_then(approach) {
+                    *motion = Motion::along(glide, motion.sample(now).attitude, now);
+                }
+            }
+        }
+    }
+
+    /// The slot that is entered from where the vehicle rests, in a plan that moves.
+    pub(super) fn rests_for(&self, now: Instant) -> Option<u16> {
+        let next = self.service.slot_number();
+        let way = self.itinerary.as_ref()?.tracks(next)?[self.settings.role].way()?;
+        let Phase::InService { motion, .. } = &self.phase else { return None };
+        let rests_s = motion.rests_s.filter(|_| motion.is_at_rest(now))?;
+        way.approach(rests_s, &self.motion_limits()).is_none().then_some(next)
     }
 
     /// On a transit in turns: waits for the other, and gives up once that costs the slot's opening.
@@ -423,11 +472,10 @@ impl Executive {
 
     /// Stops where the setpoint is, and levels.
     pub(super) fn hold_here(&mut self, now: Instant) {
-        let Some(sample) = self.phase.motion().map(|motion| motion.sample(now)) else { return };
-        let start = Start { position_enu_m: sample.position_enu_m, attitude: sample.attitude };
-        let mut trajectory = Trajectory::rest(&start);
-        trajectory.turn(Attitude::level(), 0.0, &self.settings.limits[self.settings.role]);
-        self.phase = Phase::Holding { motion: Motion::new(trajectory, now), since: now };
+        let limits = self.motion_limits();
+        let Some(mut motion) = self.phase.motion().map(|motion| motion.stopped(now, &limits)) else { return };
+        motion.trajectory.turn(Attitude::level(), 0.0, &self.settings.limits[self.settings.role]);
+        self.phase = Phase::Holding { motion, since: now };
     }
 
     /// From here to the bottom of the altitude band.

@@ -5,7 +5,7 @@ use std::time::Duration;
 use crate::geo::{Attitude, Enu};
 use crate::pair::wire::VeilwingFlags;
 use crate::role::Role;
-use crate::schedule::trajectory::Start;
+use crate::schedule::trajectory::{Start, Trajectory};
 use crate::schedule::transit::{Router, TransitError};
 use crate::time::Instant;
 
@@ -17,18 +17,27 @@ use super::phase::{HOLD, Motion, Phase};
 pub(super) const LAND_FIRST: Duration = Duration::from_secs(120);
 /// Where I is not heard, J gives it the time of its way home and this much more.
 const LAND_UNHEARD: Duration = Duration::from_secs(5);
+/// A way begins where a vehicle is commanded to be, within so many metres.
+const BEGINS_WITHIN_M: f64 = 0.1;
 /// How far a vehicle that climbs or lands may be off the vertical above its home, in metres.
 const OWN_COLUMN_M: f64 = 2.0;
 
 impl Executive {
     /// All slots are over: both go home along the table's last transit, or, where their ways would only be apart in
-    /// time, one after the other as after an abort.
+    /// time or begin elsewhere, one after the other as after an abort.
     pub(super) fn finish(&mut self, now: Instant) {
         self.notice(Notice::AllSlotsOver);
-        match self.itinerary.as_ref().and_then(|itinerary| itinerary.way_home.clone()) {
+        let way_home = self.itinerary.as_ref().and_then(|itinerary| itinerary.way_home.clone());
+        match way_home.filter(|way| self.begins_here(way, now)) {
             Some(trajectory) => self.phase = Phase::Returning(Motion::new(trajectory, now)),
             None => self.hold_here(now),
         }
+    }
+
+    /// Whether the vehicle is where a way begins: one whose last slot ended early has left its motion elsewhere.
+    fn begins_here(&self, way: &Trajectory, now: Instant) -> bool {
+        let here = self.phase.motion().map(|motion| motion.sample(now).position_enu_m);
+        here.is_some_and(|here| (here - way.sample(Duration::ZERO).position_enu_m).norm() <= BEGINS_WITHIN_M)
     }
 
     /// After an abort the two must not cross. I goes home first; J when I is down, or is not coming, or took too

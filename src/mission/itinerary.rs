@@ -5,7 +5,7 @@ use std::time::Duration;
 use crate::geo::{Attitude, Enu};
 use crate::pair::{PlanTerms, SlotTerms};
 use crate::planner::slots::Plan;
-use crate::planner::turning::Track;
+use crate::planner::track::Track;
 use crate::role::{PerVehicle, Role};
 use crate::schedule::table::{Entry, Table, TableError};
 use crate::schedule::trajectory::{Start, Trajectory};
@@ -47,12 +47,12 @@ impl Itinerary {
             }
             None => None,
         };
-        let tracks = plan.turns.as_ref().map(|turns| turns.tracks(settings.timing.guard.as_secs_f64()));
-        let tracks = flown(&table, &tracks.unwrap_or_default());
+        let limits = settings.limits.map(|limits| limits.of_motion());
+        let tracks = flown(&table, &plan.tracks(settings.timing.guard.as_secs_f64(), &limits));
         Ok(Self { table, way_home, tracks })
     }
 
-    /// How both vehicles turn in a slot, where they do on the air.
+    /// How both vehicles turn and move in a slot, where they do on the air.
     pub fn tracks(&self, slot: u16) -> Option<&PerVehicle<Track>> {
         self.tracks.get(usize::from(slot))
     }

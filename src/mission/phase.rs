@@ -2,7 +2,9 @@
 
 use std::time::Duration;
 
-use crate::planner::turning::Track;
+use crate::geo::Attitude;
+use crate::planner::moving::{Instant as Place, Limits};
+use crate::planner::track::{Glide, Track};
 use crate::schedule::trajectory::{Sample, Start, Trajectory};
 use crate::time::Instant;
 
@@ -13,14 +15,31 @@ use super::turns::Turns;
 pub(super) struct Motion {
     pub trajectory: Trajectory,
     pub starts_at: Instant,
-    /// How the vehicle turns once the trajectory is flown, and the opening of the slot in which it does.
+    /// How the vehicle turns, and moves, once the trajectory is flown, and the opening of the slot in which it does.
     pub track: Option<(Track, Instant)>,
+    /// How it comes to rest on the way of a track, wherever its trajectory and another track have it, and since when it does so.
+    pub glide: Option<(Glide, Instant)>,
+    /// It has come along such a way: the motion's time where it rests, or will.
+    pub rests_s: Option<f64>,
 }
 
 impl Motion {
     /// Along a trajectory, and to rest.
     pub fn new(trajectory: Trajectory, starts_at: Instant) -> Self {
-        Self { trajectory, starts_at, track: None }
+        Self { trajectory, starts_at, track: None, glide: None, rests_s: None }
+    }
+
+    /// At rest where the trajectory ends, and then along a track.
+    pub fn on_track(trajectory: Trajectory, starts_at: Instant, track: Option<(Track, Instant)>) -> Self {
+        Self { track, ..Self::new(trajectory, starts_at) }
+    }
+
+    /// Along a way from where the vehicle rests on it, turned as it is.
+    pub fn along(glide: Glide, attitude: Attitude, now: Instant) -> Self {
+        let end = glide.at(glide.lasts_s()).position_enu_m;
+        let start = Start { position_enu_m: end, attitude };
+        let rests_s = Some(glide.rests_s());
+        Self { glide: Some((glide, now)), rests_s, ..Self::new(Trajectory::rest(&start), now) }
     }
 
     pub fn sample(&self, now: Instant) -> Sample {
@@ -33,7 +52,33 @@ impl Motion {
         if let Some((track, opens_at)) = self.track.as_ref().filter(|_| self.is_over(now)) {
             sample.attitude = track.attitude((now + late).seconds_since(*opens_at));
         }
+        if let Some(place) = self.place(now) {
+            sample.position_enu_m = place.position_enu_m;
+            sample.velocity_enu_m_s = place.velocity_enu_m_s;
+            sample.acceleration_enu_m_s2 = place.acceleration_enu_m_s2;
+        }
         sample
+    }
+
+    /// Where it is on a way, if it is on one.
+    fn place(&self, now: Instant) -> Option<Place> {
+        if let Some((glide, begins_at)) = &self.glide {
+            return Some(glide.at(now.seconds_since(*begins_at)));
+        }
+        let (track, opens_at) = self.track.as_ref().filter(|_| self.is_over(now))?;
+        track.place(now.seconds_since(*opens_at))
+    }
+
+    /// Whether it has come to rest, and stays so.
+    pub fn is_at_rest(&self, now: Instant) -> bool {
+        let moves = match (&self.glide, &self.track) {
+            (Some((glide, begins_at)), _) => now.seconds_since(*begins_at) < glide.lasts_s(),
+            (None, Some((track, opens_at))) => {
+                track.way().is_some_and(|way| way.moves(now.seconds_since(*opens_at)))
+            }
+            (None, None) => false,
+        };
+        self.is_over(now) && !moves
     }
 
     /// Whether the track has taken over.
@@ -41,10 +86,37 @@ impl Motion {
         self.track.is_some() && self.is_over(now)
     }
 
-    /// At rest where it is at `now`.
-    pub fn stopped(&self, now: Instant) -> Self {
+    /// At rest where it is at `now`, or as soon as it can where it moves along a way.
+    pub fn stopped(&self, now: Instant, limits: &Limits) -> Self {
         let Sample { position_enu_m, attitude, .. } = self.sample(now);
-        Self::new(Trajectory::rest(&Start { position_enu_m, attitude }), now)
+        let rest = Self::new(Trajectory::rest(&Start { position_enu_m, attitude }), now);
+        let along = |(glide, begins_at): (Glide, Instant)| Self {
+            glide: Some((glide.clone(), begins_at)),
+            rests_s: Some(glide.rests_s()),
+            ..Self::along(glide, attitude, now)
+        };
+        if let Some(glide) = self.glide.clone() {
+            return along(glide);
+        }
+        let on_track = self.track.as_ref().filter(|_| self.is_over(now));
+        let on_way = on_track.and_then(|(track, opens_at)| Some((track.way()?, *opens_at)));
+        match on_way {
+            Some((way, opens_at)) if way.moves(now.seconds_since(opens_at)) => {
+                let (glide, since_s) = way.stop(now.seconds_since(opens_at), limits);
+                along((glide, opens_at.after_s(since_s)))
+            }
+            Some((way, opens_at)) => {
+                let entered = now >= opens_at;
+                Self { rests_s: Some(if entered { way.exit_s() } else { way.entry_s() }), ..rest }
+            }
+            None => Self { rests_s: self.rests_s, ..rest },
+        }
+    }
+
+    /// The same without what was to follow its trajectory, which is flown to its end.
+    pub fn without_track(self) -> Self {
+        let way = self.track.as_ref().and_then(|(track, _)| track.way());
+        Self { rests_s: way.map(|way| way.entry_s()).or(self.rests_s), track: None, ..self }
     }
 
     pub fn ends_at(&self) -> Instant {
@@ -176,7 +248,7 @@ impl Phase {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geo::{Attitude, Enu};
+    use crate::geo::Enu;
     use crate::schedule::trajectory::Limits;
 
     fn at(s: u64) -> Instant {

@@ -28,16 +28,18 @@ impl Executive {
 
     pub(super) fn vehicle(&self, now: Instant) -> Vehicle {
         let state = self.autopilot.state();
+        let in_service = self.phase.motion().filter(|_| self.phase.is_in_service());
         Vehicle {
             state_received_at: self.autopilot.state_received_at(),
             state_taken_from: self.autopilot.state_taken_from(now),
             state_period: self.autopilot.state_period(),
-            position_enu_m: state.position_enu_m.map(|p| p.value),
+            position: self.autopilot.position(now),
             attitude: self.autopilot.attitude(),
             in_control: self.autopilot.in_control() && !self.is_stopping(),
             estimator_ok: self.estimator_ok(),
-            arrived: self.phase.is_in_service()
-                && self.phase.motion().is_some_and(|motion| motion.is_over(now)),
+            arrived: in_service.is_some_and(|motion| motion.is_over(now)),
+            at_rest: in_service.is_some_and(|motion| motion.is_at_rest(now)),
+            rests_for: self.rests_for(now),
             home_enu_m: self.home_enu_m,
             preflight_ok: self.ground.preflight_ok(),
             ended: self.phase.is_ending(),

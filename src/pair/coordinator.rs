@@ -128,6 +128,15 @@ impl Coordinator {
         }
     }
 
+    /// J: the slot that I has proposed last, since the last one was over.
+    #[must_use]
+    pub fn asked(&self) -> Option<u16> {
+        match &self.part {
+            Part::I(_) => None,
+            Part::J(follower) => follower.asked,
+        }
+    }
+
     /// I: proposes that `slot` opens at `opens`. Replaces a proposal not yet agreed on. Without our UTC and a plan that
     /// has this slot nothing is proposed; with clocks that differ too much, or are not compared yet, it is refused at
     /// once.

@@ -32,6 +32,7 @@ mod setup;
 pub mod slots;
 mod solver;
 mod starts;
+pub mod track;
 pub mod turning;
 mod variables;
 pub mod volume;

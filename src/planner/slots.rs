@@ -4,8 +4,9 @@ use std::time::Duration;
 
 use sha2::{Digest, Sha256};
 
-use super::moving::{Moving, Spline};
+use super::moving::{Limits, Moving, Spline};
 use super::plan::{SlotPlan, VehiclePlan};
+use super::track::{self, Track};
 use super::turning::Protected;
 use crate::role::{PerVehicle, Role};
 
@@ -54,6 +55,14 @@ impl Plan {
             turned.filter_map(move |knot| Some((name(knot.served?), knot.vehicles[role].tx_power_w)));
         let standing = self.slots.iter().filter(|_| self.turns.is_none());
         standing.map(move |slot| (slot.user.as_str(), slot.plan.vehicles[role].tx_power_w)).chain(turned)
+    }
+
+    /// How the vehicles turn, and move, in each slot of a superframe, in the order of service; none of a plan whose poses are held.
+    /// As [`track::tracks`].
+    #[must_use]
+    pub fn tracks(&self, guard_s: f64, limits: &PerVehicle<Limits>) -> Vec<PerVehicle<Track>> {
+        let turns = self.turns.as_ref();
+        turns.map(|turns| track::tracks(turns, self.ways.as_ref(), guard_s, limits)).unwrap_or_default()
     }
 
     /// Seals the slots with their digest.

@@ -10,7 +10,8 @@
 //!
 //! A slot that is served through its turns, from where the one before was, carries that one on: both vehicles turn from its last
 //! attitude in what is left of the two guards' halves and the silence between them. Should it be agreed on by itself, since the
-//! one before ended early, its transit is the turn from that one's last attitude, and the vehicles come to rest.
+//! one before ended early, its transit is the turn from that one's last attitude, and the vehicles come to rest. Where both move on
+//! the air, they then enter their motion, and no such slot is agreed on before each has come to where that begins, along its own way.
 //!
 //! All times are since the mission's start instant, which both vehicles agree on. The table is a pure function of its
 //! inputs: the same plan, limits and starting positions give the same table on both vehicles, bit for bit.
@@ -24,8 +25,9 @@ use super::trajectory::{Start, Trajectory};
 use super::transit::{Router, Separation, Transit};
 use crate::geo::Pose;
 use crate::planner::slots::Plan;
+use crate::planner::track::{Track, Way};
 use crate::planner::turning::{Between, Knot, Protected};
-use crate::role::PerVehicle;
+use crate::role::{PerVehicle, Role};
 
 /// Slots open on multiples of this: both vehicles' logs and clocks show round figures.
 const GRID: Duration = Duration::from_millis(100);
@@ -97,22 +99,33 @@ pub struct Turned {
     /// From the close of the slot before, which is served from the same positions, to this one's opening; the last one's, of the
     /// first.
     pub carries_on_after: Option<Duration>,
+    /// Where the vehicles move while it is served: how long entering the motion takes. The poses above are then those in which they
+    /// rest before that, and afterwards.
+    pub enters: Option<Duration>,
 }
 
 impl Turned {
     /// The users of a plan, where it has the vehicles turn on the air.
-    fn of(turns: &Protected, guard: Duration) -> Option<Vec<Self>> {
+    fn of(turns: &Protected, tracks: &[PerVehicle<Track>], guard: Duration) -> Option<Vec<Self>> {
         let guard_s = guard.as_secs_f64();
         let before = |place: usize| &turns.slots[(place + turns.slots.len() - 1) % turns.slots.len()];
-        let users = turns.slots.iter().enumerate().map(|(place, slot)| {
-            let poses = |knot: &Knot| knot.vehicles.map(|vehicle| vehicle.pose);
+        let users = turns.slots.iter().zip(tracks).enumerate().map(|(place, (slot, tracks))| {
+            let poses = |knot: &Knot, rests_s: fn(&Way) -> f64| {
+                PerVehicle::from_fn(|role| {
+                    let pose = knot.vehicles[role].pose;
+                    let rests = tracks[role].way().map(|way| way.spot(rests_s(way)).position_enu_m);
+                    Pose { position_enu_m: rests.unwrap_or(pose.position_enu_m), ..pose }
+                })
+            };
+            let enters = Role::BOTH.iter().filter_map(|role| Some(tracks[*role].way()?.enters_s()));
             let carries_on = matches!(before(place).between, Between::Turn(_));
             let after_s = (before(place).silence_s - guard_s).max(0.0);
             Some(Self {
                 user_index: slot.user,
-                ends: [poses(slot.knots.first()?), poses(slot.knots.last()?)],
+                ends: [poses(slot.knots.first()?, Way::entry_s), poses(slot.knots.last()?, Way::exit_s)],
                 length: Duration::try_from_secs_f64(slot.on_air_s + guard_s).ok()?,
                 carries_on_after: Duration::try_from_secs_f64(after_s).ok().filter(|_| carries_on),
+                enters: enters.reduce(f64::max).and_then(|s| Duration::try_from_secs_f64(s).ok()),
             })
         });
         users.collect()
@@ -140,8 +153,12 @@ impl Table {
         timing: &Timing,
         order: Order,
     ) -> Result<Self, TableError> {
-        if let Some(users) = plan.turns.as_ref().and_then(|turns| Turned::of(turns, timing.guard)) {
-            return Self::turned(router, start, &users, timing);
+        if let Some(turns) = &plan.turns {
+            let limits = PerVehicle::from_fn(|role| router.limits(role).of_motion());
+            let tracks = plan.tracks(timing.guard.as_secs_f64(), &limits);
+            if let Some(users) = Turned::of(turns, &tracks, timing.guard) {
+                return Self::turned(router, start, &users, timing);
+            }
         }
         let users: Vec<_> = plan.slots.iter().map(|slot| vec![slot.plan.vehicles.map(|v| v.pose)]).collect();
         Self::with_lengths(router, start, &users, &plan.lengths(timing.slot), timing, order)
@@ -162,7 +179,14 @@ impl Table {
         let mut entries: Vec<Entry> = Vec::new();
         let mut before: Option<&Turned> = None;
         for (slot, user) in (0..=u16::MAX).zip((0..timing.superframes).flat_map(|_| users)) {
-            let from = before.map_or(*start, |before| before.ends[1].map(hover));
+            let from = match before {
+                None => *start,
+                Some(before) if user.enters.is_some() => PerVehicle::from_fn(|role| Start {
+                    attitude: before.ends[1][role].attitude(),
+                    ..hover(user.ends[0][role])
+                }),
+                Some(before) => before.ends[1].map(hover),
+            };
             let transit = router.plan(&from, &user.ends[0]).map_err(|source| TableError::Transit {
                 from: before.map(|before| before.user_index),
                 to: user.user_index,
@@ -170,7 +194,9 @@ impl Table {
             })?;
             let closed = entries.last().map_or(Duration::ZERO, |entry| entry.closes);
             let leaves = user.ends[1].map(hover);
-            let way = Way { transit, leaves, carries_on_after: before.and(user.carries_on_after) };
+            let carries_on_after = before.and(user.carries_on_after);
+            let enters = user.enters.unwrap_or_default();
+            let way = Coming { transit, enters, leaves, carries_on_after };
             entries.push(Entry::new(slot, (user.user_index, 0), way, closed, user.length, timing));
             before = Some(user);
         }
@@ -254,7 +280,7 @@ fn entries(legs: &mut Legs, tour: &Tour, lengths: &[Duration], timing: &Timing) 
     for (slot, &(user_index, place)) in (0..=u16::MAX).zip(visits) {
         let transit = legs.transit(before, place)?;
         let leaves = PerVehicle::from_fn(|role| transit.trajectories[role].end());
-        let way = Way { transit, leaves, carries_on_after: None };
+        let way = Coming { transit, enters: Duration::ZERO, leaves, carries_on_after: None };
         let closed = entries.last().map_or(Duration::ZERO, |entry| entry.closes);
         let length = lengths.get(user_index).copied().unwrap_or(timing.slot);
         let user = (user_index, legs.candidate(user_index, place));
@@ -265,8 +291,10 @@ fn entries(legs: &mut Legs, tour: &Tour, lengths: &[Duration], timing: &Timing) 
 }
 
 /// How both vehicles come to a slot, and where they leave it.
-struct Way {
+struct Coming {
     transit: Transit,
+    /// What entering a motion takes, after the transit and the time to settle.
+    enters: Duration,
     leaves: PerVehicle<Start>,
     carries_on_after: Option<Duration>,
 }
@@ -276,13 +304,14 @@ impl Entry {
     fn new(
         slot: u16,
         (user_index, candidate): (usize, usize),
-        way: Way,
+        way: Coming,
         closed: Duration,
         length: Duration,
         timing: &Timing,
     ) -> Self {
-        let Way { transit, leaves, carries_on_after } = way;
+        let Coming { transit, enters, leaves, carries_on_after } = way;
         let rested = closed.saturating_add(transit.duration()).saturating_add(timing.settle);
+        let rested = rested.saturating_add(enters);
         let opens = carries_on_after.map_or_else(|| rounded_up(rested), |after| closed.saturating_add(after));
         let closes = opens.saturating_add(length);
         Self {
@@ -316,7 +345,6 @@ mod tests {
 
     use super::*;
     use crate::geo::{Attitude, Enu};
-    use crate::role::Role;
     use crate::schedule::testing;
     use crate::schedule::transit::End;
     use crate::schedule::transit::TransitError;

@@ -11,6 +11,7 @@ use std::time::Duration;
 use nalgebra::Vector3;
 
 use crate::geo::{Attitude, Enu, EnuAcceleration, EnuVelocity};
+use crate::planner::moving;
 use profile::Profile;
 
 /// Limits beyond this, in SI units, are taken for mistakes.
@@ -41,6 +42,13 @@ impl Limits {
     pub const fn new(speed_m_s: f64, climb_m_s: f64, tilt_rate_rad_s: f64) -> Self {
         let acceleration_m_s2 = Self::DEFAULT_ACCELERATION_M_S2;
         Self { speed_m_s, climb_m_s, acceleration_m_s2, jerk_m_s3: None, tilt_rate_rad_s }
+    }
+
+    /// What of them bounds a motion of the planner's.
+    #[must_use]
+    pub fn of_motion(&self) -> moving::Limits {
+        let Self { speed_m_s, climb_m_s, acceleration_m_s2, jerk_m_s3, tilt_rate_rad_s: _ } = *self;
+        moving::Limits { speed_m_s, climb_m_s, acceleration_m_s2, jerk_m_s3 }
     }
 
     /// The first limit outside [`LIMIT_RANGE`], as (key, value).

@@ -14,8 +14,8 @@ pub struct Vehicle {
     pub state_taken_from: Option<Instant>,
     /// How long it may go on without a new one: the period at which both come.
     pub state_period: Duration,
-    /// Position, east-north-up about the mission's origin.
-    pub position_enu_m: Option<Enu>,
+    /// Position, east-north-up about the mission's origin, and when it was measured.
+    pub position: Option<(Enu, Instant)>,
     /// Attitude, and when it was measured.
     pub attitude: Option<(Attitude, Instant)>,
     /// Armed and in the companion's mode.
@@ -24,6 +24,10 @@ pub struct Vehicle {
     pub estimator_ok: bool,
     /// The transit to the slot's pose is flown to its end.
     pub arrived: bool,
+    /// It rests, by its setpoints.
+    pub at_rest: bool,
+    /// The slot whose motion it enters from where it rests.
+    pub rests_for: Option<u16>,
     /// Where it took off, or stands.
     pub home_enu_m: Option<Enu>,
     /// No preflight check fails.

@@ -23,8 +23,8 @@
 //! *A place.* A position comes with the error of who measures it, so that a vehicle which glides towards its pose would be
 //! told to radiate some centimetres before it is there. It comes in at [`ARRIVED`] of the tolerance, and stays to all of it.
 //!
-//! *A turn.* In a slot that is served through its turns the plan's attitude moves, and a sample is compared with the one at its
-//! own time. What the plan bears there may be less than the tolerance: beyond that, down to what a vehicle can hold, the pose is
+//! *A turn.* In a slot that is served through its turns the plan's attitude moves, and perhaps the vehicle with it, and a sample is
+//! compared with the one at its own time. A place counts as farther off by what the two vehicles' clocks may differ, times the speed. What the plan bears there may be less than the tolerance: beyond that, down to what a vehicle can hold, the pose is
 //! not lost, but does not serve either.
 //!
 //! Jitter is taken to be independent from sample to sample, as the plan takes it. A body that swings slower than that
@@ -35,7 +35,7 @@ use std::time::Duration;
 use nalgebra::Vector3;
 
 use crate::geo::{Attitude, Enu, Pose};
-use crate::planner::turning::{Slack, Track};
+use crate::planner::track::{Slack, Track};
 use crate::time::Instant;
 
 use super::evidence::Vehicle;
@@ -155,16 +155,29 @@ impl Smoothed {
 pub struct Reference {
     /// The plan's.
     pub pose: Pose,
-    /// How its attitude moves, where it does.
+    /// How its attitude moves, and its place, where they do.
     pub track: Option<Track>,
-    /// When the slot opens, from which the track counts.
+    /// When the slot opens, from which the track counts ...
     pub opens_at: Instant,
+    /// ... by a clock that may be so far from the one by which the slot is agreed on.
+    pub apart: Duration,
 }
 
 impl Reference {
     fn attitude(&self, at: Instant) -> Attitude {
         let moving = self.track.as_ref().map(|track| track.attitude(at.seconds_since(self.opens_at)));
         moving.unwrap_or_else(|| self.pose.attitude())
+    }
+
+    /// How far in metres a position that was measured at `at` may be from where it should be then.
+    fn distance_m(&self, position_enu_m: &Enu, at: Instant) -> f64 {
+        match self.track.as_ref().and_then(|track| track.place(at.seconds_since(self.opens_at))) {
+            Some(place) => {
+                let speed_m_s = place.velocity_enu_m_s.vector().norm();
+                (position_enu_m - place.position_enu_m).norm() + speed_m_s * self.apart.as_secs_f64()
+            }
+            None => (position_enu_m - self.pose.position_enu_m).norm(),
+        }
     }
 
     fn slack(&self, at: Instant) -> Option<Slack> {
@@ -194,17 +207,17 @@ impl PoseMonitor {
 
     /// Feeds the newest state.
     pub fn feed(&mut self, vehicle: &Vehicle) {
-        if let Some(position) = vehicle.position_enu_m {
-            self.position(position);
+        if let Some((position, measured_at)) = vehicle.position {
+            self.position(position, measured_at);
         }
         if let Some((attitude, measured_at)) = vehicle.attitude {
             self.attitude(&attitude, measured_at);
         }
     }
 
-    /// Feeds the measured position.
-    pub fn position(&mut self, position_enu_m: Enu) {
-        let error_m = (position_enu_m - self.target.pose.position_enu_m).norm();
+    /// Feeds the position measured at `at`.
+    pub fn position(&mut self, position_enu_m: Enu, at: Instant) {
+        let error_m = self.target.distance_m(&position_enu_m, at);
         let share = if self.placed { 1.0 } else { ARRIVED };
         self.position_error_m = Some(error_m);
         // What is no number is no place.
@@ -276,7 +289,7 @@ mod tests {
     }
 
     fn still() -> Reference {
-        Reference { pose: pose(), track: None, opens_at: at(0) }
+        Reference { pose: pose(), track: None, opens_at: at(0), apart: Duration::ZERO }
     }
 
     fn at(ms: u64) -> Instant {
@@ -287,7 +300,7 @@ mod tests {
     fn spec_unknown_until_both_are_fed() {
         let mut monitor = PoseMonitor::new(still(), Tolerance::for_jitter(0.0));
         assert_eq!(monitor.check(), Err(Off::Unknown));
-        monitor.position(pose().position_enu_m);
+        monitor.position(pose().position_enu_m, at(0));
         assert_eq!(monitor.check(), Err(Off::Unknown));
         monitor.attitude(&pose().attitude(), at(0));
         assert_eq!(monitor.check(), Ok(()));
@@ -297,12 +310,12 @@ mod tests {
     fn spec_position_beyond_a_metre_is_off() {
         let mut monitor = PoseMonitor::new(still(), Tolerance::for_jitter(0.0));
         monitor.attitude(&pose().attitude(), at(0));
-        monitor.position(pose().position_enu_m);
-        monitor.position(pose().position_enu_m + Vector3::new(0.0, 0.0, 0.99));
+        monitor.position(pose().position_enu_m, at(0));
+        monitor.position(pose().position_enu_m + Vector3::new(0.0, 0.0, 0.99), at(0));
         assert_eq!(monitor.check(), Ok(()));
-        monitor.position(pose().position_enu_m + Vector3::new(0.8, 0.0, 0.8));
+        monitor.position(pose().position_enu_m + Vector3::new(0.8, 0.0, 0.8), at(0));
         assert!(matches!(monitor.check(), Err(Off::Position(m)) if (m - 0.8 * 2f64.sqrt()).abs() < 1e-12));
-        monitor.position(Vector3::new(f64::NAN, 0.0, 0.0));
+        monitor.position(Vector3::new(f64::NAN, 0.0, 0.0), at(0));
         assert!(matches!(monitor.check(), Err(Off::Position(_))));
     }
 
@@ -312,7 +325,7 @@ mod tests {
             let mut monitor = PoseMonitor::new(still(), Tolerance::of(tolerance_m, 0.05, 0.0));
             monitor.attitude(&pose().attitude(), at(0));
             let mut is_placed = |share: f64| {
-                monitor.position(pose().position_enu_m + Vector3::new(share * tolerance_m, 0.0, 0.0));
+                monitor.position(pose().position_enu_m + Vector3::new(share * tolerance_m, 0.0, 0.0), at(0));
                 monitor.check().is_ok()
             };
             let there = [0.99, 0.86, 0.84, 0.99, 1.01, 0.99, 0.86, 0.84].map(&mut is_placed);
@@ -361,7 +374,7 @@ mod tests {
             // Slots of 10 s, in a pose that is held to a degree.
             for slot in 0..400 {
                 let mut monitor = PoseMonitor::new(still(), tolerance);
-                monitor.position(pose().position_enu_m);
+                monitor.position(pose().position_enu_m, at(0));
                 for k in 0..500 {
                     monitor.attitude(&jittered(&mut rng, 1.0, std_deg), at(RATE_MS * k));
                     assert_eq!(monitor.check(), Ok(()), "{std_deg} deg, slot {slot}, sample {k}");
@@ -373,7 +386,7 @@ mod tests {
     /// How long after a turn of the held pose by `off_deg` the loss is found.
     fn found_after_ms(rng: &mut rand_chacha::ChaCha8Rng, off_deg: f64, std_deg: f64) -> u64 {
         let mut monitor = PoseMonitor::new(still(), Tolerance::for_jitter(std_deg.to_radians()));
-        monitor.position(pose().position_enu_m);
+        monitor.position(pose().position_enu_m, at(0));
         (0..200).for_each(|k| monitor.attitude(&jittered(rng, 0.0, std_deg), at(RATE_MS * k)));
         let found = (200..1000).find(|k| {
             monitor.attitude(&jittered(rng, off_deg, std_deg), at(RATE_MS * k));
@@ -417,7 +430,7 @@ mod tests {
             let leaning = calm.leaning(10f64.to_radians());
             let held = |rng: &mut rand_chacha::ChaCha8Rng, tolerance, lean_deg| {
                 let mut monitor = PoseMonitor::new(still(), tolerance);
-                monitor.position(pose().position_enu_m);
+                monitor.position(pose().position_enu_m, at(0));
                 (0..500).all(|k| {
                     monitor.attitude(&jittered(rng, lean_deg, std_deg), at(RATE_MS * k));
                     monitor.check().is_ok()
@@ -451,7 +464,7 @@ mod tests {
     #[test]
     fn spec_small_step_is_seen_within_100_ms() {
         let mut monitor = PoseMonitor::new(still(), Tolerance::for_jitter(2f64.to_radians()));
-        monitor.position(pose().position_enu_m);
+        monitor.position(pose().position_enu_m, at(0));
         (0..50).for_each(|k| monitor.attitude(&pose().attitude(), at(RATE_MS * k)));
         let off = Attitude::from_euler(0.9 + 8f64.to_radians(), -0.3, 0.0);
         let seen = (1..).find(|k| {
@@ -464,7 +477,7 @@ mod tests {
     #[test]
     fn spec_a_pose_that_is_reached_is_held_soon_after() {
         let mut monitor = PoseMonitor::new(still(), Tolerance::for_jitter(10f64.to_radians()));
-        monitor.position(pose().position_enu_m);
+        monitor.position(pose().position_enu_m, at(0));
         let before = Attitude::from_euler(0.9 - 1.5, -0.3, 0.0);
         (0..50).for_each(|k| monitor.attitude(&before, at(RATE_MS * k)));
         let held = (1..).find(|k| {

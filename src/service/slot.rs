@@ -1,7 +1,9 @@
 //! A committed slot: its times on our monotonic clock, our power and pose in it.
 
+use std::time::Duration;
+
 use crate::pair::{Commitment, SlotTerms};
-use crate::planner::turning::Track;
+use crate::planner::track::Track;
 use crate::role::Role;
 use crate::time::Instant;
 use crate::transmitter::{NotReady, Trouble};
@@ -50,19 +52,21 @@ pub enum Served {
 }
 
 impl Slot {
-    /// The slot agreed on, by the plan's terms; or one that carries on the one before, and is agreed on with that.
+    /// The slot agreed on, by the plan's terms; or one that carries on the one before, and is agreed on with that. Its clock may be so
+    /// far from the one by which it is agreed on.
     pub(super) fn new(
         role: Role,
         commitment: Commitment,
         carried_on: bool,
         terms: &SlotTerms,
-        tolerance: Tolerance,
+        (tolerance, apart): (Tolerance, Duration),
     ) -> Self {
         let vehicle = terms.vehicles[role];
         let track = terms.tracks.as_ref().map(|tracks| tracks[role].clone());
         let track = if carried_on { track } else { track.map(Track::from_rest) };
-        let reference = Reference { pose: vehicle.pose, track: track.clone(), opens_at: commitment.opens_at };
-        let (opens_at, closes_at) = (commitment.opens_at, commitment.opens_at + terms.length);
+        let opens_at = commitment.opens_at;
+        let reference = Reference { pose: vehicle.pose, track: track.clone(), opens_at, apart };
+        let closes_at = opens_at + terms.length;
         let turned = track.as_ref().map_or([None; 2], Track::in_place);
         let turned = turned.map(|since_s| since_s.map(|since_s| opens_at.after_s(since_s)));
         Self {
@@ -85,6 +89,12 @@ impl Slot {
             achieved: false,
             trouble: None,
         }
+    }
+
+    /// Whether it is being ended early.
+    #[must_use]
+    pub fn is_closing(&self) -> bool {
+        self.closing
     }
 
     /// The plan's power in watts.
@@ -141,8 +151,6 @@ impl Slot {
 
 #[cfg(test)]
 mod tests {
-    use std::time::Duration;
-
     use super::*;
     use crate::geo::{Enu, Pose};
     use crate::planner::plan::VehiclePlan;
@@ -171,7 +179,7 @@ mod tests {
         let opens_at = at(10_000);
         let commitment =
             Commitment { proposal: 1, slot: 3, opens_at, opens: Utc::default(), leaves_at: opens_at };
-        Slot::new(role, commitment, false, &terms, Tolerance::for_jitter(0.0))
+        Slot::new(role, commitment, false, &terms, (Tolerance::for_jitter(0.0), Duration::ZERO))
     }
 
     #[test]

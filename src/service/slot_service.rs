@@ -8,7 +8,7 @@ use mavlink::dialects::ardupilotmega::MavMessage;
 
 use crate::pair::orders::{Change, Orders};
 use crate::pair::wire::{self, VeilwingAnswer, VeilwingFlags, VeilwingSilence};
-use crate::pair::{self, Commitment, Coordinator, Local, Peer, PlanTerms, Vouch};
+use crate::pair::{self, Commitment, Coordinator, Local, Peer, PlanTerms, SlotTerms, Vouch};
 use crate::role::Role;
 use crate::time::{Instant, Utc};
 use crate::transmitter::wire::MavMessage as RadioMessage;
@@ -528,7 +528,7 @@ impl SlotService {
         let in_pose = self.slot().is_some_and(serves);
         let local = Local {
             home_enu_m: vehicle.home_enu_m,
-            position_enu_m: vehicle.position_enu_m,
+            position_enu_m: vehicle.position.map(|(position, _)| position),
             preflight_ok: vehicle.preflight_ok,
             airborne: !matches!(self.stage, Stage::Away) && vehicle.in_control,
             on_station: in_pose && self.staleness.is_fresh(now) && vehicle.in_control,
@@ -543,9 +543,10 @@ impl SlotService {
 
     /// Wants the slot `next`: J is ready for it, I proposes it.
     fn seek(&mut self, next: u16, refusals: Refusals, since: Instant, utc: Option<Utc>, now: Instant) {
+        let next = self.asked_again(next);
         let terms = self.pair.slot_terms(next).map(|terms| (terms.opens, terms.lead));
-        if self.watch_peer_ending(terms.is_none()) {
-            return;
+        if self.watch_peer_ending(terms.is_none()) || self.is_elsewhere(next) {
+            return self.pair.set_readiness(None);
         }
         let Some((opens, lead)) = terms else {
             self.leave(now);
@@ -583,6 +584,27 @@ impl SlotService {
         }
     }
 
+    /// J: the slot before `next` where I, which leads, wants that one again: J has been carried on to it, and I has not.
+    fn asked_again(&mut self, next: u16) -> u16 {
+        let again = next.checked_sub(1).filter(|slot| self.pair.asked() == Some(*slot));
+        let terms = again.and_then(|slot| self.pair.slot_terms(slot));
+        let moves = terms.is_some_and(|terms| terms.is_in_motion() && terms.carries_on_after.is_some());
+        match (&mut self.stage, again.filter(|_| moves)) {
+            (Stage::Between { next, .. }, Some(again)) => {
+                *next = again;
+                again
+            }
+            _ => next,
+        }
+    }
+
+    /// Whether the vehicle has left a motion for now, and is not back where the next slot begins.
+    fn is_elsewhere(&self, next: u16) -> bool {
+        let moves = |slot: u16| self.pair.slot_terms(slot).is_some_and(SlotTerms::is_in_motion);
+        next.checked_sub(1).is_some_and(moves)
+            && (!self.vehicle.at_rest || moves(next) && self.vehicle.rests_for != Some(next))
+    }
+
     /// Our own transmitter cannot serve the slot: said once, and not waited for for ever.
     fn wait_for_radio(&mut self, slot: u16, reason: NotReady, now: Instant) {
         let Stage::Between { refusals, .. } = &mut self.stage else { return };
@@ -606,7 +628,7 @@ impl SlotService {
     }
 
     fn is_over(&self, slot: &Slot, now: Instant) -> bool {
-        let quiet = self.interlock.is_off(now) && self.vehicle.arrived;
+        let quiet = self.interlock.is_off(now) && self.vehicle.at_rest;
         now >= slot.closes_at || slot.closing && quiet
     }
 
@@ -638,9 +660,15 @@ impl SlotService {
         }
         let commitment = self.pair.carry_on(closes_at)?;
         let terms = self.pair.slot_terms(commitment.slot)?;
-        let mut slot = Slot::new(self.role, commitment, true, terms, self.tolerance);
+        let mut slot = Slot::new(self.role, commitment, true, terms, (self.tolerance, self.apart()));
         slot.monitor.feed(&self.vehicle);
         Some(slot)
+    }
+
+    /// How far this vehicle's clock may be from I's, by which slots open.
+    fn apart(&self) -> Duration {
+        let offset = self.pair.clock_offset().filter(|_| self.role == Role::J);
+        offset.map_or(Duration::ZERO, |offset| offset.uncertainty)
     }
 
     /// J jams while I may radiate, whatever ends the mission, unless a fault of its own silences it (S3).
@@ -737,7 +765,7 @@ impl SlotService {
             return false;
         }
         let Some(terms) = self.pair.slot_terms(commitment.slot) else { return false };
-        let mut slot = Slot::new(self.role, commitment, false, terms, self.tolerance);
+        let mut slot = Slot::new(self.role, commitment, false, terms, (self.tolerance, self.apart()));
         slot.monitor.feed(&self.vehicle);
         // Until the owner has begun the transit.
         self.vehicle.arrived = false;

@@ -20,6 +20,7 @@ mod hosts;
 mod kinds;
 mod manners;
 mod metadata;
+mod moving;
 mod mutations;
 mod nominal;
 mod orders;

@@ -133,7 +133,7 @@ impl Companion {
         let arrived = slot.is_some_and(|slot| slot.carried_on || now >= slot.commitment.leaves_at + LEAD / 2);
         let since = self.stale_since.unwrap_or(now);
         let here = vehicle(self.role, slot, since, self.pose_lost);
-        let mut here = Vehicle { arrived, ended: self.aborted.is_some(), ..here };
+        let mut here = Vehicle { arrived, at_rest: arrived, ended: self.aborted.is_some(), ..here };
         (self.amiss)(&mut here);
         self.service.decide(&here, now);
     }

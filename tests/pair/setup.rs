@@ -5,7 +5,8 @@ use std::time::Duration;
 use veilwing::geo::{Enu, Pose};
 use veilwing::pair::{self, PlanTerms, SlotTerms};
 use veilwing::planner::plan::VehiclePlan;
-use veilwing::planner::turning::{Between, Course, Knot, Protected, Slot, Track};
+use veilwing::planner::track::Track;
+use veilwing::planner::turning::{Between, Course, Knot, Protected, Slot};
 use veilwing::role::{PerVehicle, Role};
 use veilwing::service::{self, Ceilings, Freshness, Settings, SlotService, Tolerance, Vehicle};
 use veilwing::time::Instant;
@@ -131,7 +132,7 @@ pub fn vehicle(role: Role, slot: Option<&service::Slot>, since: Instant, pose_lo
         state_received_at: Some(since),
         state_taken_from: Some(since),
         state_period: TICK,
-        position_enu_m: Some(pose.position_enu_m + off),
+        position: Some((pose.position_enu_m + off, since)),
         attitude: Some((turned.unwrap_or_else(|| pose.attitude()), since)),
         in_control: true,
         estimator_ok: true,

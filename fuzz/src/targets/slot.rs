@@ -86,11 +86,12 @@ impl Fitness {
             state_received_at: Some(sampled),
             state_taken_from: Some(sampled),
             state_period: TICK,
-            position_enu_m: Some(POSE.position_enu_m + Enu::new(aside_m, 0.0, 0.0)),
+            position: Some((POSE.position_enu_m + Enu::new(aside_m, 0.0, 0.0), sampled)),
             attitude: Some((slot.and_then(turned).unwrap_or_else(|| POSE.attitude()), sampled)),
             in_control: !self.has(Self::LOST_CONTROL),
             estimator_ok: !self.has(Self::BAD_ESTIMATE),
             arrived: true,
+            at_rest: true,
             preflight_ok: !self.has(Self::UNPREPARED),
             ..Vehicle::default()
         }

@@ -19,7 +19,7 @@ use crate::planner::slots::hex;
 
 use super::planning::{document as plan_document, plan_mission};
 use super::progress::Progress;
-use super::{Exit, interrupt, load_flown_mission, print_json, print_text};
+use super::{Exit, interrupt, load_mission, print_json, print_text};
 use out::Out;
 use shard::Shard;
 
@@ -101,7 +101,7 @@ fn merged(parts: &[PathBuf]) -> Result<CampaignDocument, String> {
 }
 
 fn prepare(args: &Args, path: &Path) -> Result<(Mission, Faults), Exit> {
-    let mission = load_flown_mission(path)?;
+    let mission = load_mission(path)?;
     let faults = match &args.faults {
         None => Faults::default(),
         Some(path) => Faults::load(path).map_err(|errors| {

@@ -28,7 +28,7 @@ use crate::time::Utc;
 
 use super::plan::write_plan;
 use super::planning::{document as plan_document, plan_mission};
-use super::{Exit, load_flown_mission, print_json, print_text, progress};
+use super::{Exit, load_mission, print_json, print_text, progress};
 use document::{FlightDocument, FlightResult};
 use host::Pace;
 
@@ -119,7 +119,7 @@ fn parse_speed(text: &str) -> Result<f64, String> {
 }
 
 pub(super) fn run(args: &Args) -> Exit {
-    let mission = match load_flown_mission(&args.mission) {
+    let mission = match load_mission(&args.mission) {
         Ok(mission) => mission,
         Err(exit) => return exit,
     };

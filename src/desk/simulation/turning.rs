@@ -1,4 +1,4 @@
-//! A slot that is served through its turns, told to the simulated world: its course beforehand, its opening as it is proposed.
+//! A slot that is served through its turns, and perhaps in motion, told to the simulated world: its course beforehand, its opening as it is proposed.
 
 use veilwing_sitl as sim;
 
@@ -7,8 +7,9 @@ use crate::link::codec::Decoder;
 use crate::link::counters::Counters;
 use crate::link::envelope::Enclosed;
 use crate::pair::wire::MavMessage;
+use crate::planner::moving::Spline;
 use crate::planner::turning::Slot;
-use crate::role::Role;
+use crate::role::{PerVehicle, Role};
 use crate::schedule::table::Entry;
 
 /// Reads from vehicle I's datagrams to its peer when slots are proposed to open.
@@ -40,11 +41,24 @@ pub(super) fn tell_proposal(message: &MavMessage, world: &mut sim::World) {
 }
 
 /// A slot of the plan as the table has it.
-pub(super) fn planned(slot: &Slot, entry: &Entry, guard_s: f64) -> sim::PlannedTurns {
+pub(super) fn planned(
+    slot: &Slot,
+    ways: Option<&PerVehicle<Spline>>,
+    entry: &Entry,
+    guard_s: f64,
+) -> sim::PlannedTurns {
     let since_opening_s = |at_s: f64| at_s - slot.knots.first().map_or(0.0, |knot| knot.at_s) + guard_s / 2.0;
+    let length_s = (entry.closes - entry.opens).as_secs_f64();
+    let opens_s = slot.knots.first().map_or(0.0, |knot| knot.at_s) - guard_s / 2.0;
+    let places = (length_s / sim::PLACES_S).ceil() as usize;
+    let places = |way: &Spline| {
+        let at = |k: usize| way.position(opens_s + sim::PLACES_S * k as f64);
+        (0..=places).map(|k| at(k).into()).collect::<Vec<_>>()
+    };
     sim::PlannedTurns {
         carries_on_after_s: entry.carries_on_after.map(|after| after.as_secs_f64()),
-        length_s: (entry.closes - entry.opens).as_secs_f64(),
+        length_s,
+        places_enu_m: Role::BOTH.map(|role| ways.map(|ways| places(&ways[role])).unwrap_or_default()),
         knots: Role::BOTH.map(|role| {
             let knots = slot.knots.iter().map(|knot| {
                 let vehicle = &knot.vehicles[role];

@@ -128,7 +128,9 @@ fn slots(mission: &Mission, plan: &Plan, homes: [Vector2<f64>; 2]) -> Result<Vec
                 .map_or(slot.plan.secrecy_rate_bps, |turned| turned.volume_bits / turned.on_air_s),
             poses: [Role::I, Role::J]
                 .map(|role| pose(&slot.plan.vehicles[role], slot.lean_rad[role].unwrap_or_default())),
-            turns: turned.map(|turned| turning::planned(turned, entry, timing.guard.as_secs_f64())),
+            turns: turned.map(|turned| {
+                turning::planned(turned, plan.ways.as_ref(), entry, timing.guard.as_secs_f64())
+            }),
         })
     });
     Ok(slots.collect())

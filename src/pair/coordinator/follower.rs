@@ -24,6 +24,8 @@ pub(super) struct Follower {
     accepted: Option<Commitment>,
     /// Proposals up to this one of I's present boot are over.
     finished: u32,
+    /// The slot that I proposed last, since the last one was over.
+    pub asked: Option<u16>,
     pub vouch: Option<Vouch>,
     pub book: Book,
 }
@@ -39,6 +41,7 @@ impl Follower {
         let over = [commitment, self.accepted.take()].into_iter().flatten().map(|c| c.proposal).max();
         self.finished = self.finished.max(over.unwrap_or(0));
         self.vouch = None;
+        self.asked = None;
     }
 
     /// I restarted: its proposals and its clock begin anew.
@@ -59,6 +62,7 @@ impl Follower {
         if propose.proposal <= self.finished {
             return None;
         }
+        self.asked = Some(propose.slot);
         let answer = match committed {
             Some(commitment) if commitment.proposal == propose.proposal => {
                 VeilwingAnswer::VEILWING_ANSWER_ACCEPTED

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use crate::planner::turning::APART_S;
+use crate::planner::track::APART_S;
 use crate::time::{Instant, Utc};
 
 use super::super::clock::{ClockFilter, Offset};

@@ -6,7 +6,7 @@ use super::super::orders::{Change, Record};
 use super::super::wire::{VeilwingAnswer, VeilwingFlags, VeilwingSilence};
 use crate::geo::Enu;
 use crate::planner::plan::VehiclePlan;
-use crate::planner::turning::Track;
+use crate::planner::track::Track;
 use crate::role::{PerVehicle, Role};
 use crate::time::{Instant, Utc};
 
@@ -40,11 +40,14 @@ pub struct PlanTerms {
 
 impl PlanTerms {
     /// Whether `slot` can follow where `next` is to be agreed on: that one, or the one before where it carries on another: the
-    /// other side may not have begun it, and both are where it is served.
+    /// other side may not have begun it, and both are where it is served, unless they move.
     #[must_use]
     pub fn can_follow(&self, slot: u16, next: u16) -> bool {
-        let again =
-            || self.slots.get(usize::from(slot)).is_some_and(|terms| terms.carries_on_after.is_some());
+        let again = || {
+            self.slots
+                .get(usize::from(slot))
+                .is_some_and(|terms| terms.carries_on_after.is_some() && !terms.is_in_motion())
+        };
         slot == next || slot.checked_add(1) == Some(next) && again()
     }
 }
@@ -114,6 +117,14 @@ impl Local {
         flags.set(VeilwingFlags::VEILWING_FLAGS_RETURNING, self.returning);
         flags.set(VeilwingFlags::VEILWING_FLAGS_GUARDING, self.guarding);
         flags
+    }
+}
+
+impl SlotTerms {
+    /// Whether the vehicles move while it is served.
+    #[must_use]
+    pub fn is_in_motion(&self) -> bool {
+        self.tracks.as_ref().is_some_and(|tracks| tracks.i.way().is_some())
     }
 }
 

@@ -2,8 +2,8 @@
 //!
 //! 1. *Ways.* Control points are brought into their convex cell of the airspace, and so is the whole way. What still exceeds a
 //!    limit of motion is drawn together about the way's centre, by which everything that it asks shrinks alike; and once more as
-//!    long as the vehicles come too near to each other. All this is verified on the curves themselves ([`Spline::demand`],
-//!    [`Spline::least_distance_m`]).
+//!    long as the ways come too near to each other, be it at different times: either vehicle may stop on its own. All this is
+//!    verified on the curves themselves ([`Spline::demand`], [`Spline::keeps_apart`]).
 //! 2. *Knots* at most [`STEP_S`] apart: between them roll and pitch run evenly, and J's null leads and lags its user by less than a
 //!    tenth of a degree. From the middle of a slot outwards no knot is farther from the last than the vehicle turns.
 //! 3. *Silences* as long as the turns in them ask for, and never shorter than in the search. Where one is longer, the superframe
@@ -113,8 +113,7 @@ impl<W: Ways> Maker<'_, '_, W> {
         }
         let least_m = self.frame.setups[0].problem.airspace.min_separation_m;
         for _ in 0..=APART_ROUNDS {
-            let apart_m = if least_m > 0.0 { ways[0].least_distance_m(&ways[1]) } else { f64::INFINITY };
-            if apart_m >= least_m {
+            if least_m <= 0.0 || ways[0].keeps_apart(&ways[1], least_m) {
                 let kept = (0..2).all(|v| self.limits[v].strain(&ways[v].demand()) <= 1.0);
                 return kept.then_some(ways);
             }

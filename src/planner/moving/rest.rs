@@ -9,20 +9,21 @@
 //! v = p'(s) ds/dt,      a = p''(s) (ds/dt)^2 + p'(s) d2s/dt2,
 //! ```
 //!
-//! over R seconds of the clock, in which s passes R / 2. The path is the one that was verified: the area, the band and the
-//! separation hold as they do in the motion, both vehicles having one time; speeds are never above the motion's; R is as long as
-//! acceleration and its change ask for. Nobody is served meanwhile.
+//! over R seconds of the clock, in which s passes R / 2; and a vehicle that rests goes to another place of its way, D of the motion's
+//! seconds off, by s = s0 + D w(t / R). The path is the one that was verified: the area, the band and no-fly areas hold as they do
+//! in the motion, and the two paths are apart wherever on them each vehicle is, so that either may do this by itself; speeds are never
+//! above the motion's; R is as long as acceleration and its change ask for. Nobody is served meanwhile.
 //!
-//! So a mission's first superframe is flown so: the transit leads to where the motion is `R / 2` before its first slot, there the
-//! vehicles come to rest as before any slot, and at the slot's opening less R both begin. After the last slot's service they come to rest
-//! the same way, and from there a transit leads home. A pair that must stop on the way can do so at any instant, the same.
+//! So a mission's first superframe is flown so: the transit leads to where the motion is `R / 2` before its first slot's opening, there the
+//! vehicles come to rest as before any slot, and at the opening less R each begins. After the last slot they come to rest
+//! the same way, and from there a transit leads home. A vehicle that must stop on the way can do so at any instant, the same, and goes
+//! to where the next slot begins along its own way.
 
-use super::spline::Spline;
-use super::{Limits, Moving, State};
+use super::Limits;
+use super::spline::{Instant, Spline};
 use crate::geo::{EnuAcceleration, EnuVelocity};
-use crate::role::{PerVehicle, Role};
 
-/// The shortest passage, and the longest, in seconds.
+/// The shortest passage, and the longest but for what the distance takes, in seconds.
 const SHORTEST_S: f64 = 0.5;
 const LONGEST_S: f64 = 600.0;
 /// From one length that is tried to the next.
@@ -30,32 +31,41 @@ const LONGER: f64 = 1.1;
 /// Instants of a passage at which limits are looked at, and what they may have between them.
 const INSTANTS: usize = 200;
 const PART: f64 = 0.995;
+/// The largest slope of w.
+const STEEPEST: f64 = 1.875;
 
-/// From rest to motion, or back.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+/// What a vehicle does on its way beside flying it in its own time.
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Passage {
     /// From rest into the motion.
     Enters,
     /// Out of the motion to rest.
     Leaves,
+    /// From rest to rest elsewhere, so many seconds of the motion on; back where they are negative.
+    Goes(f64),
 }
 
-/// How a motion is entered or left.
+/// How one vehicle enters its motion, leaves it, or goes along its way.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Passing {
-    /// Which of both.
+    /// Which of them.
     pub passage: Passage,
-    /// The motion's time at which the pair is at full speed, in seconds.
+    /// The motion's time in seconds at which the vehicle is at full speed; of one that goes from rest to rest, at which it begins.
     pub at_s: f64,
     /// How long it takes, in seconds.
     pub lasts_s: f64,
 }
 
-/// w and its first two derivatives.
-fn warp(x: f64) -> [f64; 3] {
+/// w and its first three derivatives.
+fn warp(x: f64) -> [f64; 4] {
     let x = x.clamp(0.0, 1.0);
     let r = 1.0 - x;
-    [x * x * x * (10.0 - 15.0 * x + 6.0 * x * x), 30.0 * x * x * r * r, 60.0 * x * r * (r - x)]
+    [
+        x * x * x * (10.0 - 15.0 * x + 6.0 * x * x),
+        30.0 * x * x * r * r,
+        60.0 * x * r * (r - x),
+        60.0 * (1.0 - 6.0 * x * r),
+    ]
 }
 
 /// The integral of w.
@@ -65,29 +75,24 @@ fn passed(x: f64) -> f64 {
 }
 
 impl Passing {
-    /// The shortest passage within the limits of acceleration and its change with full speed at `at_s` of the motion; `None` where
-    /// there is none. Limits are looked at at two hundred instants, with half a percent to spare between them.
+    /// The shortest within the limits of acceleration and its change, as far as there is one within ten minutes. Limits are looked at
+    /// at two hundred instants, with half a percent to spare between them.
     #[must_use]
-    pub fn shortest(
-        moving: &Moving,
-        passage: Passage,
-        at_s: f64,
-        limits: &PerVehicle<Limits>,
-    ) -> Option<Self> {
-        let mut lasts_s = SHORTEST_S;
-        while lasts_s <= LONGEST_S {
-            let passing = Self { passage, at_s, lasts_s };
-            let kept = |role: Role| {
-                let own = &limits[role];
-                (0..=INSTANTS)
-                    .all(|k| passing.keeps(&moving.ways[role], own, lasts_s * k as f64 / INSTANTS as f64))
-            };
-            if Role::BOTH.into_iter().all(kept) {
-                return Some(passing);
-            }
-            lasts_s *= LONGER;
+    pub fn shortest(way: &Spline, passage: Passage, at_s: f64, limits: &Limits) -> Self {
+        // No faster than the motion itself.
+        let least_s = match passage {
+            Passage::Enters | Passage::Leaves => SHORTEST_S,
+            Passage::Goes(by_s) => SHORTEST_S.max(STEEPEST * by_s.abs()),
+        };
+        let mut passing = Self { passage, at_s, lasts_s: least_s };
+        let kept = |passing: &Self| {
+            let instants = (0..=INSTANTS).map(|k| passing.lasts_s * k as f64 / INSTANTS as f64);
+            instants.into_iter().all(|elapsed_s| passing.keeps(way, limits, elapsed_s))
+        };
+        while passing.lasts_s < least_s + LONGEST_S && !kept(&passing) {
+            passing.lasts_s *= LONGER;
         }
-        None
+        passing
     }
 
     /// The motion's time so many seconds into the passage, and its first three derivatives.
@@ -96,23 +101,24 @@ impl Passing {
         let x = (elapsed_s / r).clamp(0.0, 1.0);
         match self.passage {
             Passage::Enters => {
-                let [w, by, bend] = warp(x);
+                let [w, by, bend, _] = warp(x);
                 [self.at_s - r * (0.5 - passed(x)), w, by / r, bend / (r * r)]
             }
             Passage::Leaves => {
-                let [w, by, bend] = warp(1.0 - x);
+                let [w, by, bend, _] = warp(1.0 - x);
                 [self.at_s + r * (0.5 - passed(1.0 - x)), w, -by / r, bend / (r * r)]
+            }
+            Passage::Goes(by_s) => {
+                let [w, by, bend, change] = warp(x).map(|of| by_s * of);
+                [self.at_s + w, by / r, bend / (r * r), change / (r * r * r)]
             }
         }
     }
 
-    /// The motion's time at which the pair rests.
+    /// The motion's times at its beginning and at its end.
     #[must_use]
-    pub fn rests_at_s(&self) -> f64 {
-        match self.passage {
-            Passage::Enters => self.at_s - 0.5 * self.lasts_s,
-            Passage::Leaves => self.at_s + 0.5 * self.lasts_s,
-        }
+    pub fn ends_s(&self) -> [f64; 2] {
+        [0.0, self.lasts_s].map(|elapsed_s| self.time(elapsed_s)[0])
     }
 
     /// Whether a vehicle keeps its limits.
@@ -126,29 +132,18 @@ impl Passing {
             && limits.jerk_m_s3.is_none_or(|limit| change.norm() <= PART * limit)
     }
 
-    /// The pair so many seconds after the passage begins, both transmitters off; before it and after it, where it begins and ends.
+    /// Where the vehicle is so many seconds after the passage begins; before it and after it, where it begins and ends.
     #[must_use]
-    pub fn at(&self, moving: &Moving, elapsed_s: f64) -> Option<State> {
+    pub fn at(&self, way: &Spline, elapsed_s: f64) -> Instant {
         let [s, w, by, _] = self.time(elapsed_s);
-        let state = moving.at(s)?;
-        let own = |way: &Spline| {
-            let at = way.at(s);
-            let velocity = at.velocity_enu_m_s.vector();
-            (velocity * w, at.acceleration_enu_m_s2.vector() * (w * w) + velocity * by)
-        };
-        let (i, j) = (own(&moving.ways.i), own(&moving.ways.j));
-        Some(State {
-            velocities_enu_m_s: PerVehicle {
-                i: EnuVelocity::from_vector(i.0),
-                j: EnuVelocity::from_vector(j.0),
-            },
-            accelerations_enu_m_s2: PerVehicle {
-                i: EnuAcceleration::from_vector(i.1),
-                j: EnuAcceleration::from_vector(j.1),
-            },
-            tx_powers_w: PerVehicle { i: 0.0, j: 0.0 },
-            served: None,
-            ..state
-        })
+        let at = way.at(s);
+        let velocity = at.velocity_enu_m_s.vector();
+        Instant {
+            position_enu_m: at.position_enu_m,
+            velocity_enu_m_s: EnuVelocity::from_vector(velocity * w),
+            acceleration_enu_m_s2: EnuAcceleration::from_vector(
+                at.acceleration_enu_m_s2.vector() * (w * w) + velocity * by,
+            ),
+        }
     }
 }

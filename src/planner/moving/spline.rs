@@ -22,6 +22,32 @@ const PIECES: usize = 16;
 /// Longest piece by which distances are bounded, in seconds.
 const PIECE_S: f64 = 0.04;
 
+/// Two pieces that reach no farther than this together, in metres, are not divided any more.
+const FINEST_M: f64 = 0.05;
+
+/// A piece of a way by its Bezier points, which have it in their midst.
+#[derive(Debug, Clone, Copy)]
+struct Piece([Enu; 4]);
+
+impl Piece {
+    fn middle(&self) -> Enu {
+        (self.0[0] + self.0[3]) / 2.0
+    }
+
+    /// How far from the middle it is at most.
+    fn reach_m(&self) -> f64 {
+        self.0.iter().map(|point| (point - self.middle()).norm()).fold(0.0, f64::max)
+    }
+
+    fn halves(&self) -> [Self; 2] {
+        let [a, b, c, d] = self.0;
+        let [ab, bc, cd] = [(a + b) / 2.0, (b + c) / 2.0, (c + d) / 2.0];
+        let [abc, bcd] = [(ab + bc) / 2.0, (bc + cd) / 2.0];
+        let middle = (abc + bcd) / 2.0;
+        [Self([a, ab, abc, middle]), Self([middle, bcd, cd, d])]
+    }
+}
+
 /// A way round.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Spline {
@@ -203,6 +229,40 @@ impl Spline {
         least
     }
 
+    /// Whether it keeps so many metres from another way wherever on theirs two vehicles are, as far as pieces of a few centimetres
+    /// tell.
+    #[must_use]
+    pub fn keeps_apart(&self, other: &Self, least_m: f64) -> bool {
+        let mut left: Vec<(Piece, Piece)> =
+            self.pieces().flat_map(|a| other.pieces().map(move |b| (a, b))).collect();
+        while let Some((a, b)) = left.pop() {
+            let reach_m = a.reach_m() + b.reach_m();
+            if (a.middle() - b.middle()).norm() - reach_m >= least_m {
+                continue;
+            }
+            if reach_m < FINEST_M {
+                return false;
+            }
+            let halves = if a.reach_m() > b.reach_m() {
+                a.halves().map(|a| (a, b))
+            } else {
+                b.halves().map(|b| (a, b))
+            };
+            left.extend(halves);
+        }
+        true
+    }
+
+    /// Its segments by their Bezier points.
+    fn pieces(&self) -> impl Iterator<Item = Piece> {
+        (0..self.control_enu_m.len()).map(|segment| {
+            let at = |weights: [f64; 4]| self.sum(segment, weights);
+            let [from, to] = [weights(0.0), weights(1.0)].map(at);
+            let [leaves, arrives] = [slopes(0.0), slopes(1.0)].map(at);
+            Piece([from, from + leaves / 3.0, to - arrives / 3.0, to])
+        })
+    }
+
     /// The mean of its control points.
     #[must_use]
     pub fn centre(&self) -> Enu {
@@ -267,6 +327,16 @@ mod tests {
             prop_assert!(nearest - least_m < 2.0 * fastest * period_s / 400.0 + 1.0, "{} {}", nearest, least_m);
             // Once round, and half as far from the centre.
             prop_assert!((way.position(0.3) - way.position(0.3 + 3.0 * period_s)).norm() < 1e-9);
+            // Wherever on their ways two vehicles are, which is never farther than at the same time.
+            let spots = |way: &Spline| (0..300).map(|k| way.position(period_s * f64::from(k) / 300.0)).collect::<Vec<_>>();
+            let (own, others) = (spots(&way), spots(&other));
+            let closest =
+                own.iter().flat_map(|a| others.iter().map(move |b| (a - b).norm())).fold(f64::INFINITY, f64::min);
+            prop_assert!(!way.keeps_apart(&other, closest + 1e-6));
+            let between_m = 2.0 * demand.speed_m_s.max(demand.climb_m_s) * period_s / 300.0;
+            let far = Spline { control_enu_m: other.control_enu_m.iter().map(|c| c + Enu::new(80.0, 0.0, 0.0)).collect(), ..other };
+            let far_m = own.iter().flat_map(|a| spots(&far).into_iter().map(move |b| (a - b).norm())).fold(f64::INFINITY, f64::min);
+            prop_assert!(way.keeps_apart(&far, far_m - between_m - 0.1));
             let half = way.shrunk(0.5).demand();
             prop_assert!((half.speed_m_s / demand.speed_m_s - 0.5).abs() < 1e-9);
             prop_assert!((half.jerk_m_s3 / demand.jerk_m_s3 - 0.5).abs() < 1e-9);

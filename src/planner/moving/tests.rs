@@ -291,45 +291,46 @@ fn val_the_gradient_of_the_cost_is_that_of_central_differences() {
 }
 
 #[test]
-fn prop_a_motion_is_entered_and_left_within_its_limits() {
+fn prop_a_motion_is_entered_left_and_gone_along_within_its_limits() {
     let ((problems, service), ways) = (wide(), Plain::default());
     let moving = any_motion(&problems, &service, &ways, &both(LIMITS)).unwrap();
-    for (passage, at_s) in [(Passage::Enters, 0.0), (Passage::Leaves, 58.0), (Passage::Leaves, 13.7)] {
-        let passing = Passing::shortest(&moving, passage, at_s, &both(LIMITS)).unwrap();
-        assert!(passing.lasts_s < 20.0, "{passing:?}");
-        let (first, last) =
-            (passing.at(&moving, 0.0).unwrap(), passing.at(&moving, passing.lasts_s).unwrap());
-        let [rest, moves] = if passage == Passage::Enters { [first, last] } else { [last, first] };
-        let underway = moving.at(at_s).unwrap();
-        for role in Role::BOTH {
-            assert!(rest.velocities_enu_m_s[role].vector().norm() < 1e-12);
-            assert!(
-                (rest.positions_enu_m[role] - moving.at(passing.rests_at_s()).unwrap().positions_enu_m[role])
-                    .norm()
-                    < 1e-9
-            );
-            let gap = moves.velocities_enu_m_s[role].vector() - underway.velocities_enu_m_s[role].vector();
-            assert!(
-                gap.norm() < 1e-9
-                    && (moves.positions_enu_m[role] - underway.positions_enu_m[role]).norm() < 1e-9
-            );
-        }
-        let steps = 4000;
-        let step_s = passing.lasts_s / f64::from(steps);
-        let mut before = first;
-        for k in 1..=steps {
-            let now = passing.at(&moving, step_s * f64::from(k)).unwrap();
-            assert_eq!((now.served, now.tx_powers_w.i + now.tx_powers_w.j), (None, 0.0));
-            for role in Role::BOTH {
-                let v = now.velocities_enu_m_s[role].vector();
+    for (passage, at_s) in [
+        (Passage::Enters, 0.0),
+        (Passage::Leaves, 58.0),
+        (Passage::Leaves, 13.7),
+        (Passage::Goes(9.0), 3.0),
+        (Passage::Goes(-21.0), 13.0),
+    ] {
+        for way in [&moving.ways.i, &moving.ways.j] {
+            let passing = Passing::shortest(way, passage, at_s, &LIMITS);
+            let goes_s = if let Passage::Goes(by_s) = passage { by_s } else { 0.0 };
+            assert!(passing.lasts_s < 20.0 + 2.5 * goes_s.abs(), "{passing:?}");
+            let [begins_s, ends_s] = passing.ends_s();
+            let full = |at_s: f64| way.at(at_s).velocity_enu_m_s.vector();
+            let (from, to, expected_s) = match passage {
+                Passage::Enters => (Enu::zeros(), full(at_s), [at_s - 0.5 * passing.lasts_s, at_s]),
+                Passage::Leaves => (full(at_s), Enu::zeros(), [at_s, at_s + 0.5 * passing.lasts_s]),
+                Passage::Goes(by_s) => (Enu::zeros(), Enu::zeros(), [at_s, at_s + by_s]),
+            };
+            assert!((begins_s - expected_s[0]).abs() < 1e-9 && (ends_s - expected_s[1]).abs() < 1e-9);
+            let [first, last] = [0.0, passing.lasts_s].map(|elapsed_s| passing.at(way, elapsed_s));
+            assert!((first.velocity_enu_m_s.vector() - from).norm() < 1e-9);
+            assert!((last.velocity_enu_m_s.vector() - to).norm() < 1e-9);
+            assert!((last.position_enu_m - way.position(ends_s)).norm() < 1e-9);
+            let steps = 4000;
+            let step_s = passing.lasts_s / f64::from(steps);
+            let mut before = first;
+            for k in 1..=steps {
+                let now = passing.at(way, step_s * f64::from(k));
+                let v = now.velocity_enu_m_s.vector();
                 assert!(v.xy().norm() <= LIMITS.speed_m_s && v.z.abs() <= LIMITS.climb_m_s);
-                let a = now.accelerations_enu_m_s2[role].vector();
+                let a = now.acceleration_enu_m_s2.vector();
                 assert!(a.norm() <= LIMITS.acceleration_m_s2 * 1.001, "{}", a.norm());
-                let mean = 0.5 * (v + before.velocities_enu_m_s[role].vector());
-                let moved = now.positions_enu_m[role] - before.positions_enu_m[role];
+                let mean = 0.5 * (v + before.velocity_enu_m_s.vector());
+                let moved = now.position_enu_m - before.position_enu_m;
                 assert!((moved - mean * step_s).norm() <= 10.0 * step_s * step_s * step_s + 1e-9);
+                before = now;
             }
-            before = now;
         }
     }
 }

@@ -36,15 +36,13 @@ mod ramp;
 #[cfg(test)]
 mod tests;
 mod tolerance;
-mod track;
 mod turn;
 mod ways;
 
 pub use path::{Between, Knot, Protected, READY_S, Slot, State};
 pub use tolerance::{LARGEST_M, LARGEST_RAD, Tolerance};
-pub use track::{APART_S, Slack, Track};
 pub use turn::{Angles, Course};
-pub(super) use {tolerance::of as tolerance_of, turn::Held};
+pub(super) use {tolerance::of as tolerance_of, turn::Held, ways::angles};
 
 use super::error::PlanError;
 use super::expectation::kernel::{ANGLES, POWER, Raw, VEHICLE};

@@ -1,14 +1,18 @@
-//! One vehicle's part of a slot that is served through its turns: attitudes and powers by the time since the slot opens.
+//! One vehicle's part of a slot that is served through its turns, and perhaps in motion: attitudes, places and powers by the time since
+//! the slot opens.
 //!
 //! A slot opens half a guard before its user is served, and closes half a guard after. What a vehicle turns in silence, from one
 //! user's last attitude to the next one's first, lies in the two half guards and in what there is between them: the tracks of
 //! both slots know their end of it. A jammer is silent in it too: its null is on nobody.
 
+mod way;
+
 use std::sync::Arc;
 
-use super::path::{Between, Knot, Protected, READY_S, Slot};
-use super::turn::{Angles, Course};
-use super::ways::angles;
+pub use way::{Glide, Way};
+
+use super::moving::{Instant, Limits, Spline};
+use super::turning::{Angles, Between, Course, Knot, Protected, READY_S, Slot, angles};
 use crate::geo::Attitude;
 use crate::role::{PerVehicle, Role};
 
@@ -63,6 +67,30 @@ pub struct Track {
     /// The silent turns to the first attitude and from the last one.
     before: Option<Leg>,
     after: Option<Leg>,
+    /// Where the vehicle is, if it moves.
+    way: Option<Way>,
+}
+
+/// Each slot's tracks, in the order of service, for slots that open half of `guard_s` before their users are served; with the ways on
+/// which both move meanwhile, if they do.
+#[must_use]
+pub fn tracks(
+    turns: &Protected,
+    ways: Option<&PerVehicle<Spline>>,
+    guard_s: f64,
+    limits: &PerVehicle<Limits>,
+) -> Vec<PerVehicle<Track>> {
+    let still = turns.tracks(guard_s);
+    let Some(ways) = ways else { return still };
+    let paths = PerVehicle { i: Arc::new(ways.i.clone()), j: Arc::new(ways.j.clone()) };
+    let moving = turns.slots.iter().zip(still).map(|(slot, tracks)| {
+        let begins_s = slot.knots.first().map_or(0.0, |knot| knot.at_s);
+        let (opens_s, length_s) = (begins_s - guard_s / 2.0, slot.on_air_s + guard_s);
+        let way = |role| Way::new(Arc::clone(&paths[role]), opens_s, length_s, &limits[role]);
+        let PerVehicle { i, j } = tracks;
+        PerVehicle { i: Track { way: Some(way(Role::I)), ..i }, j: Track { way: Some(way(Role::J)), ..j } }
+    });
+    moving.collect()
 }
 
 impl Protected {
@@ -122,21 +150,34 @@ impl Protected {
             steps,
             before: silent(before, before.knots.last()?, first, begins_s),
             after: silent(slot, last, next.knots.first()?, since_opening_s(last.at_s)),
+            way: None,
         })
     }
 }
 
 impl Track {
-    /// The same for a vehicle that has come to rest in the first attitude before the slot opens.
+    /// The same for a vehicle that has come to rest in the first attitude before the slot opens, and before it moves.
     #[must_use]
     pub fn from_rest(self) -> Self {
-        Self { before: None, ..self }
+        Self { before: None, way: self.way.map(Way::from_rest), ..self }
     }
 
-    /// The same for a vehicle that rests in the last attitude afterwards.
+    /// The same for a vehicle that comes to rest afterwards, in the last attitude.
     #[must_use]
     pub fn to_rest(self) -> Self {
-        Self { after: None, ..self }
+        Self { after: None, way: self.way.map(Way::to_rest), ..self }
+    }
+
+    /// The way on which the vehicle moves, if it does.
+    #[must_use]
+    pub fn way(&self) -> Option<&Way> {
+        self.way.as_ref()
+    }
+
+    /// Where the vehicle is at a time since the opening, if it moves.
+    #[must_use]
+    pub fn place(&self, since_opening_s: f64) -> Option<Instant> {
+        self.way.as_ref().map(|way| way.at(since_opening_s))
     }
 
     /// The attitude at a time since the opening: before the track begins its first one, after its end its last one.
