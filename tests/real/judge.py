@@ -68,7 +68,7 @@ if kind == "completed":
                 bar(f"{name}: past its pose, m", slot["past_" + role], slot["past_" + role] <= most_past_m)
             seconds = slot["on_" + role] / end["missions"]
             # J is on half a guard before and after; 0.2 s before where it comes from another user.
-            beside_s = 0.0 if role == "i" else 0.1 if options["turning"] and slot["slot"] > 0 else 0.5
+            beside_s = 0.0 if role == "i" else 0.1 if options["mode"] and slot["slot"] > 0 else 0.5
             bar(f"{name}: on the air, s", round(seconds, 2), seconds >= slot_s - 1.1 + beside_s)
 else:
     # Nothing goes wrong on a flight that was none.

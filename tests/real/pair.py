@@ -41,7 +41,7 @@ def arguments():
     p.add_argument("--slot", type=float, help="its slot_s, in place of its own")
     p.add_argument("--settle", type=float, help="its settle_s, in place of its own")
     p.add_argument("--optimise", help="in place of its own")
-    p.add_argument("--turning", action="store_true", help="served through its turns, twice round")
+    p.add_argument("--mode", choices=("turning", "moving"), help="served through its turns, or in motion, twice round")
     p.add_argument("--limit", nargs="*", default=[], help="keys of both [vehicles] tables in place of the frame's: NAME=VALUE")
     p.add_argument("--origin", type=float, nargs=3, default=[47.397742, 8.545594, 488.0])
     p.add_argument("--home-i", type=float, nargs=3, default=[-15.0, -10.0, 0.0])
@@ -104,8 +104,8 @@ def mission_of(options, vehicles):
         text = replaced(r"^settle_s = [^\n]*$", text, f"settle_s = {options.settle}")
     if options.optimise:
         text = replaced(r"^optimise = [^\n]*$", text, f'optimise = "{options.optimise}"')
-    if options.turning:
-        text = replaced(r"^mode = [^\n]*$", text, 'mode = "turning"')
+    if options.mode:
+        text = replaced(r"^mode = [^\n]*$", text, f'mode = "{options.mode}"')
         text = replaced(r"^superframes = [^\n]*$", text, "superframes = 2")
     return text
 

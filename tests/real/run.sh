@@ -5,7 +5,7 @@
 #
 #     PX4=TREE ARDUPILOT=TREE tests/real/run.sh [PART]...      all without arguments
 #
-# Parts: px4: calm wind two term kill stop cut mode gps orders transit turning turning-faults sih; ArduCopter: quad quad-wind quad-faults six six-faults; both: mixed auto.
+# Parts: px4: calm wind two term kill stop cut mode gps orders transit turning turning-faults moving moving-faults sih; ArduCopter: quad quad-wind quad-faults six six-faults; both: mixed auto.
 # TREE is a source tree with build/px4_sitl_default or build/sitl made in it; without one its parts are skipped, which is said.
 # Flights are in real time. RUN (default target/real) is where they are left, VENV the Python environment, REPEAT (default 3) how
 # often each is flown. UDP ports 14030 to 14601, 18570 and 24540, TCP 4560 and 5760 with the next ones must be free.
@@ -58,7 +58,7 @@ six() {
 on='slot 0: on+3'
 way='slot 0 for .*over+3'
 
-[ $# -gt 0 ] || set -- calm wind two term kill stop cut mode gps orders transit turning turning-faults quad quad-wind quad-faults six six-faults mixed sih auto
+[ $# -gt 0 ] || set -- calm wind two term kill stop cut mode gps orders transit turning turning-faults moving moving-faults quad quad-wind quad-faults six six-faults mixed sih auto
 for part in "$@"; do
     case $part in
         quad* | six*) [ -n "$ardupilot" ] || { echo "skipped: $part, ARDUPILOT is not set"; continue; } ;;
@@ -88,14 +88,24 @@ for part in "$@"; do
             omni safe way-gps --keep --do "i@$way=>gps i"
             ;;
         turning)
-            omni completed turning --turning
-            omni completed turning-wind --turning --wind 3.2 -2.4 0 --gust 1
+            omni completed turning --mode turning
+            omni completed turning-wind --mode turning --wind 3.2 -2.4 0 --gust 1
             ;;
         turning-faults)
-            omni safe turning-kill --turning --keep --do 'j@slot 1: on+3=>kill j' --do 'j@slot 1: on+8=>restart j' --do 't+55=>pilot j land' --do 't+70=>term j'
-            omni safe turning-stop --turning --keep --do 'i@slot 1 for .*agreed=>stop i 3' --do 't+55=>pilot i land'
-            omni safe turning-cut --turning --keep --gate --do 'i@slot 1 for .*agreed=>cut i 2' --do 't+55=>cmd i 20'
-            omni safe turning-mode --turning --keep --do 'j@slot 1 for .*agreed=>pilot j hold' --do 't+55=>pilot j land'
+            omni safe turning-kill --mode turning --keep --do 'j@slot 1: on+3=>kill j' --do 'j@slot 1: on+8=>restart j' --do 't+55=>pilot j land' --do 't+70=>term j'
+            omni safe turning-stop --mode turning --keep --do 'i@slot 1 for .*agreed=>stop i 3' --do 't+55=>pilot i land'
+            omni safe turning-cut --mode turning --keep --gate --do 'i@slot 1 for .*agreed=>cut i 2' --do 't+55=>cmd i 20'
+            omni safe turning-mode --mode turning --keep --do 'j@slot 1 for .*agreed=>pilot j hold' --do 't+55=>pilot j land'
+            ;;
+        moving)
+            omni completed moving --mode moving
+            omni completed moving-wind --mode moving --wind 3.2 -2.4 0 --gust 1
+            ;;
+        moving-faults)
+            omni safe moving-kill --mode moving --keep --do 'j@slot 1: on+3=>kill j' --do 'j@slot 1: on+8=>restart j' --do 't+55=>pilot j land' --do 't+70=>term j'
+            omni safe moving-stop --mode moving --keep --do 'i@slot 1: on+3=>stop i 3' --do 't+55=>pilot i land'
+            omni safe moving-cut --mode moving --keep --gate --do 'i@slot 1: on+3=>cut i 2' --do 't+55=>cmd i 20'
+            omni safe moving-mode --mode moving --keep --do 'j@slot 1: on+3=>pilot j hold' --do 't+55=>pilot j land'
             ;;
         sih) fly completed sih --i sih --j sih --actuation auto --settle 5 --set COM_OBL_RC_ACT=5 --timeout 240 ;;
         auto)

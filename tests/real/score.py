@@ -155,6 +155,18 @@ def planned(slot, r, since):
     return np.array([euler(*each) for each in zip(roll, pitch, yaw)])
 
 
+def places(slot, r, since):
+    """Places (n, 3) likewise: on the periodic cubic B-spline that the plan's control points draw, where it moves."""
+    if "motion" not in plan:
+        return np.tile(slot["vehicles"][r]["position_enu_m"], (len(since), 1))
+    points = np.array(plan["motion"]["control_enu_m"][r])
+    at = (slot["knots"][0]["at_s"] + since) / plan["motion"]["period_s"] % 1 * len(points)
+    off = np.abs(at[:, None] - np.arange(len(points)))
+    off = np.minimum(off, len(points) - off)
+    weights = np.where(off < 1, (4 - 6 * off**2 + 3 * off**3) / 6, np.maximum(2 - off, 0) ** 3 / 6)
+    return weights @ points
+
+
 # ---- unprotected: I on while J off
 unprot = 0.0
 worst = 0.0
@@ -187,7 +199,6 @@ for sid in slot_ids:
         row["on_" + r] = round(sum(b - a for a, b, _ in segs), 2)
         row["n_" + r] = len(segs)
         row["off_" + r] = ",".join(w for *_, w in segs)
-        v = ps["vehicles"][r]
         if not segs:
             continue
         m = np.zeros(len(T[r]["t"]), bool)
@@ -195,16 +206,17 @@ for sid in slot_ids:
             m |= (T[r]["t"] >= a) & (T[r]["t"] < b)
         if not m.any():
             continue
-        pe = np.linalg.norm(T[r]["e"][m] - np.array(v["position_enu_m"]), axis=1)
         # I is on when its user's service begins, but for a lease's way.
         began = min([on for on, _, seg, *_ in TX["i"] if any(x[2] == sid for x in seg)] or [segs[0][0]])
+        off = T[r]["e"][m] - places(ps, r, T[r]["t"][m] - began)
+        pe = np.linalg.norm(off, axis=1)
         Rp = planned(ps, r, T[r]["t"][m] - began)
         c = (np.einsum("nij,nij->n", Rp, T[r]["R"][m]) - 1) / 2
         ae = np.degrees(np.arccos(np.clip(c, -1, 1)))
         zc = np.abs(np.sum(T[r]["R"][m][:, :, 2] * Rp[:, :, 2], axis=1))
         ax = np.degrees(np.arccos(np.clip(zc, 0, 1)))
         row["pos_" + r] = (round(float(np.sqrt((pe**2).mean())), 3), round(float(pe.max()), 3))
-        row["mean_" + r] = np.round((T[r]["e"][m] - np.array(v["position_enu_m"])).mean(0), 3).tolist()
+        row["mean_" + r] = np.round(off.mean(0), 3).tolist()
         row["att_" + r] = (round(float(np.sqrt((ae**2).mean())), 2), round(float(ae.max()), 2))
         row["axis_" + r] = (round(float(np.sqrt((ax**2).mean())), 2), round(float(ax.max()), 2))
         row["tilt_" + r] = round(float(np.degrees(np.arccos(np.clip(Rp[:, 2, 2], -1, 1))).max()), 1)
@@ -254,7 +266,9 @@ def said(r, pattern):
 
 
 def overshoot(r, slot):
-    """How far it flies past the slot's pose along its way there, horizontally, m; None where the way is shorter than a metre."""
+    """How far it flies past the slot's pose along its way there, horizontally, m; None where the way is shorter than a metre, or goes on."""
+    if "motion" in plan:
+        return None
     agreed, over = said(r, f"slot {slot} for .*agreed"), said(r, f"slot {slot} for .*(over|not served|abandoned)")
     if not agreed or not over:
         return None
