@@ -21,7 +21,7 @@ use super::endurance::Endurance;
 use super::ground::Ground;
 use super::ground_station::GroundStation;
 use super::itinerary::Itinerary;
-use super::lag::AttitudeLag;
+use super::lag::{AttitudeLag, PlaceLag};
 use super::lean;
 use super::notice::Notice;
 use super::phase::Phase;
@@ -86,6 +86,7 @@ pub struct Executive {
     pub(super) service: SlotService,
     pub(super) phase: Phase,
     pub(super) lag: AttitudeLag,
+    pub(super) place_lag: PlaceLag,
     pub(super) plan: Option<Plan>,
     pub(super) itinerary: Option<Itinerary>,
     pub(super) home_enu_m: Option<Enu>,
@@ -128,6 +129,7 @@ impl Executive {
             service: SlotService::new(service, transmitter, tolerance, now),
             phase: Phase::Connecting,
             lag: AttitudeLag::default(),
+            place_lag: PlaceLag::default(),
             plan: None,
             itinerary: None,
             home_enu_m: None,

@@ -1,4 +1,4 @@
-//! How late the vehicle turns as it is told to.
+//! How late the vehicle turns, and moves, as it is told to.
 //!
 //! An attitude loop without feed-forward of rates, PX4's among them, follows a turn at a steady rate so much later: the inverse of its
 //! gain and the links' delays, 0.15 to 0.2 s, which are 7 to 9 deg at 45 deg/s. While a user is served that counts, so the attitude
@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use nalgebra::Vector3;
 
-use crate::geo::Attitude;
+use crate::geo::{Attitude, Enu};
 use crate::time::Instant;
 
 use super::phase::Motion;
@@ -28,6 +28,52 @@ const STEADY: Duration = Duration::from_millis(500);
 const STEADY_WITHIN: f64 = 0.05;
 /// Half the time over which a rate is taken.
 const STEP: Duration = Duration::from_millis(10);
+
+/// Of a position, before anything is learnt.
+const PLACE_BEFOREHAND_S: f64 = 0.03;
+/// Slower motion says nothing over the estimator's noise, m/s.
+const LEAST_SPEED_M_S: f64 = 2.0;
+/// The share of what a sample of it says that is taken over.
+const PLACE_GAIN: f64 = 0.02;
+
+/// How late the vehicle is where it is told to be on a way: links and loops have a position with its velocity and acceleration ahead,
+/// and yet some hundredths of a second late, and each tenth on the way to the autopilot is one more. Learnt and led likewise: of an error
+/// `e` at the velocity `v` it is `e . v / |v|^2`.
+#[derive(Debug, Clone)]
+pub(super) struct PlaceLag {
+    lag_s: f64,
+    heard: Option<Instant>,
+}
+
+impl Default for PlaceLag {
+    fn default() -> Self {
+        Self { lag_s: PLACE_BEFOREHAND_S, heard: None }
+    }
+}
+
+impl PlaceLag {
+    /// So long before it is due a place is commanded.
+    pub fn lead(&self) -> Duration {
+        Duration::from_secs_f64(self.lag_s)
+    }
+
+    /// Learns from the position that was measured at `at`, while the vehicle follows `motion`.
+    pub fn hear(&mut self, motion: &Motion, position_enu_m: &Enu, at: Instant) {
+        if self.heard.replace(at).is_some_and(|heard| at <= heard) || !motion.is_on_way(at) {
+            return;
+        }
+        let meant = motion.sample(at);
+        let velocity = meant.velocity_enu_m_s.vector();
+        if velocity.norm() < LEAST_SPEED_M_S {
+            return;
+        }
+        let late_s = (meant.position_enu_m - position_enu_m).dot(&velocity) / velocity.norm_squared();
+        let lag_s = self.lag_s + late_s;
+        if lag_s.is_finite() {
+            self.lag_s += PLACE_GAIN * (lag_s.clamp(0.0, LARGEST_S) - self.lag_s);
+        }
+    }
+}
 
 /// See the module.
 #[derive(Debug, Clone)]
@@ -80,8 +126,11 @@ fn rate_at(motion: &Motion, at: Instant) -> Vector3<f64> {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
     use super::*;
-    use crate::geo::Enu;
+    use crate::planner::moving::{self, Spline};
+    use crate::planner::track::Way;
     use crate::schedule::trajectory::{Limits, Start, Trajectory};
 
     /// A turn about an axis askew, at 45 deg/s for two seconds, followed by a vehicle as late as that.
@@ -109,6 +158,28 @@ mod tests {
             assert!((learnt_s(late_s, 0.03) - late_s).abs() < 0.03, "{late_s}: {}", learnt_s(late_s, 0.03));
         }
         assert!(learnt_s(0.8, 0.0) <= LARGEST_S);
+    }
+
+    /// Along a way of some metres a second, and so late, until it rests for as long again.
+    #[test]
+    fn val_how_late_a_place_is_is_learnt_along_the_way() {
+        let points =
+            [[0.0, 0.0, 50.0], [60.0, 5.0, 52.0], [65.0, 55.0, 55.0], [-4.0, 52.0, 51.0]].map(Enu::from);
+        let path = Arc::new(Spline { period_s: 36.0, control_enu_m: points.to_vec() });
+        let limits =
+            moving::Limits { speed_m_s: 9.0, climb_m_s: 3.0, acceleration_m_s2: 3.0, jerk_m_s3: None };
+        let way = Way::new(path, 0.0, 10.0, &limits);
+        let start = Instant::from_start(Duration::from_secs(1));
+        let motion = Motion::along(way.approach(20.0, &limits).unwrap(), Attitude::level(), start);
+        for late_s in [0.0, 0.05, 0.2] {
+            let mut lag = PlaceLag::default();
+            for k in 0..3000u32 {
+                let at = start + Duration::from_millis(20) * k;
+                let flown = motion.commanded(at.after_s(-late_s), [Duration::ZERO, lag.lead()]);
+                lag.hear(&motion, &flown.position_enu_m, at);
+            }
+            assert!((lag.lead().as_secs_f64() - late_s).abs() < 0.01, "{late_s}: {:?}", lag.lead());
+        }
     }
 
     #[test]

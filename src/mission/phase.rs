@@ -43,16 +43,16 @@ impl Motion {
     }
 
     pub fn sample(&self, now: Instant) -> Sample {
-        self.commanded(now, Duration::ZERO)
+        self.commanded(now, [Duration::ZERO; 2])
     }
 
-    /// What to command, so that a vehicle that turns `late` is where it should be on its track.
-    pub fn commanded(&self, now: Instant, late: Duration) -> Sample {
+    /// What to command, so that a vehicle that turns and moves `late` is where it should be on its track and on its way.
+    pub fn commanded(&self, now: Instant, [late, late_on_way]: [Duration; 2]) -> Sample {
         let mut sample = self.trajectory.sample(now.saturating_since(self.starts_at));
         if let Some((track, opens_at)) = self.track.as_ref().filter(|_| self.is_over(now)) {
             sample.attitude = track.attitude((now + late).seconds_since(*opens_at));
         }
-        if let Some(place) = self.place(now) {
+        if let Some(place) = self.place(now, late_on_way) {
             sample.position_enu_m = place.position_enu_m;
             sample.velocity_enu_m_s = place.velocity_enu_m_s;
             sample.acceleration_enu_m_s2 = place.acceleration_enu_m_s2;
@@ -60,13 +60,18 @@ impl Motion {
         sample
     }
 
-    /// Where it is on a way, if it is on one.
-    fn place(&self, now: Instant) -> Option<Place> {
+    /// Where it is so much later on a way, if it is on one.
+    fn place(&self, now: Instant, later: Duration) -> Option<Place> {
         if let Some((glide, begins_at)) = &self.glide {
-            return Some(glide.at(now.seconds_since(*begins_at)));
+            return Some(glide.at((now + later).seconds_since(*begins_at)));
         }
         let (track, opens_at) = self.track.as_ref().filter(|_| self.is_over(now))?;
-        track.place(now.seconds_since(*opens_at))
+        track.place((now + later).seconds_since(*opens_at))
+    }
+
+    /// Whether it follows a way.
+    pub fn is_on_way(&self, now: Instant) -> bool {
+        self.place(now, Duration::ZERO).is_some()
     }
 
     /// Whether it has come to rest, and stays so.

@@ -15,7 +15,10 @@ impl Executive {
             if let Some((attitude, measured_at)) = self.autopilot.attitude() {
                 self.lag.hear(motion, &attitude, measured_at);
             }
-            let sample = motion.commanded(now, self.lag.lead());
+            if let Some((position, measured_at)) = self.autopilot.position(now) {
+                self.place_lag.hear(motion, &position, measured_at);
+            }
+            let sample = motion.commanded(now, [self.lag.lead(), self.place_lag.lead()]);
             let setpoint = Setpoint {
                 position_enu_m: sample.position_enu_m,
                 velocity_enu_m_s: sample.velocity_enu_m_s,

@@ -24,7 +24,9 @@
 //! told to radiate some centimetres before it is there. It comes in at [`ARRIVED`] of the tolerance, and stays to all of it.
 //!
 //! *A turn.* In a slot that is served through its turns the plan's attitude moves, and perhaps the vehicle with it, and a sample is
-//! compared with the one at its own time. A place counts as farther off by what the two vehicles' clocks may differ, times the speed. What the plan bears there may be less than the tolerance: beyond that, down to what a vehicle can hold, the pose is
+//! compared with the one at its own time. By the other's clock it may be farther off, or less, by what the two differ times the speed: the
+//! vehicle serves while it is certainly within [`ARRIVED`] of the tolerance, and has lost its place where it is certainly beyond all of it:
+//! who falls behind has the time in between to end its part in order. What the plan bears there may be less than the tolerance: beyond that, down to what a vehicle can hold, the pose is
 //! not lost, but does not serve either.
 //!
 //! Jitter is taken to be independent from sample to sample, as the plan takes it. A body that swings slower than that
@@ -169,20 +171,34 @@ impl Reference {
         moving.unwrap_or_else(|| self.pose.attitude())
     }
 
-    /// How far in metres a position that was measured at `at` may be from where it should be then.
-    fn distance_m(&self, position_enu_m: &Enu, at: Instant) -> f64 {
+    /// Where a position that was measured at `at` is, against where it should be then.
+    fn distance(&self, position_enu_m: &Enu, at: Instant) -> Distance {
         match self.track.as_ref().and_then(|track| track.place(at.seconds_since(self.opens_at))) {
-            Some(place) => {
-                let speed_m_s = place.velocity_enu_m_s.vector().norm();
-                (position_enu_m - place.position_enu_m).norm() + speed_m_s * self.apart.as_secs_f64()
-            }
-            None => (position_enu_m - self.pose.position_enu_m).norm(),
+            Some(place) => Distance {
+                error_m: (position_enu_m - place.position_enu_m).norm(),
+                known_to_m: place.velocity_enu_m_s.vector().norm() * self.apart.as_secs_f64(),
+            },
+            None => Distance { error_m: (position_enu_m - self.pose.position_enu_m).norm(), known_to_m: 0.0 },
         }
+    }
+
+    /// Whether its place moves.
+    fn moves(&self) -> bool {
+        self.track.as_ref().is_some_and(|track| track.way().is_some())
     }
 
     fn slack(&self, at: Instant) -> Option<Slack> {
         self.track.as_ref()?.slack(at.seconds_since(self.opens_at))
     }
+}
+
+/// How far a vehicle is from where it should be, metres.
+#[derive(Debug, Clone, Copy)]
+struct Distance {
+    /// By its own clock.
+    error_m: f64,
+    /// By the other's that may differ by so much.
+    known_to_m: f64,
 }
 
 /// Watches one pose.
@@ -193,7 +209,7 @@ pub struct PoseMonitor {
     /// Rotation vectors from the planned to the measured attitude, the last sample's and the filters', and when they
     /// were last fed.
     errors: Option<([Smoothed; 1 + FILTERS.len()], Instant)>,
-    position_error_m: Option<f64>,
+    distance: Option<Distance>,
     /// It has come to its place, and has not left it since.
     placed: bool,
 }
@@ -202,7 +218,7 @@ impl PoseMonitor {
     /// A monitor that has seen nothing.
     #[must_use]
     pub fn new(target: Reference, tolerance: Tolerance) -> Self {
-        Self { target, tolerance, errors: None, position_error_m: None, placed: false }
+        Self { target, tolerance, errors: None, distance: None, placed: false }
     }
 
     /// Feeds the newest state.
@@ -217,11 +233,13 @@ impl PoseMonitor {
 
     /// Feeds the position measured at `at`.
     pub fn position(&mut self, position_enu_m: Enu, at: Instant) {
-        let error_m = self.target.distance_m(&position_enu_m, at);
-        let share = if self.placed { 1.0 } else { ARRIVED };
-        self.position_error_m = Some(error_m);
-        // What is no number is no place.
-        self.placed = error_m <= share * self.tolerance.position_m;
+        let distance = self.target.distance(&position_enu_m, at);
+        let Distance { error_m, known_to_m } = distance;
+        self.distance = Some(distance);
+        // It comes where it certainly is, and leaves where it certainly is not. What is no number is no place.
+        let most_m = self.tolerance.position_m;
+        let limit_m = if self.placed { most_m + known_to_m } else { ARRIVED * most_m - known_to_m };
+        self.placed = error_m <= limit_m;
     }
 
     /// Feeds the attitude measured at `at`; a sample already fed is ignored.
@@ -252,12 +270,16 @@ impl PoseMonitor {
     /// held.
     #[must_use]
     pub fn serves(&self) -> bool {
-        let (Some(position_m), Some((errors, at))) = (self.position_error_m, &self.errors) else {
+        let (Some(distance), Some((errors, at))) = (self.distance, &self.errors) else {
             return false;
         };
+        let far_m = distance.error_m + distance.known_to_m;
+        if self.target.moves() && far_m > ARRIVED * self.tolerance.position_m {
+            return false;
+        }
         let Some(slack) = self.target.slack(*at) else { return true };
         let tolerance = self.tolerance.within(slack);
-        position_m <= tolerance.position_m && errors.iter().all(|error| error.beyond(&tolerance).is_none())
+        far_m <= tolerance.position_m && errors.iter().all(|error| error.beyond(&tolerance).is_none())
     }
 
     /// `Ok` while the pose is held.
@@ -265,11 +287,11 @@ impl PoseMonitor {
     /// # Errors
     /// What is off, with the figure.
     pub fn check(&self) -> Result<(), Off> {
-        let (Some(position_m), Some((errors, _))) = (self.position_error_m, &self.errors) else {
+        let (Some(distance), Some((errors, _))) = (self.distance, &self.errors) else {
             return Err(Off::Unknown);
         };
         if !self.placed {
-            return Err(Off::Position(position_m));
+            return Err(Off::Position(distance.error_m));
         }
         match errors.iter().find_map(|error| error.beyond(&self.tolerance)) {
             Some(rad) => Err(Off::Attitude(rad)),
@@ -283,6 +305,11 @@ mod tests {
     use rand::{RngExt, SeedableRng};
 
     use super::*;
+    use crate::planner::moving::{self, Spline};
+    use crate::planner::plan::VehiclePlan;
+    use crate::planner::track::tracks;
+    use crate::planner::turning::{Between, Course, Knot, Protected, Slot};
+    use crate::role::PerVehicle;
 
     fn pose() -> Pose {
         Pose { position_enu_m: Vector3::new(1.0, 2.0, 80.0), roll_rad: 0.9, pitch_rad: -0.3, yaw_rad: 0.0 }
@@ -330,6 +357,53 @@ mod tests {
             };
             let there = [0.99, 0.86, 0.84, 0.99, 1.01, 0.99, 0.86, 0.84].map(&mut is_placed);
             assert_eq!(there, [false, false, true, true, false, false, false, true], "{tolerance_m}");
+        }
+    }
+
+    /// East at some 6 m/s by the second second, and back; clocks that differ by up to 20 ms.
+    #[test]
+    fn val_a_place_that_moves_serves_where_it_certainly_is_and_is_lost_where_it_certainly_is_not() {
+        let points =
+            [[0.0, 0.0, 80.0], [30.0, 0.0, 80.0], [30.0, 20.0, 80.0], [0.0, 20.0, 80.0]].map(Enu::from);
+        let ways = PerVehicle::from_fn(|_| Spline { period_s: 20.0, control_enu_m: points.to_vec() });
+        let limits =
+            moving::Limits { speed_m_s: 9.0, climb_m_s: 3.0, acceleration_m_s2: 3.0, jerk_m_s3: None };
+        let vehicle = VehiclePlan { pose: pose(), tx_power_w: 0.1 };
+        let knot = |at_s: f64| Knot {
+            at_s,
+            vehicles: PerVehicle { i: vehicle, j: vehicle },
+            served: Some(0),
+            rate_bps: 1e6,
+            tolerance: None,
+        };
+        let slot = Slot {
+            user: 0,
+            on_air_s: 9.0,
+            silence_s: 1.0,
+            between: Between::Turn(PerVehicle { i: Course::Shortest, j: Course::Shortest }),
+            volume_bits: 1e6,
+            knots: vec![knot(0.5), knot(9.5)],
+        };
+        let turns = Protected { slots: vec![slot], superframe_s: 10.0 };
+        let track = tracks(&turns, Some(&ways), 1.0, &PerVehicle { i: limits, j: limits })[0].j.clone();
+        let place = track.place(2.0).unwrap();
+        let speed_m_s = place.velocity_enu_m_s.vector().norm();
+        assert!(speed_m_s > 3.0);
+        let (along, apart) = (place.velocity_enu_m_s.vector() / speed_m_s, Duration::from_millis(20));
+        let known_m = 0.02 * speed_m_s;
+        let target = Reference { track: Some(track), apart, ..still() };
+        let mut monitor = PoseMonitor::new(target, Tolerance::for_jitter(0.0));
+        for (off_m, serves, held) in [
+            (0.86 - known_m, false, false),
+            (0.84 - known_m, true, true),
+            (0.86 - known_m, false, true),
+            (0.99 + known_m, false, true),
+            (1.01 + known_m, false, false),
+            (0.86 - known_m, false, false),
+        ] {
+            monitor.position(place.position_enu_m - along * off_m, at(2000));
+            monitor.attitude(&pose().attitude(), at(2000));
+            assert_eq!((monitor.serves(), monitor.check().is_ok()), (serves, held), "{off_m}");
         }
     }
 

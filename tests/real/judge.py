@@ -59,6 +59,10 @@ if kind == "completed":
         for role in "ij":
             name = f"slot {slot['slot']}, vehicle {role}"
             most_m, what, most_deg, most_past_m = BARS[options[role]]
+            if options["mode"] == "moving":
+                # What the strictest of its knots bears.
+                most_m, most_deg, what = *slot["bears_" + role], "axis"
+                print(f"     {name}: its knots bear {most_m:.2f} m, {most_deg:.2f} deg")
             position = slot["pos_" + role][0]
             bar(f"{name}: position rms, m", position, position <= most_m)
             if what:

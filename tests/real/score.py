@@ -215,6 +215,9 @@ for sid in slot_ids:
         ae = np.degrees(np.arccos(np.clip(c, -1, 1)))
         zc = np.abs(np.sum(T[r]["R"][m][:, :, 2] * Rp[:, :, 2], axis=1))
         ax = np.degrees(np.arccos(np.clip(zc, 0, 1)))
+        bears = [knot["tolerance"] for knot in ps.get("knots", []) if knot.get("tolerance")]
+        if bears:
+            row["bears_" + r] = [min(one[name][r] for one in bears) for name in ("position_m", "pointing_deg")]
         row["pos_" + r] = (round(float(np.sqrt((pe**2).mean())), 3), round(float(pe.max()), 3))
         row["mean_" + r] = np.round(off.mean(0), 3).tolist()
         row["att_" + r] = (round(float(np.sqrt((ae**2).mean())), 2), round(float(ae.max()), 2))

@@ -242,11 +242,17 @@ impl World {
         }
     }
 
-    /// I's companion proposes that a slot opens at this UTC, by its vehicle's clock. A plan whose vehicles turn on the air counts
-    /// from there.
+    /// I's companion proposes that a slot opens at this UTC: by its clock as it has told it, else by its vehicle's. A plan whose
+    /// vehicles turn on the air counts from there.
     pub fn propose(&mut self, slot: usize, opens_utc_us: u64) {
-        let at = self.vehicles[0].time_of(opens_utc_us, self.now);
+        let told = self.openings.time_of(opens_utc_us);
+        let at = told.unwrap_or_else(|| self.vehicles[0].time_of(opens_utc_us, self.now));
         self.openings.propose(slot, at, &self.config.slots);
+    }
+
+    /// I's companion tells the other one its UTC.
+    pub fn hear_clock(&mut self, utc_us: u64) {
+        self.openings.hear_clock(utc_us, self.now);
     }
 
     /// From now on a vehicle radiates what another device does, as its host says, and not what its own radio was told by MAVLink.

@@ -2,7 +2,8 @@
 //! user is served they are to have the attitudes with which that begins, afterwards those with which it ends: what they turn in
 //! between is nobody's business while they are silent, and no excuse for a jammer that is on.
 //!
-//! The world hears when a slot is proposed to open, and reckons by itself when those that carry it on do.
+//! The world hears when a slot is proposed to open, and what I's companion says of its clock, and reckons by itself when those that carry
+//! it on do.
 
 use std::time::Duration;
 
@@ -47,9 +48,24 @@ pub struct PlannedTurns {
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Openings {
     by_slot: Vec<Option<Duration>>,
+    /// UTC by I's companion, and when it said so. By that clock slots open; it is behind its vehicle's by the link between them, which
+    /// is nobody's loss: what counts is that both vehicles go by the same.
+    clock: Option<(u64, Duration)>,
 }
 
 impl Openings {
+    /// I's companion tells its UTC.
+    pub fn hear_clock(&mut self, utc_us: u64, now: Duration) {
+        self.clock = Some((utc_us, now));
+    }
+
+    /// When it is this UTC by that clock.
+    pub fn time_of(&self, utc_us: u64) -> Option<Duration> {
+        let (told_us, at) = self.clock?;
+        let ahead = Duration::from_micros(utc_us.saturating_sub(told_us));
+        Some((at + ahead).saturating_sub(Duration::from_micros(told_us.saturating_sub(utc_us))))
+    }
+
     /// A slot is proposed to open at this instant: those that carry it on follow.
     pub fn propose(&mut self, slot: usize, at: Duration, slots: &[PlannedSlot]) {
         self.by_slot.resize(slots.len(), None);
@@ -201,6 +217,9 @@ mod tests {
         let (turns, standing) = (slots[0].turns.as_ref().unwrap(), Reference::from(&slots[0].poses[0]));
         let own = openings.reference(0, turns, standing, 0, Duration::from_secs(22));
         assert_eq!(own.position, Vector3::new(0.0, 0.0, 30.0));
+        openings.hear_clock(1_000_000_000, Duration::from_secs(20));
+        assert_eq!(openings.time_of(1_005_500_000), Some(Duration::from_millis(25_500)));
+        assert_eq!(openings.time_of(999_000_000), Some(Duration::from_secs(19)));
         // Of the third nothing is known: it is agreed on by itself.
         assert_eq!(reference(&openings, 2, 40.0).power_w, 0.1);
         // More, for as long as a power may be under way.

@@ -12,7 +12,7 @@ use crate::planner::turning::Slot;
 use crate::role::{PerVehicle, Role};
 use crate::schedule::table::Entry;
 
-/// Reads from vehicle I's datagrams to its peer when slots are proposed to open.
+/// Reads from vehicle I's datagrams to its peer when slots are proposed to open, and by what clock.
 #[derive(Debug, Clone, Default)]
 pub struct Proposals {
     frames: Decoder<Envelope>,
@@ -20,7 +20,7 @@ pub struct Proposals {
 }
 
 impl Proposals {
-    /// Takes a datagram, and tells the world what is proposed in it.
+    /// Takes a datagram, and tells the world what is proposed or said of the clock in it.
     pub fn hear(&mut self, bytes: &[u8], world: &mut sim::World) {
         self.frames.feed(bytes);
         self.frames.end();
@@ -33,10 +33,17 @@ impl Proposals {
     }
 }
 
-/// Tells the world if a message of vehicle I's to its peer proposes a slot.
+/// Tells the world if a message of vehicle I's to its peer proposes a slot, or says what its clock shows.
 pub(super) fn tell_proposal(message: &MavMessage, world: &mut sim::World) {
-    if let MavMessage::VEILWING_PROPOSE(propose) = message {
-        world.propose(usize::from(propose.slot), propose.opens_utc_us);
+    match message {
+        MavMessage::VEILWING_PROPOSE(propose) => {
+            world.propose(usize::from(propose.slot), propose.opens_utc_us)
+        }
+        MavMessage::VEILWING_CLOCK(request) if request.receive_us == 0 => {
+            world.hear_clock(request.originate_us)
+        }
+        MavMessage::VEILWING_CLOCK(reply) => world.hear_clock(reply.transmit_us),
+        _ => {}
     }
 }
 
