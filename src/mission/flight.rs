@@ -345,7 +345,6 @@ impl Executive {
         let role = self.settings.role;
         let tracks = self.itinerary.as_ref().and_then(|itinerary| itinerary.tracks(next));
         let Some(way) = tracks.and_then(|tracks| tracks[role].way()) else { return };
-        let approach = |rests_s: f64| way.approach(rests_s, &limits);
         let Phase::InService { motion, .. } = &mut self.phase else { return };
         match closing {
             Some(false) => {}
@@ -354,7 +353,7 @@ impl Executive {
             Some(true) => {}
             None if self.service.orders().is_paused() || !motion.is_at_rest(now) => {}
             None => {
-                if let Some(glide) = motion.rests_s.and_then(approach) {
+                if let Some(glide) = motion.rests_s.and_then(|rests_s| way.approach(rests_s, &limits)) {
                     *motion = Motion::along(glide, motion.sample(now).attitude, now);
                 }
             }
@@ -367,7 +366,7 @@ impl Executive {
         let way = self.itinerary.as_ref()?.tracks(next)?[self.settings.role].way()?;
         let Phase::InService { motion, .. } = &self.phase else { return None };
         let rests_s = motion.rests_s.filter(|_| motion.is_at_rest(now))?;
-        way.approach(rests_s, &self.motion_limits()).is_none().then_some(next)
+        way.is_entered_from(rests_s).then_some(next)
     }
 
     /// On a transit in turns: waits for the other, and gives up once that costs the slot's opening.

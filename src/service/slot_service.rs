@@ -1,5 +1,7 @@
 //! One vehicle's half of the pair's service.
 
+mod carrying;
+
 use std::collections::VecDeque;
 use std::time::Duration;
 
@@ -8,7 +10,7 @@ use mavlink::dialects::ardupilotmega::MavMessage;
 
 use crate::pair::orders::{Change, Orders};
 use crate::pair::wire::{self, VeilwingAnswer, VeilwingFlags, VeilwingSilence};
-use crate::pair::{self, Commitment, Coordinator, Local, Peer, PlanTerms, SlotTerms, Vouch};
+use crate::pair::{self, Commitment, Coordinator, Local, Peer, PlanTerms, Vouch};
 use crate::role::Role;
 use crate::time::{Instant, Utc};
 use crate::transmitter::wire::MavMessage as RadioMessage;
@@ -512,16 +514,6 @@ impl SlotService {
         }
     }
 
-    /// J: tells I that the jamming is about to end, as soon as the pose is none that serves.
-    fn warn_off_track(&mut self, now: Instant) {
-        let strays = |slot: &Slot| slot.monitor.check().is_ok() && !slot.monitor.serves();
-        let strays = self.role == Role::J && self.interlock.is_on() && self.slot().is_some_and(strays);
-        if strays && !self.off_track {
-            self.pair.silent(VeilwingSilence::VEILWING_SILENCE_POSE, now);
-        }
-        self.off_track = strays;
-    }
-
     fn tell_peer(&mut self, now: Instant) {
         let vehicle = &self.vehicle;
         let serves = |slot: &Slot| slot.monitor.check().is_ok() && slot.monitor.serves();
@@ -584,27 +576,6 @@ impl SlotService {
         }
     }
 
-    /// J: the slot before `next` where I, which leads, wants that one again: J has been carried on to it, and I has not.
-    fn asked_again(&mut self, next: u16) -> u16 {
-        let again = next.checked_sub(1).filter(|slot| self.pair.asked() == Some(*slot));
-        let terms = again.and_then(|slot| self.pair.slot_terms(slot));
-        let moves = terms.is_some_and(|terms| terms.is_in_motion() && terms.carries_on_after.is_some());
-        match (&mut self.stage, again.filter(|_| moves)) {
-            (Stage::Between { next, .. }, Some(again)) => {
-                *next = again;
-                again
-            }
-            _ => next,
-        }
-    }
-
-    /// Whether the vehicle has left a motion for now, and is not back where the next slot begins.
-    fn is_elsewhere(&self, next: u16) -> bool {
-        let moves = |slot: u16| self.pair.slot_terms(slot).is_some_and(SlotTerms::is_in_motion);
-        next.checked_sub(1).is_some_and(moves)
-            && (!self.vehicle.at_rest || moves(next) && self.vehicle.rests_for != Some(next))
-    }
-
     /// Our own transmitter cannot serve the slot: said once, and not waited for for ever.
     fn wait_for_radio(&mut self, slot: u16, reason: NotReady, now: Instant) {
         let Stage::Between { refusals, .. } = &mut self.stage else { return };
@@ -650,25 +621,6 @@ impl SlotService {
         self.pair.release(now);
         let next = if to_be_repeated { number } else { number.saturating_add(1) };
         self.stage = Stage::Between { next, refusals: Refusals::none(now), since: now };
-    }
-
-    /// The slot that carries on one which closes at `closes_at`, if it does: by the clock, and by nobody's word.
-    fn carried_on(&mut self, closes_at: Instant, now: Instant) -> Option<Slot> {
-        let in_order = self.slot().is_some_and(|slot| !slot.closing) && now >= closes_at;
-        if !in_order || self.abandoning || self.orders().is_paused() || self.orders().is_killed() {
-            return None;
-        }
-        let commitment = self.pair.carry_on(closes_at)?;
-        let terms = self.pair.slot_terms(commitment.slot)?;
-        let mut slot = Slot::new(self.role, commitment, true, terms, (self.tolerance, self.apart()));
-        slot.monitor.feed(&self.vehicle);
-        Some(slot)
-    }
-
-    /// How far this vehicle's clock may be from I's, by which slots open.
-    fn apart(&self) -> Duration {
-        let offset = self.pair.clock_offset().filter(|_| self.role == Role::J);
-        offset.map_or(Duration::ZERO, |offset| offset.uncertainty)
     }
 
     /// J jams while I may radiate, whatever ends the mission, unless a fault of its own silences it (S3).

@@ -109,14 +109,26 @@ impl Way {
         }
     }
 
-    /// How a vehicle that rests at `from_s` of the motion's time goes to where it enters, the shorter way round.
+    /// From a time of the motion to that where a vehicle enters, the shorter way round, in seconds.
+    fn to_entry_s(&self, from_s: f64) -> f64 {
+        let by_s = self.entry_s() - from_s;
+        by_s - self.path.period_s * (by_s / self.path.period_s).round()
+    }
+
+    /// Whether a vehicle that rests at this time of the motion enters from there.
+    #[must_use]
+    pub fn is_entered_from(&self, rests_s: f64) -> bool {
+        self.to_entry_s(rests_s).abs() <= NOWHERE_S
+    }
+
+    /// How a vehicle that rests at `from_s` of the motion's time, and does not enter there, goes to where it does.
     #[must_use]
     pub fn approach(&self, from_s: f64, limits: &Limits) -> Option<Glide> {
-        let period_s = self.path.period_s;
-        let by_s = self.entry_s() - from_s;
-        let by_s = by_s - period_s * (by_s / period_s).round();
-        let then = || Passing::shortest(&self.path, Passage::Goes(by_s), from_s, limits);
-        (by_s.abs() > NOWHERE_S).then(|| Glide { path: Arc::clone(&self.path), enters: None, then: then() })
+        if self.is_entered_from(from_s) {
+            return None;
+        }
+        let then = Passing::shortest(&self.path, Passage::Goes(self.to_entry_s(from_s)), from_s, limits);
+        Some(Glide { path: Arc::clone(&self.path), enters: None, then })
     }
 }
 
