@@ -14,11 +14,15 @@ use crate::harness::*;
 /// The demonstration's mission in motion, twice round.
 fn moving() -> Setup {
     static PLANNED: OnceLock<Planned> = OnceLock::new();
-    let planned = PLANNED.get_or_init(|| {
+    with_guard(1.0, &PLANNED)
+}
+
+fn with_guard(guard_s: f64, planned: &'static OnceLock<Planned>) -> Setup {
+    let planned = planned.get_or_init(|| {
         let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("config/mission.toml");
         let mission = Mission::load(&path).unwrap().changed(|m| {
             (m.planner.optimise, m.planner.mode) = (Optimise::Volume, Mode::Moving);
-            m.tdma.superframes = 2;
+            (m.tdma.superframes, m.tdma.guard_s) = (2, guard_s);
         });
         Planned::new(mission.unwrap())
     });
@@ -112,6 +116,30 @@ fn spec_a_slot_that_one_of_them_does_not_carry_on_to_is_agreed_on_again() {
         let served_s = served_s(&flight);
         assert!(served_s[1..].iter().all(|s| *s > 6.5), "{served_s:?}\n{}", flight.story());
     }
+}
+
+/// I is paused at the change, and J does not hear of it before it has jammed for the next user already.
+#[test]
+fn spec_a_jammer_that_was_carried_on_alone_comes_back_for_what_its_leader_asks_for() {
+    static PLANNED: OnceLock<Planned> = OnceLock::new();
+    let setup = || with_guard(0.3, &PLANNED);
+    let mut flight = Flight::new(setup());
+    let over = |flight: &Flight| flight.said(Role::J, "slot 1 for bravo: agreed").is_some();
+    assert!(flight.until(over), "{}", flight.story());
+    let change = flight.now;
+    let mut flight = Flight::new(setup());
+    flight.pass(change - Duration::from_millis(30));
+    flight.set_pair_path(Role::I, Path::CUT);
+    flight.command_with(Role::I, MavCmd::MAV_CMD_DO_PAUSE_CONTINUE, 0.0);
+    flight.pass(Duration::from_millis(1500));
+    assert!(flight.said(Role::J, "slot 1: on").is_some(), "{}", flight.story());
+    flight.set_pair_path(Role::I, Path::GOOD);
+    flight.pass(Duration::from_secs(12));
+    flight.command_with(Role::I, MavCmd::MAV_CMD_DO_PAUSE_CONTINUE, 1.0);
+    flight.fly_out();
+    flight.assert_safe();
+    let served_s = served_s(&flight);
+    assert!(served_s[1..].iter().all(|s| *s > 6.5), "{served_s:?}\n{}", flight.story());
 }
 
 #[test]
