@@ -11,10 +11,10 @@ const STEP_S: f64 = 0.02;
 /// How far east and north of the arena's middle a track leads, in metres.
 const REACH_M: f64 = 400.0;
 /// Least and longest time from corner to corner, in seconds.
-const LEG_S: [f64; 2] = [6.0, 20.0];
+const LEG_S: [f64; 2] = [10.0, 30.0];
 /// A corner is turned at this rate in rad/s, and not with more than this acceleration in m/s^2.
 const TURN_RAD_S: f64 = 1.0;
-const ACROSS_M_S2: f64 = 3.0;
+const ACROSS_M_S2: f64 = 2.0;
 /// Of reports: standard deviations in metres (horizontally on each axis, and up), and the share that is lost.
 pub const STD_M: [f64; 2] = [3.0, 1.0];
 pub const LOSS: f64 = 0.2;
