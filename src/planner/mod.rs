@@ -17,6 +17,7 @@ mod draws;
 mod error;
 pub mod expectation;
 pub mod explanation;
+pub mod following;
 mod model;
 pub mod moving;
 pub(crate) mod parallel;

@@ -276,7 +276,7 @@ impl<'a> Frame<'a> {
 
 /// Roll and pitch at a yaw of the antenna line along `d`, the upper end, and their derivatives by `d`
 /// ([`canonical_angles`](crate::radio::pattern::canonical_angles)).
-pub fn null(d: &Vector3<f64>, yaw: f64) -> ([f64; 2], [[f64; 3]; 2]) {
+pub(in crate::planner) fn null(d: &Vector3<f64>, yaw: f64) -> ([f64; 2], [[f64; 3]; 2]) {
     let (sin, cos) = libm::sincos(yaw);
     let up = if d.z < 0.0 { -1.0 } else { 1.0 };
     let [x, y, z] = [up * (cos * d.x + sin * d.y), up * (cos * d.y - sin * d.x), up * d.z];

@@ -30,12 +30,14 @@ mod frame;
 mod limits;
 mod objective;
 mod rest;
-mod spline;
+pub(super) mod spline;
 mod starts;
 #[cfg(test)]
 mod tests;
 
+pub(super) use frame::null;
 pub use limits::Limits;
+pub(super) use objective::{NODES, hinge};
 pub use rest::{Passage, Passing};
 pub use spline::{Demand, Instant, Spline};
 

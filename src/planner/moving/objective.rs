@@ -31,7 +31,7 @@ const BY_METRE: f64 = 0.1;
 /// How often distances between the vehicles are looked at.
 const OFTEN_HZ: f64 = 6.0;
 /// Nodes of Gauss and Legendre on [0, 1], of equal weights.
-pub const NODES: [f64; 2] = [0.211_324_865_405_187_1, 0.788_675_134_594_812_9];
+pub(in crate::planner) const NODES: [f64; 2] = [0.211_324_865_405_187_1, 0.788_675_134_594_812_9];
 /// Sharpness of the least of all volumes, for each nat per hertz and second.
 const SHARPNESS: f64 = 20.0;
 
@@ -55,7 +55,7 @@ pub struct Objective<'a, 'b, W> {
 }
 
 /// What is exceeded, squared, and twice it.
-fn hinge(ratio: f64, part: f64) -> (f64, f64) {
+pub(in crate::planner) fn hinge(ratio: f64, part: f64) -> (f64, f64) {
     let beyond = (ratio - part).max(0.0);
     (beyond * beyond, 2.0 * beyond)
 }

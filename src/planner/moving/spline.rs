@@ -12,6 +12,8 @@
 //! meet. Speeds and distances are bounded by the Bezier points of small pieces, from the safe side. All but positions scale with
 //! the control points' distances from each other, and with powers of the period.
 
+use std::ops::Range;
+
 use nalgebra::Vector3;
 
 use crate::geo::{Enu, EnuAcceleration, EnuVelocity};
@@ -21,7 +23,6 @@ use crate::geo::{Enu, EnuAcceleration, EnuVelocity};
 const PIECES: usize = 16;
 /// Longest piece by which distances are bounded, in seconds.
 const PIECE_S: f64 = 0.04;
-
 /// Two pieces that reach no farther than this together, in metres, are not divided any more.
 const FINEST_M: f64 = 0.05;
 
@@ -37,6 +38,20 @@ impl Piece {
     /// How far from the middle it is at most.
     fn reach_m(&self) -> f64 {
         self.0.iter().map(|point| (point - self.middle()).norm()).fold(0.0, f64::max)
+    }
+
+    /// Pieces of equal length.
+    fn parts(self, count: usize) -> impl Iterator<Item = Self> {
+        let points = self.0;
+        let blossom = move |r: f64, s: f64, t: f64| {
+            let first = [0, 1, 2].map(|k: usize| points[k] * (1.0 - r) + points[k + 1] * r);
+            let second = [0, 1].map(|k: usize| first[k] * (1.0 - s) + first[k + 1] * s);
+            second[0] * (1.0 - t) + second[1] * t
+        };
+        (0..count).map(move |part| {
+            let [a, b] = [part, part + 1].map(|k| k as f64 / count as f64);
+            Self([blossom(a, a, a), blossom(a, a, b), blossom(a, b, b), blossom(b, b, b)])
+        })
     }
 
     fn halves(&self) -> [Self; 2] {
@@ -175,9 +190,14 @@ impl Spline {
     /// What it asks at most: accelerations exactly, speeds from above.
     #[must_use]
     pub fn demand(&self) -> Demand {
+        self.demand_over(0..self.control_enu_m.len())
+    }
+
+    /// The same of some segments.
+    pub(in crate::planner) fn demand_over(&self, segments: Range<usize>) -> Demand {
         let h = self.segment_s();
         let mut most = Demand::default();
-        for segment in 0..self.control_enu_m.len() {
+        for segment in segments {
             let acceleration = self.sum(segment, bends(0.0)).norm() / (h * h);
             let jerk = self.sum(segment, JERKS).norm() / (h * h * h);
             most.acceleration_m_s2 = most.acceleration_m_s2.max(acceleration);
@@ -204,21 +224,16 @@ impl Spline {
     /// The least distance in metres from another way of as many control points at the same time, from below.
     #[must_use]
     pub fn least_distance_m(&self, other: &Self) -> f64 {
-        let pieces = (self.segment_s() / PIECE_S).ceil().max(1.0) as usize;
+        self.least_distance_over(other, 0..self.control_enu_m.len())
+    }
+
+    /// The same of some segments.
+    pub(in crate::planner) fn least_distance_over(&self, other: &Self, segments: Range<usize>) -> f64 {
         let mut least = f64::INFINITY;
-        for segment in 0..self.control_enu_m.len() {
-            let between = |weights: [f64; 4]| self.sum(segment, weights) - other.sum(segment, weights);
-            let [from, to] = [weights(0.0), weights(1.0)].map(between);
-            let [leaves, arrives] = [slopes(0.0), slopes(1.0)].map(between);
-            let points = [from, from + leaves / 3.0, to - arrives / 3.0, to];
-            let blossom = |r: f64, s: f64, t: f64| {
-                let first = [0, 1, 2].map(|k: usize| points[k] * (1.0 - r) + points[k + 1] * r);
-                let second = [0, 1].map(|k: usize| first[k] * (1.0 - s) + first[k + 1] * s);
-                second[0] * (1.0 - t) + second[1] * t
-            };
-            for piece in 0..pieces {
-                let [a, b] = [piece, piece + 1].map(|k| k as f64 / pieces as f64);
-                let corners = [blossom(a, a, a), blossom(a, a, b), blossom(a, b, b), blossom(b, b, b)];
+        for segment in segments {
+            let (own, others) = (self.piece(segment), other.piece(segment));
+            let between = Piece([0, 1, 2, 3].map(|k: usize| own.0[k] - others.0[k]));
+            for Piece(corners) in between.parts(self.parts()) {
                 // A plane across the mean direction has all of them beyond it.
                 let across =
                     corners.iter().sum::<Vector3<f64>>().try_normalize(0.0).unwrap_or_else(Vector3::x);
@@ -233,8 +248,10 @@ impl Spline {
     /// tell.
     #[must_use]
     pub fn keeps_apart(&self, other: &Self, least_m: f64) -> bool {
+        let pieces = |way: &Self| (0..way.control_enu_m.len()).map(|k| way.piece(k)).collect::<Vec<_>>();
+        let (own, others) = (pieces(self), pieces(other));
         let mut left: Vec<(Piece, Piece)> =
-            self.pieces().flat_map(|a| other.pieces().map(move |b| (a, b))).collect();
+            own.iter().flat_map(|a| others.iter().map(move |b| (*a, *b))).collect();
         while let Some((a, b)) = left.pop() {
             let reach_m = a.reach_m() + b.reach_m();
             if (a.middle() - b.middle()).norm() - reach_m >= least_m {
@@ -253,14 +270,22 @@ impl Spline {
         true
     }
 
-    /// Its segments by their Bezier points.
-    fn pieces(&self) -> impl Iterator<Item = Piece> {
-        (0..self.control_enu_m.len()).map(|segment| {
-            let at = |weights: [f64; 4]| self.sum(segment, weights);
-            let [from, to] = [weights(0.0), weights(1.0)].map(at);
-            let [leaves, arrives] = [slopes(0.0), slopes(1.0)].map(at);
-            Piece([from, from + leaves / 3.0, to - arrives / 3.0, to])
-        })
+    /// Points whose convex hulls, four and four, hold some segments closely.
+    pub(in crate::planner) fn hulls(&self, segments: Range<usize>) -> impl Iterator<Item = [Enu; 4]> + '_ {
+        segments.flat_map(|segment| self.piece(segment).parts(self.parts()).map(|part| part.0))
+    }
+
+    /// Parts of a segment that are short enough.
+    fn parts(&self) -> usize {
+        (self.segment_s() / PIECE_S).ceil().max(1.0) as usize
+    }
+
+    /// A segment.
+    fn piece(&self, segment: usize) -> Piece {
+        let at = |weights: [f64; 4]| self.sum(segment, weights);
+        let [from, to] = [weights(0.0), weights(1.0)].map(at);
+        let [leaves, arrives] = [slopes(0.0), slopes(1.0)].map(at);
+        Piece([from, from + leaves / 3.0, to - arrives / 3.0, to])
     }
 
     /// The mean of its control points.

@@ -1,0 +1,216 @@
+//! Following what moves: a slot's motion from now on, made anew again and again.
+//!
+//! Users and eavesdroppers move. What is reported of them is filtered ([`Estimate`]); the pair's motion over the next
+//! [`HORIZON_S`] seconds is planned for where they are believed to be then ([`Foresight`]), begins with the position, velocity and
+//! acceleration, the attitudes and the power that the last one has at that instant, and rests at its end, so that it can be flown
+//! to its end whatever becomes of the next.
+//!
+//! ```text
+//! maximise   the mean over the horizon of  w(t) R(p_I(t), axis_I(t), p_J(t), axis_J(t), P_J(t); beliefs of t),    (MODEL 9.5)
+//! ```
+//!
+//! over control points of one cubic B-spline a vehicle, attitudes and J's power at knots; w falls off towards the end, where the
+//! motion only comes to rest. J's attitude is its null on the user's foreseen place and what is beside that, so that between knots
+//! the null follows the user; where the user is foreseen elsewhere than in the last motion, J turns there at once, as fast as it
+//! may. Limits are penalties in the search ([`search`]), and what is found is verified on its curves: a motion that breaks one is
+//! not given out, and the one before goes on. Deterministic in its inputs: two companions with the same beliefs and the same motion
+//! make the same one.
+
+mod estimate;
+mod frame;
+mod motion;
+mod path;
+mod search;
+#[cfg(test)]
+mod tests;
+
+pub use estimate::{Belief, Estimate, Report, Unrest};
+pub use motion::{Motion, State};
+pub use path::Path;
+
+use super::error::PlanError;
+use super::model::Memory;
+use super::moving::{Instant, Limits};
+use super::plan::VehiclePlan;
+use super::problem::{Problem, Uncertainty};
+use super::setup::Setup;
+use super::solver::boxed;
+use super::solver::limited::Settings;
+use crate::geo::{Attitude, Enu, EnuAcceleration, EnuVelocity};
+use crate::role::{PerVehicle, Role};
+use frame::Frame;
+use motion::Foreseen;
+use search::Objective;
+
+/// Segments of a motion and their length in seconds.
+pub const SEGMENTS: usize = 6;
+/// See [`SEGMENTS`].
+pub const SEGMENT_S: f64 = 2.0;
+/// How far a motion is planned ahead, in seconds.
+pub const HORIZON_S: f64 = SEGMENT_S * SEGMENTS as f64;
+/// How often a motion's turns are looked at, per second, and the part of what may be turned that they may have between looks.
+const LOOKS_HZ: f64 = 50.0;
+const TURNS: f64 = 0.995;
+/// Who rests on a side of the airspace may be beyond it by rounding, in metres.
+const ROUNDING_M: f64 = 1e-9;
+/// The shortest time in which a slip is made good, in seconds.
+const SHORTEST_SLIP_S: f64 = 0.1;
+/// Nobody's place is taken to be known better than this, in metres, once it moves.
+const LEAST_STD_M: f64 = 0.1;
+/// From a motion to the next there are fewer steps than from rest; and again as many where limits were not met. With 25 instead of
+/// 80 a motion lags behind what could be flown, by 6% of the rate and more: what is not done now is late a second from now.
+const AGAIN: Settings = Settings { iterations: 80, tolerance: 1e-6, first_step: 0.1 };
+const FIRST: Settings = Settings { iterations: 150, tolerance: 1e-6, first_step: 0.3 };
+/// What a limit counts, and then, where it was not met.
+const STIFFNESS: [f64; 3] = [100.0, 1_000.0, 10_000.0];
+
+/// What is known beforehand of where somebody will be.
+pub trait Foresight: std::fmt::Debug + Sync {
+    /// Where it is believed to be at an instant, in seconds of the clock that both vehicles share.
+    fn at(&self, t_s: f64) -> Belief;
+}
+
+impl Foresight for Estimate {
+    fn at(&self, t_s: f64) -> Belief {
+        Self::at(self, t_s)
+    }
+}
+
+/// A slot, and what is believed of those in it.
+#[derive(Debug, Clone)]
+pub struct Scene<'a> {
+    /// The question as it was before anything moved: everything but where things are.
+    pub problem: &'a Problem,
+    /// The served user, if it moves.
+    pub user: Option<&'a dyn Foresight>,
+    /// Those of the eavesdroppers that move, in their order; the others, and those beyond its end, stay.
+    pub eavesdroppers: Vec<Option<&'a dyn Foresight>>,
+    /// What the vehicles may do on their way.
+    pub limits: PerVehicle<Limits>,
+    /// How fast they may turn, rad/s.
+    pub turn_rate_rad_s: PerVehicle<f64>,
+}
+
+impl Scene<'_> {
+    /// The question at an instant, as it is believed to be then.
+    #[must_use]
+    pub fn problem_at(&self, t_s: f64) -> Problem {
+        let mut problem = self.problem.clone();
+        let known = |belief: &Belief| Uncertainty::Gaussian { std_m: belief.std_m[0].max(LEAST_STD_M) };
+        if let Some(belief) = self.user.map(|user| user.at(t_s)) {
+            (problem.user_enu_m, problem.user_uncertainty) = (belief.position_enu_m, known(&belief));
+        }
+        for (eavesdropper, foresight) in problem.eavesdroppers.iter_mut().zip(&self.eavesdroppers) {
+            if let Some(belief) = foresight.map(|foresight| foresight.at(t_s)) {
+                (eavesdropper.position_enu_m, eavesdropper.uncertainty) =
+                    (belief.position_enu_m, known(&belief));
+            }
+        }
+        problem
+    }
+
+    fn user_at(&self, t_s: f64) -> Enu {
+        self.user.map_or(self.problem.user_enu_m, |user| user.at(t_s).position_enu_m)
+    }
+}
+
+/// What a motion begins from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum From<'a> {
+    /// Both vehicles rest like this.
+    Rest(&'a PerVehicle<VehiclePlan>),
+    /// They are flying this.
+    Motion(&'a Motion),
+}
+
+/// The pair's motion from `at_s` on; `None` where none is found that keeps all limits, so that what is flown goes on.
+///
+/// Places that are uncertain are averaged over unless the problem's objective is the nominal one. I's power stays what it is, and
+/// powers of J that cannot vary stay too: whoever is silent stays silent.
+///
+/// # Errors
+/// [`PlanError`] for a problem without meaning.
+pub fn plan(scene: &Scene<'_>, from: From<'_>, at_s: f64, seed: u64) -> Result<Option<Motion>, PlanError> {
+    if !at_s.is_finite() {
+        return Ok(None);
+    }
+    let problems: Vec<Problem> = Frame::nodes_s(at_s).map(|t_s| scene.problem_at(t_s)).collect();
+    let setups = problems.iter().map(Setup::new).collect::<Result<Vec<_>, _>>()?;
+    let (standing, now) = match from {
+        From::Rest(vehicles) => {
+            let rests = |role: Role| Instant {
+                position_enu_m: vehicles[role].pose.position_enu_m,
+                velocity_enu_m_s: EnuVelocity::ZERO,
+                acceleration_enu_m_s2: EnuAcceleration::ZERO,
+            };
+            (*vehicles, PerVehicle::from_fn(rests))
+        }
+        From::Motion(motion) => {
+            (motion.at(at_s).vehicles, PerVehicle::from_fn(|role: Role| motion.ways[role].at(at_s)))
+        }
+    };
+    let user = Foreseen::new(scene, at_s);
+    let (last, settings) = match from {
+        From::Rest(_) => (None, FIRST),
+        From::Motion(motion) => (Some(motion), AGAIN),
+    };
+    let frame = Frame::new(scene, &setups, &user, (&standing, &now, last), at_s);
+    let objective = Objective::new(&frame, seed);
+    let (bounds, mut memory) = (frame.bounds(), Memory::default());
+    let mut x = last.map_or_else(|| frame.still(), |motion| frame.going_on(motion));
+    for stiffness in STIFFNESS {
+        let mut cost = |x: &[f64], gradient: &mut [f64]| objective.cost(x, stiffness, &mut memory, gradient);
+        x = boxed::minimise(&mut cost, &bounds, &x, &settings).x;
+        let motion = frame.motion(&x);
+        if let Some(motion) = kept(scene, &setups[0], motion) {
+            return Ok(Some(Motion { expected_bps_hz: objective.rate_bps_hz(&x, &mut memory), ..motion }));
+        }
+    }
+    Ok(None)
+}
+
+/// A motion with its slip made good as soon as may be, if it keeps every limit.
+fn kept(scene: &Scene<'_>, setup: &Setup<'_>, mut motion: Motion) -> Option<Motion> {
+    let inside = |role: Role| {
+        let way = &motion.ways[role];
+        let cell = &setup.region.cells()[setup.region.cell_of(&way.at(way.begins_s).position_enu_m)];
+        way.hull().all(|p| {
+            cell.sides.iter().all(|side| side.normal.dot(&p.xy()) <= side.offset_m + ROUNDING_M)
+                && (cell.altitude_m[0] - ROUNDING_M..=cell.altitude_m[1] + ROUNDING_M).contains(&p.z)
+        })
+    };
+    let moves = |role: Role| scene.limits[role].strain(&motion.ways[role].demand()) <= 1.0;
+    let apart_m = motion.ways.i.least_distance_m(&motion.ways.j);
+    if !(Role::BOTH.into_iter().all(|role| moves(role) && inside(role))
+        && apart_m >= setup.problem.airspace.min_separation_m)
+    {
+        return None;
+    }
+    let may = scene.turn_rate_rad_s.map(|rate| TURNS * rate);
+    let slip = motion.slip.angles;
+    motion.slip = motion::Slip { angles: [0.0; 2], ..motion.slip };
+    let without = fastest_turns_rad_s(&motion);
+    let left = may.j - without.j;
+    if !(without.i <= may.i && left > 0.0) {
+        return None;
+    }
+    let lasts_s = (libm::hypot(slip[0], slip[1]) / left).max(SHORTEST_SLIP_S);
+    motion.slip = motion::Slip { angles: slip, lasts_s };
+    (lasts_s <= HORIZON_S && fastest_turns_rad_s(&motion).j <= may.j).then_some(motion)
+}
+
+/// The fastest turn of either vehicle from look to look, rad/s.
+fn fastest_turns_rad_s(motion: &Motion) -> PerVehicle<f64> {
+    let looks = (HORIZON_S * LOOKS_HZ) as u32;
+    let at = |look: u32| motion.at(motion.begins_s() + f64::from(look) / LOOKS_HZ).attitudes();
+    let mut fastest = PerVehicle { i: 0.0f64, j: 0.0 };
+    let mut before: PerVehicle<Attitude> = at(0);
+    for look in 1..=looks {
+        let now = at(look);
+        for role in Role::BOTH {
+            fastest[role] = fastest[role].max(before[role].angle_to(&now[role]) * LOOKS_HZ);
+        }
+        before = now;
+    }
+    fastest
+}
