@@ -106,6 +106,18 @@ impl Foresight for Track {
     }
 }
 
+/// Whoever knows where somebody was at an instant, and how fast, and thinks that it goes straight on.
+#[derive(Debug, Clone, Copy)]
+pub struct Now(pub Belief, pub f64);
+
+impl Foresight for Now {
+    fn at(&self, t_s: f64) -> Belief {
+        let Self(then, at_s) = self;
+        let moved_m = then.velocity_enu_m_s.vector() * (t_s - at_s).max(0.0);
+        Belief { position_enu_m: then.position_enu_m + moved_m, ..*then }
+    }
+}
+
 /// Whoever believes the last report as it is.
 #[derive(Debug, Clone, Copy)]
 pub struct Last(pub Report);

@@ -55,6 +55,8 @@ const TURNS: f64 = 0.995;
 const ROUNDING_M: f64 = 1e-9;
 /// The shortest time in which a slip is made good, in seconds.
 const SHORTEST_SLIP_S: f64 = 0.1;
+/// Who is heard of goes on being heard of: what is flown later than this, in seconds, is flown by a later motion, which knows better.
+const HEARD_S: f64 = 1.0;
 /// Nobody's place is taken to be known better than this, in metres, once it moves.
 const LEAST_STD_M: f64 = 0.1;
 /// From a motion to the next there are fewer steps than from rest; and again as many where limits were not met. With 25 instead of
@@ -92,18 +94,23 @@ pub struct Scene<'a> {
 }
 
 impl Scene<'_> {
-    /// The question at an instant, as it is believed to be then.
+    /// The question at an instant of a motion that begins at `begins_s`: places as they are believed to be then, and no less sure
+    /// than they are [`HEARD_S`] after the beginning. That a place many seconds ahead is known badly now does not matter: its part of
+    /// the motion is planned again before it is flown. (Held against all of that doubt, the pair would keep to poses that suit no
+    /// place well.)
     #[must_use]
-    pub fn problem_at(&self, t_s: f64) -> Problem {
+    pub fn problem_at(&self, t_s: f64, begins_s: f64) -> Problem {
         let mut problem = self.problem.clone();
-        let known = |belief: &Belief| Uncertainty::Gaussian { std_m: belief.std_m[0].max(LEAST_STD_M) };
-        if let Some(belief) = self.user.map(|user| user.at(t_s)) {
-            (problem.user_enu_m, problem.user_uncertainty) = (belief.position_enu_m, known(&belief));
+        let foreseen = |foresight: &dyn Foresight| {
+            let std_m = foresight.at(t_s.min(begins_s + HEARD_S)).std_m[0].max(LEAST_STD_M);
+            (foresight.at(t_s).position_enu_m, Uncertainty::Gaussian { std_m })
+        };
+        if let Some(user) = self.user {
+            (problem.user_enu_m, problem.user_uncertainty) = foreseen(user);
         }
         for (eavesdropper, foresight) in problem.eavesdroppers.iter_mut().zip(&self.eavesdroppers) {
-            if let Some(belief) = foresight.map(|foresight| foresight.at(t_s)) {
-                (eavesdropper.position_enu_m, eavesdropper.uncertainty) =
-                    (belief.position_enu_m, known(&belief));
+            if let Some(foresight) = foresight {
+                (eavesdropper.position_enu_m, eavesdropper.uncertainty) = foreseen(*foresight);
             }
         }
         problem
@@ -134,7 +141,7 @@ pub fn plan(scene: &Scene<'_>, from: From<'_>, at_s: f64, seed: u64) -> Result<O
     if !at_s.is_finite() {
         return Ok(None);
     }
-    let problems: Vec<Problem> = Frame::nodes_s(at_s).map(|t_s| scene.problem_at(t_s)).collect();
+    let problems: Vec<Problem> = Frame::nodes_s(at_s).map(|t_s| scene.problem_at(t_s, at_s)).collect();
     let setups = problems.iter().map(Setup::new).collect::<Result<Vec<_>, _>>()?;
     let (standing, now) = match from {
         From::Rest(vehicles) => {

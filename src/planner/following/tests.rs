@@ -293,6 +293,24 @@ fn spec_js_null_is_soon_where_the_user_is_believed_to_be() {
 }
 
 #[test]
+fn spec_places_are_foreseen_and_doubted_as_they_are_a_second_on() {
+    let problem = problem();
+    let user = belief([20.0, -10.0], [-6.0, 3.0], 5.0);
+    let scene = scene(&problem, &user, Some(&user));
+    let std_m = |t_s: f64| Uncertainty::Gaussian { std_m: user.at(t_s).std_m[0] };
+    for (t_s, doubted_s) in [(5.0, 5.0), (5.5, 5.5), (6.0, 6.0), (9.0, 6.0), (17.0, 6.0)] {
+        let then = scene.problem_at(t_s, 5.0);
+        assert_eq!(then.user_enu_m, user.at(t_s).position_enu_m);
+        assert_eq!(then.user_uncertainty, std_m(doubted_s));
+        assert_eq!(then.eavesdroppers[0].position_enu_m, user.at(t_s).position_enu_m);
+        assert_eq!(then.eavesdroppers[0].uncertainty, std_m(doubted_s));
+        assert_eq!(then.eavesdroppers[1], problem.eavesdroppers[1]);
+    }
+    // Who has not been heard of for long is not doubted less than that.
+    assert_eq!(scene.problem_at(40.0, 30.0).user_uncertainty, std_m(31.0));
+}
+
+#[test]
 fn val_the_expected_rate_is_the_evaluators() {
     let mut problem = problem();
     problem.objective = Aim::Mean;
@@ -305,7 +323,7 @@ fn val_the_expected_rate_is_the_evaluators() {
         let share = (f64::from(k) + 0.5) / 480.0;
         let t_s = 5.0 + HORIZON_S * share;
         let count = ((1.0 - share) / 0.4).min(1.0);
-        let rate = evaluate(&scene.problem_at(t_s), &motion.at(t_s).vehicles, &options).unwrap();
+        let rate = evaluate(&scene.problem_at(t_s, 5.0), &motion.at(t_s).vehicles, &options).unwrap();
         sum += count * rate.secrecy_rate_bps / problem.radio.bandwidth_hz;
         counts += count;
     }
@@ -327,7 +345,7 @@ fn check_gradient(problem: &Problem, limits: Limits, rate: f64, seed: u64) {
     scene.limits = PerVehicle { i: limits, j: limits };
     scene.turn_rate_rad_s = PerVehicle { i: rate, j: rate };
     let at_s = 8.3;
-    let problems: Vec<Problem> = Frame::nodes_s(at_s).map(|t_s| scene.problem_at(t_s)).collect();
+    let problems: Vec<Problem> = Frame::nodes_s(at_s).map(|t_s| scene.problem_at(t_s, at_s)).collect();
     let setups: Vec<Setup<'_>> = problems.iter().map(|problem| Setup::new(problem).unwrap()).collect();
     let foreseen = Foreseen::new(&scene, at_s);
     let now = PerVehicle::from_fn(|role: Role| first.ways[role].at(at_s));
