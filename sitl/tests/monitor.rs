@@ -320,6 +320,38 @@ fn spec_off_that_the_hop_to_the_radio_holds_up_may_come_with_the_expiry_and_no_l
 }
 
 #[test]
+fn regress_a_command_that_is_under_way_while_the_hop_recovers_is_late_all_the_same() {
+    for (ends, expected) in [(true, &[][..]), (false, &["S2"])] {
+        let mut slots = config();
+        slots.slots = vec![slots.slots[0].clone(); 3];
+        let mut flight = on_station(slots);
+        let hop = |flight: &mut Flight, delay_s| {
+            let manners = Manners { delay_s, ..Manners::default() };
+            flight.world.inject(Fault::RadioHop { vehicle: 1, toward: Toward::Radio, manners });
+        };
+        let (mut goals, dbm) = (flight.goals(2), flight.planned_dbm(2, 1) as f32);
+        let mut number = 1;
+        flight.clients[1].numbered(&mut flight.world, f32::NEG_INFINITY, number, 0);
+        hop(&mut flight, 0.3);
+        // On; torn out of its pose; told off as soon as it is; and the hop is well again before any of these offs has arrived.
+        let out_s = |flight: &Flight| flight.world.report().emitted_out_of_pose_s.j;
+        for (ms, recovers) in [(1000, false), (3000, true)] {
+            flight.stream(ms, goals, Some(2), |f| {
+                number += 1;
+                let on = out_s(f) == 0.0 || !ends;
+                f.clients[1].numbered(&mut f.world, if on { dbm } else { f32::NEG_INFINITY }, number, 450);
+                if recovers && out_s(f) > 0.2 {
+                    hop(f, 0.0);
+                }
+            });
+            goals[1][0] += 3.0;
+        }
+        assert_eq!(names(&flight), expected);
+        assert!(out_s(&flight) > 0.2, "{}", out_s(&flight));
+    }
+}
+
+#[test]
 fn spec_a_wrong_attitude_is_out_of_pose_at_once() {
     let mut flight = on_station(config());
     let goals = flight.goals(0);

@@ -82,7 +82,8 @@ impl Coordinator {
     pub fn new(settings: Settings, now: Instant) -> Self {
         Self {
             plan: None,
-            local: Local::default(),
+            // Nobody has found our transmitter off yet: a former process may have left it on.
+            local: Local { radiating: true, ..Local::default() },
             acquaintance: Acquaintance::new(&settings, now),
             time: SharedTime::new(settings.clock_tolerance, now),
             part: match settings.role {

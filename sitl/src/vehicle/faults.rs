@@ -29,6 +29,10 @@ impl Vehicle {
         self.hop.is_troubled()
     }
 
+    pub(crate) fn radio_commands_arrive_by(&self) -> Option<Duration> {
+        self.hop.commands_arrive_by()
+    }
+
     pub(crate) fn pilot_takes_over(&mut self) {
         self.autopilot.pilot_takes_over(&mut self.router);
     }

@@ -62,6 +62,11 @@ impl RadioHop {
         self.down.is_troubled() || self.up.is_troubled()
     }
 
+    /// When the last of the commands under way arrives, if they are not held up.
+    pub fn commands_arrive_by(&self) -> Option<Duration> {
+        self.down.clear_at()
+    }
+
     pub fn behave(&mut self, toward: Toward, manners: Manners) {
         match toward {
             Toward::Radio => self.down.behave(manners),

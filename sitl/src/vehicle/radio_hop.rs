@@ -56,6 +56,11 @@ impl<T: Clone> Lane<T> {
         self.frozen || self.manners != Manners::default()
     }
 
+    /// When the last of what is under way arrives, if it is not held up.
+    pub fn clear_at(&self) -> Option<Duration> {
+        self.under_way.iter().map(|(at, _)| *at).max()
+    }
+
     fn draw(&mut self, probability: f64) -> bool {
         probability > 0.0 && self.noise.uniform() < probability
     }
@@ -109,11 +114,16 @@ mod tests {
         let share = arrived.len() as f64 / 10_000.0;
         assert!((share - 0.7 * 1.2).abs() < 0.03, "{share}");
         lane.behave(Manners { delay_s: 0.1, spread_s: 0.1, ..Manners::default() });
+        assert_eq!(lane.clear_at(), None);
         (0..100).for_each(|k| lane.send(k, ms(k)));
         assert!(all(&mut lane, ms(99)).is_empty());
-        let arrived = all(&mut lane, ms(400));
-        assert!(arrived.len() == 100 && !arrived.is_sorted(), "they overtake one another");
         lane.behave(Manners::default());
+        assert!(!lane.is_troubled());
+        let clear_at = lane.clear_at().unwrap();
+        assert!(clear_at > ms(199) && clear_at < ms(300), "what is under way stays so: {clear_at:?}");
+        let arrived = all(&mut lane, clear_at);
+        assert!(arrived.len() == 100 && !arrived.is_sorted(), "they overtake one another");
+        assert_eq!(lane.clear_at(), None);
         lane.freeze(true);
         (0..5).for_each(|k| lane.send(k, ms(500 + 10 * k)));
         assert!(all(&mut lane, ms(900)).is_empty());

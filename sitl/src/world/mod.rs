@@ -199,11 +199,13 @@ impl World {
             }
             Fault::RadioHop { vehicle: k, toward, manners } => {
                 vehicle.trouble_radio_hop(toward, manners);
-                self.monitor.radio_hop(k, vehicle.radio_hop_is_troubled());
+                let late = vehicle.radio_commands_arrive_by();
+                self.monitor.radio_hop(k, vehicle.radio_hop_is_troubled(), late);
             }
             Fault::RadioHopFrozen { vehicle: k, toward, on } => {
                 vehicle.freeze_radio_hop(toward, on);
-                self.monitor.radio_hop(k, vehicle.radio_hop_is_troubled());
+                let late = vehicle.radio_commands_arrive_by();
+                self.monitor.radio_hop(k, vehicle.radio_hop_is_troubled(), late);
             }
             Fault::GpsLoss { on, .. } => vehicle.lose_gps(on, self.now),
             Fault::EstimatorReset { jump_enu_m, .. } => vehicle.reset_estimator(jump_enu_m.into()),
@@ -320,7 +322,7 @@ impl World {
             }),
             begins_out: turns_on
                 && slot.is_some_and(|slot| {
-                    let late = self.monitor.command_is_late_by(k);
+                    let late = self.monitor.command_is_late_by(k, self.now);
                     let plan = |at| self.reference(slot, k, at);
                     self.trails[k].was_out(off, plan, &self.config.tolerance, self.now, late)
                 }),

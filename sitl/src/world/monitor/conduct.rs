@@ -60,6 +60,8 @@ pub(super) struct Side {
     world_link: Passage,
     /// Commands to its radio, or what the radio says, are held up or lost on the hop between autopilot and radio.
     radio_hop_troubled: bool,
+    /// What was given to that hop while it was in trouble arrives by then, though it may be well again.
+    late_commands_until: Duration,
     /// It runs, and its vehicle's words reach it: since the beginning, or since.
     reached_since: Option<Duration>,
     unreached: bool,
@@ -96,14 +98,19 @@ impl Side {
         taken.filter(|taken| !(taken.disarmed && self.started_at.is_some_and(|at| at > taken.at)))
     }
 
+    /// Whether a command that its radio carries out now may have been held up or lost on the hop.
+    fn radio_hop_is_troubled(&self, now: Duration) -> bool {
+        self.radio_hop_troubled || now <= self.late_commands_until
+    }
+
     /// For how long a command may outlast the off that should have ended it: what holds up or loses off leaves the expiry.
-    fn expiry(&self) -> Duration {
-        if self.radio_hop_troubled { LEASE } else { Duration::ZERO }
+    fn expiry(&self, now: Duration) -> Duration {
+        if self.radio_hop_is_troubled(now) { LEASE } else { Duration::ZERO }
     }
 
     /// Runs, is reached by its vehicle and hears its peer.
-    fn is_well(&self) -> bool {
-        !self.unreached && !self.radio_hop_troubled && self.told.from_peer == Passage::Good
+    fn is_well(&self, now: Duration) -> bool {
+        !self.unreached && !self.radio_hop_is_troubled(now) && self.told.from_peer == Passage::Good
     }
 }
 
@@ -139,15 +146,19 @@ impl Monitor {
         self.reckon(now);
     }
 
-    /// A fault has begun or ended on the hop between a vehicle's autopilot and its radio.
-    pub fn radio_hop(&mut self, v: usize, troubled: bool) {
-        self.sides[v].radio_hop_troubled = troubled;
+    /// A fault has begun or ended on the hop between a vehicle's autopilot and its radio. `arrive_by`: when the last of the
+    /// commands that are under way on it arrives.
+    pub fn radio_hop(&mut self, v: usize, troubled: bool, arrive_by: Option<Duration>) {
+        let side = &mut self.sides[v];
+        side.radio_hop_troubled = troubled;
+        side.late_commands_until =
+            side.late_commands_until.max(arrive_by.map_or(Duration::ZERO, |at| at + GOOD_WAY));
     }
 
     /// By how much later than on good ways a command may arrive that its companion gave before it could know better.
-    pub fn command_is_late_by(&self, v: usize) -> Duration {
+    pub fn command_is_late_by(&self, v: usize, now: Duration) -> Duration {
         let side = &self.sides[v];
-        match side.radio_hop_troubled || side.link() != Passage::Good {
+        match side.radio_hop_is_troubled(now) || side.link() != Passage::Good {
             true => CUT,
             false => Duration::ZERO,
         }
@@ -158,7 +169,7 @@ impl Monitor {
     pub(super) fn sign_and_command(&self, v: usize, now: Duration) -> Duration {
         let side = &self.sides[v];
         let way = side.vehicle_way.longest(now).saturating_sub(GOOD_WAY);
-        way.min(STATE_LIMIT) + way.min(LEASE).max(side.expiry())
+        way.min(STATE_LIMIT) + way.min(LEASE).max(side.expiry(now))
     }
 
     /// The companion is gone, or nothing passes between it and its vehicle.
@@ -198,7 +209,7 @@ impl Monitor {
     fn reaction(&mut self, v: usize, now: Duration, radiates: bool, traces: &Traces) {
         let side = &self.sides[v];
         // Off may never arrive; the expiry of what was commanded before does.
-        let reaction = self.allowance + if side.radio_hop_troubled { CUT } else { REACTION };
+        let reaction = self.allowance + if side.radio_hop_is_troubled(now) { CUT } else { REACTION };
         // J jams on while I may rest on it (S3), on state that is not old (S2): until it can have heard that I is off.
         let word = STEPS + side.peer_way.longest(now);
         let rested_on = self.protection.i_on_last.is_some_and(|on| now <= on + word);
@@ -217,7 +228,7 @@ impl Monitor {
         let state_late = of(state, state_reaction);
         let link_cut = of(side.cut_since, CUT);
         // Of a companion that is gone, S5 says how long.
-        let allowed = LEASED + under_way + side.expiry();
+        let allowed = LEASED + under_way + side.expiry(now);
         let unheard = of(side.unheard_since.filter(|_| side.gone_since.is_none()), allowed);
         self.lasting(now, Some(v), out_of_control, |after| Breach::OutOfControl { after });
         self.lasting(now, Some(v), bad_estimate, |after| Breach::BadEstimate { after });
@@ -242,7 +253,7 @@ impl Monitor {
         // J's companion hears of what its radio does by itself only from the radio's next word.
         if self.radios[1].is_some() {
             self.followed_from = now + RADIO_WORD;
-        } else if !self.sides.iter().all(Side::is_well) {
+        } else if !self.sides.iter().all(|side| side.is_well(now)) {
             self.followed_from = self.followed_from.max(now);
         }
         let bare = self.protection.bare_since.filter(|(_, had_jam)| *had_jam && emitting[0].radiates);

@@ -200,6 +200,18 @@ fn spec_whoever_radiates_has_released_nothing() {
 }
 
 #[test]
+fn regress_who_has_just_started_releases_nothing_before_its_radio_is_known_to_be_off() {
+    for role in Role::BOTH {
+        let mut alone = coordinator(role, 11);
+        alone.handle_timeout(at(10));
+        assert_eq!(statuses(&mut alone)[0].released_us, 0);
+        alone.set_local(Local::default(), at(20));
+        alone.handle_timeout(at(20));
+        assert_eq!(statuses(&mut alone)[0].released_us, 20_000);
+    }
+}
+
+#[test]
 fn spec_while_leases_are_asked_for_those_before_the_last_silence_are_released() {
     let (mut i, _, _, grant) = granted();
     let released = |i: &mut Coordinator, ms| i.release_status(at(ms));
