@@ -78,6 +78,9 @@ fn run(i: &mut Coordinator, j: &mut Coordinator, ms: u64) -> Vec<MavMessage> {
 /// Acquainted, clocks compared, J ready for slot 0, at 2 s.
 fn pair() -> (Coordinator, Coordinator) {
     let (mut i, mut j) = (coordinator(Role::I, 11), coordinator(Role::J, 22));
+    // Both transmitters are found off.
+    i.set_local(Local::default(), Instant::ZERO);
+    j.set_local(Local::default(), Instant::ZERO);
     for ms in (0..2000).step_by(10) {
         run(&mut i, &mut j, ms);
     }
