@@ -403,6 +403,7 @@ impl Coordinator {
             position_enu_m: position,
             slot,
             flags: local.flags(self.plan.is_some(), self.agreed.is_some()),
+            time_us: micros(now),
             ..Default::default()
         };
         self.orders.say(&mut status);
@@ -513,10 +514,12 @@ impl Coordinator {
         else {
             return;
         };
-        if self.acquaintance.peer().is_boot(request.boot_id) {
-            self.transmit.extend(follower.take_request(request, commitment, plan, self.settings.lease, now));
-            self.acquaintance.heard(now);
+        if !self.acquaintance.peer().is_boot(request.boot_id) {
+            return;
         }
+        // A lease counts from its request: what that was held up for is over, and J does not jam for it.
+        let left = self.settings.lease.saturating_sub(self.acquaintance.asked(request.time_us, now));
+        self.transmit.extend(follower.take_request(request, commitment, plan, left, now));
     }
 
     fn take_grant(&mut self, grant: &wire::VEILWING_LEASE_GRANT_DATA, now: Instant) {
