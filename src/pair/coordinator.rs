@@ -63,7 +63,8 @@ struct Agreed {
 pub struct Coordinator {
     settings: Settings,
     plan: Option<PlanTerms>,
-    local: Local,
+    /// As told last.
+    local: Option<Local>,
     acquaintance: Acquaintance,
     time: SharedTime,
     part: Part,
@@ -82,8 +83,7 @@ impl Coordinator {
     pub fn new(settings: Settings, now: Instant) -> Self {
         Self {
             plan: None,
-            // Nobody has found our transmitter off yet: a former process may have left it on.
-            local: Local { radiating: true, ..Local::default() },
+            local: None,
             acquaintance: Acquaintance::new(&settings, now),
             time: SharedTime::new(settings.clock_tolerance, now),
             part: match settings.role {
@@ -111,10 +111,16 @@ impl Coordinator {
     pub fn set_local(&mut self, local: Local, now: Instant) {
         let acts_on =
             |l: &Local| (l.airborne, l.on_station, l.radiating, l.ended, l.landed, l.returning, l.guarding);
-        if self.orders.poll_untold() || acts_on(&local) != acts_on(&self.local) {
+        if self.orders.poll_untold() || self.local.as_ref().map(acts_on) != Some(acts_on(&local)) {
             self.next_status = now;
         }
-        self.local = local;
+        self.local = Some(local);
+    }
+
+    /// What is known of ourselves. Until we are told, nobody has found our transmitter off: a former process of ours may have
+    /// left it on.
+    fn local(&self) -> Local {
+        self.local.unwrap_or(Local { radiating: true, ..Local::default() })
     }
 
     /// UTC at `now`, from our autopilot. A step of it makes every comparison with the peer's clock void.
@@ -345,7 +351,7 @@ impl Coordinator {
     pub fn handle_timeout(&mut self, now: Instant) {
         if self.acquaintance.due <= now {
             let plan_digest = self.plan.as_ref().map(|plan| plan.digest);
-            let hello = self.acquaintance.hello(&self.local, self.agreed.is_some(), plan_digest, now);
+            let hello = self.acquaintance.hello(&self.local(), self.agreed.is_some(), plan_digest, now);
             self.transmit.push_back(hello);
         }
         if self.next_status <= now {
@@ -382,9 +388,10 @@ impl Coordinator {
     fn status(&mut self, now: Instant) -> MavMessage {
         self.status_sequence += 1;
         let (proposal, slot) = self.commitment().map_or((0, 0), |c| (c.proposal, c.slot));
-        let position = self.local.position_enu_m.map_or([f32::NAN; 3], narrow);
+        let local = self.local();
+        let position = local.position_enu_m.map_or([f32::NAN; 3], narrow);
         let released_at = match &self.part {
-            _ if self.local.radiating => None,
+            _ if local.radiating => None,
             Part::I(leader) => leader.released_at(now),
             Part::J(_) => Some(now),
         };
@@ -395,7 +402,8 @@ impl Coordinator {
             proposal,
             position_enu_m: position,
             slot,
-            flags: self.local.flags(self.plan.is_some(), self.agreed.is_some()),
+            flags: local.flags(self.plan.is_some(), self.agreed.is_some()),
+            time_us: micros(now),
             ..Default::default()
         };
         self.orders.say(&mut status);
@@ -506,10 +514,12 @@ impl Coordinator {
         else {
             return;
         };
-        if self.acquaintance.peer().is_boot(request.boot_id) {
-            self.transmit.extend(follower.take_request(request, commitment, plan, self.settings.lease, now));
-            self.acquaintance.heard(now);
+        if !self.acquaintance.peer().is_boot(request.boot_id) {
+            return;
         }
+        // A lease counts from its request: what that was held up for is over, and J does not jam for it.
+        let left = self.settings.lease.saturating_sub(self.acquaintance.asked(request.time_us, now));
+        self.transmit.extend(follower.take_request(request, commitment, plan, left, now));
     }
 
     fn take_grant(&mut self, grant: &wire::VEILWING_LEASE_GRANT_DATA, now: Instant) {

@@ -1,6 +1,7 @@
 //! Slot agreement between the two companions: a state machine without I/O over the messages of
 //! `message_definitions/veilwing.xml`. ARCHITECTURE.md draws the sequence of a slot.
 
+mod age;
 pub mod clock;
 pub mod coordinator;
 pub mod lease;

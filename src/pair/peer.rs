@@ -7,6 +7,7 @@ use nalgebra::Vector3;
 use crate::geo::Enu;
 use crate::time::Instant;
 
+use super::age::Ages;
 use super::wire::{VEILWING_HELLO_DATA, VEILWING_STATUS_DATA, VeilwingFlags};
 
 /// The other companion, as its messages describe it.
@@ -22,6 +23,9 @@ pub struct Peer {
     silences: u32,
     /// When the last valid message came.
     pub last_heard: Option<Instant>,
+    ages: Ages,
+    /// When the youngest of its words was said, at the latest.
+    spoke_at: Option<Instant>,
     /// Flags of the last status or hello.
     pub flags: VeilwingFlags,
     /// Digest of its mission.
@@ -46,6 +50,8 @@ impl Default for Peer {
             status_sequence: None,
             silences: 0,
             last_heard: None,
+            ages: Ages::default(),
+            spoke_at: None,
             flags: VeilwingFlags::empty(),
             mission_digest: None,
             plan_digest: None,
@@ -78,6 +84,20 @@ impl Peer {
     #[must_use]
     pub fn heard_within(&self, timeout: Duration, now: Instant) -> bool {
         self.last_heard.is_some_and(|at| now.saturating_since(at) <= timeout)
+    }
+
+    /// Whether anything was said within `timeout`, as far as can be told: what was held up on its way is heard, and old.
+    #[must_use]
+    pub fn spoke_within(&self, timeout: Duration, now: Instant) -> bool {
+        self.spoke_at.is_some_and(|at| now.saturating_since(at) <= timeout)
+    }
+
+    /// Takes note of a word that was sent at `sent_us` of its sender's clock: for how long it was held up, at the least.
+    pub(super) fn hear(&mut self, sent_us: u64, now: Instant) -> Duration {
+        self.last_heard = Some(now);
+        let age = self.ages.of(sent_us, now);
+        self.spoke_at = self.spoke_at.max(Some(now - age));
+        age
     }
 
     /// For how long nothing was heard; `None` if nothing ever was.
@@ -130,7 +150,7 @@ impl Peer {
         self.heard_hello = (hello.boot_id, hello.time_us);
         self.hello_us = hello.time_us;
         self.boot_id = Some(hello.boot_id);
-        self.last_heard = Some(now);
+        self.hear(hello.time_us, now);
         self.mission_digest = Some(hello.mission_digest);
         let says = |flag| hello.flags.contains(flag);
         self.plan_digest = says(VeilwingFlags::VEILWING_FLAGS_PLANNED).then_some(hello.plan_digest);
@@ -157,7 +177,7 @@ impl Peer {
             return false;
         }
         self.status_sequence = Some(status.sequence);
-        self.last_heard = Some(now);
+        self.hear(status.time_us, now);
         self.flags = status.flags;
         self.committed = self.says(VeilwingFlags::VEILWING_FLAGS_COMMITTED).then_some(status.proposal);
         let position = Vector3::from(status.position_enu_m).map(f64::from);

@@ -420,7 +420,7 @@ impl SlotService {
 
     fn is_peer_on_station(&self, slot: &Slot, now: Instant) -> bool {
         let peer = self.pair.peer();
-        peer.heard_within(self.pair.longest_lease(), now)
+        peer.spoke_within(self.pair.longest_lease(), now)
             && peer.committed == Some(slot.commitment.proposal)
             && peer.says(VeilwingFlags::VEILWING_FLAGS_ON_STATION)
     }

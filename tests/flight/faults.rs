@@ -378,6 +378,29 @@ fn spec_a_companion_that_restarts_in_flight_does_not_fly_on() {
     }
 }
 
+/// I's companion stops while its last words are under way, and those are held up: when they arrive, nobody has said them of late.
+#[test]
+fn regress_words_that_were_held_up_keep_no_jammer_on_the_air() {
+    let way = Path { delay: Duration::from_millis(60), ..Path::GOOD };
+    for held_up in [100, 300, 450, 800, 1300].map(Duration::from_millis) {
+        let mut flight = in_mid_slot(Setup { pair: way, ..Setup::default() });
+        let at = flight.now;
+        flight.freeze(Role::I, true);
+        flight.set_pair_path(Role::I, Path { frozen: true, ..way });
+        flight.pass(held_up);
+        flight.set_pair_path(Role::I, way);
+        flight.pass(Duration::from_millis(1500));
+        let after = flight.silent_after(Role::J, at);
+        println!("held up for {held_up:?}: J silent after {after:?}");
+        let longest = LEASE_AND_MARGIN + way.delay + Duration::from_millis(100);
+        assert!(after <= longest, "{held_up:?}: {after:?}\n{}", flight.story());
+        flight.freeze(Role::I, false);
+        flight.stop(Role::I);
+        flight.fly_out();
+        flight.assert_safe();
+    }
+}
+
 #[test]
 fn spec_a_companion_that_freezes_leaves_nobody_unprotected() {
     for role in Role::BOTH {

@@ -131,6 +131,12 @@ impl Acquaintance {
         self.peer.is_boot(silent.boot_id) && self.peer.take_silence(silent.number)
     }
 
+    /// A request has come, sent at `sent_us` of the peer's clock: for how long it was held up, at the least.
+    pub fn asked(&mut self, sent_us: u64, now: Instant) -> Duration {
+        self.lost_told = false;
+        self.peer.hear(sent_us, now)
+    }
+
     /// Another message of the peer has come.
     pub fn heard(&mut self, now: Instant) {
         self.peer.last_heard = Some(now);

@@ -83,6 +83,27 @@ fn spec_a_status_counts_once_and_its_flags_are_what_it_says() {
 }
 
 #[test]
+fn spec_a_word_that_was_held_up_is_heard_now_and_was_said_before() {
+    let mut peer = known();
+    let ms = Duration::from_millis;
+    let status = |sequence: u32, time_us: u64| VEILWING_STATUS_DATA {
+        boot_id: 7,
+        sequence,
+        time_us,
+        ..Default::default()
+    };
+    // Its clock shows 100 us less than ours.
+    assert!(peer.take_status(&status(1, 1_000_000), at(1_000_100)));
+    assert!(peer.spoke_within(ms(500), at(1_500_100)) && !peer.spoke_within(ms(500), at(1_500_101)));
+    // Held up for 800 ms, of which 100 ms may be anybody's; and one of a companion that names no time.
+    assert!(peer.take_status(&status(2, 1_200_000), at(2_000_100)));
+    assert!(peer.heard_within(ms(0), at(2_000_100)) && !peer.spoke_within(ms(699), at(2_000_100)));
+    assert!(peer.spoke_within(ms(701), at(2_000_100)));
+    assert!(peer.take_status(&status(3, 0), at(2_000_200)));
+    assert!(peer.spoke_within(ms(0), at(2_000_200)));
+}
+
+#[test]
 fn val_a_peer_is_silent_since_its_last_word() {
     assert_eq!(Peer::default().silent_for(at(300)), None);
     assert_eq!(known().silent_for(at(300)), Some(Duration::from_micros(100)));

@@ -21,7 +21,7 @@ pub struct Facts {
     pub pose_ok: bool,
     /// I: the end of the jam lease in force.
     pub jam_lease: Option<Instant>,
-    /// J: vehicle I is on station for the same commitment and was heard within a lease's length.
+    /// J: vehicle I is on station for the same commitment, and said so within a lease's length.
     pub peer_on_station: bool,
     /// J: I may hold a lease.
     pub leases_outstanding: bool,

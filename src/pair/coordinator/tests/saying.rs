@@ -200,15 +200,24 @@ fn spec_whoever_radiates_has_released_nothing() {
 }
 
 #[test]
-fn regress_who_has_just_started_releases_nothing_before_its_radio_is_known_to_be_off() {
-    for role in Role::BOTH {
-        let mut alone = coordinator(role, 11);
-        alone.handle_timeout(at(10));
-        assert_eq!(statuses(&mut alone)[0].released_us, 0);
-        alone.set_local(Local::default(), at(20));
-        alone.handle_timeout(at(20));
-        assert_eq!(statuses(&mut alone)[0].released_us, 20_000);
-    }
+fn regress_a_new_boot_that_knows_nothing_of_its_radio_ends_no_lease_of_the_last_one() {
+    let (_, mut j, ..) = granted();
+    assert!(j.leases_outstanding(at(6100)));
+    // I's companion has died and is back; commands to its radio are held up, so that the last one's power lasts.
+    let mut reborn = coordinator(Role::I, 12);
+    let said: Vec<_> = (6110..6300).step_by(10).flat_map(|ms| run(&mut reborn, &mut j, ms)).collect();
+    assert!(events(&mut j).contains(&Event::PeerRestarted));
+    let released = |message: &MavMessage| match message {
+        MavMessage::VEILWING_STATUS(status) if status.boot_id == 12 => Some(status.released_us),
+        _ => None,
+    };
+    let released: Vec<_> = said.iter().filter_map(released).collect();
+    assert!(released.len() > 1 && released.iter().all(|us| *us == 0), "{released:?}");
+    assert!(j.leases_outstanding(at(6300)), "the dead boot's radio may still be on");
+    // Once it is known to be off, nobody waits.
+    reborn.set_local(Local::default(), at(6300));
+    run(&mut reborn, &mut j, 6300);
+    assert!(!j.leases_outstanding(at(6300)));
 }
 
 #[test]
