@@ -95,7 +95,7 @@ pub struct Scene<'a> {
 
 impl Scene<'_> {
     /// The question at an instant of a motion that begins at `begins_s`: places as they are believed to be then, and no less sure
-    /// than they are [`HEARD_S`] after the beginning. That a place many seconds ahead is known badly now does not matter: its part of
+    /// than they are `HEARD_S` after the beginning. That a place many seconds ahead is known badly now does not matter: its part of
     /// the motion is planned again before it is flown. (Held against all of that doubt, the pair would keep to poses that suit no
     /// place well.)
     #[must_use]
