@@ -12,7 +12,7 @@
 //! over control points of one cubic B-spline a vehicle, attitudes and J's power at knots; w falls off towards the end, where the
 //! motion only comes to rest. J's attitude is its null on the user's foreseen place and what is beside that, so that between knots
 //! the null follows the user; where the user is foreseen elsewhere than in the last motion, J turns there at once, as fast as it
-//! may. Limits are penalties in the search ([`search`]), and what is found is verified on its curves: a motion that breaks one is
+//! may. Limits are penalties in the search (`search`), and what is found is verified on its curves: a motion that breaks one is
 //! not given out, and the one before goes on. Deterministic in its inputs: two companions with the same beliefs and the same motion
 //! make the same one.
 
