@@ -221,13 +221,7 @@ impl Spline {
         most
     }
 
-    /// The least distance in metres from another way of as many control points at the same time, from below.
-    #[must_use]
-    pub fn least_distance_m(&self, other: &Self) -> f64 {
-        self.least_distance_over(other, 0..self.control_enu_m.len())
-    }
-
-    /// The same of some segments.
+    /// The least distance in metres from another way of as many control points at the same time on some segments, from below.
     pub(in crate::planner) fn least_distance_over(&self, other: &Self, segments: Range<usize>) -> f64 {
         let mut least = f64::INFINITY;
         for segment in segments {
@@ -324,7 +318,7 @@ mod tests {
             let way = spline(&points, period_s);
             let other = spline(&others[..points.len()], period_s);
             let demand = way.demand();
-            let least_m = way.least_distance_m(&other);
+            let least_m = way.least_distance_over(&other, 0..points.len());
             let (mut fastest, mut climb, mut nearest) = (0.0f64, 0.0f64, f64::INFINITY);
             let e = 1e-4;
             for k in 0..400 {
