@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use mavlink::MavHeader;
+use mavlink::{MavHeader, MessageData};
 use mavlink::dialects::ardupilotmega::{HEARTBEAT_DATA, MavMessage, MavModeFlag, MavSeverity};
 
 use super::command::{CommandQueue, Outcome, Purpose};
@@ -25,7 +25,7 @@ use super::settings::{Actuation, Settings};
 use super::stall::Stall;
 use super::state::{Timed, VehicleState};
 use super::statustext::Texts;
-use super::streams::{Streams, Wanted};
+use super::streams::{self, Streams, Wanted};
 use super::telemetry::Telemetry;
 use crate::geo::{Attitude, Enu};
 use crate::preflight::Check;
@@ -227,7 +227,12 @@ impl Autopilot {
         if self.link.is_lost() {
             return;
         }
-        if !self.stall.allows(self.control.is_held(), now) {
+        if !self.stall.allows(self.control.is_held(), self.link.silent_for(now), now) {
+            if self.stall.asks(now) {
+                let id = HEARTBEAT_DATA::ID;
+                self.commands.push_ahead(streams::request(id), Purpose::Request(id));
+                self.pump(now);
+            }
             return;
         }
         self.advance_specifics(now);

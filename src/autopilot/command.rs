@@ -64,6 +64,12 @@ impl CommandQueue {
         self.pending.push(Pending { command, purpose, sent: 0, waits_until: None });
     }
 
+    /// Queues a command ahead of all others: it goes out although another of its id is unanswered.
+    pub(super) fn push_ahead(&mut self, command: COMMAND_LONG_DATA, purpose: Purpose) {
+        self.cancel(purpose);
+        self.pending.insert(0, Pending { command, purpose, sent: 0, waits_until: None });
+    }
+
     /// Forgets the command with this purpose: it is not repeated, its answer is not looked for.
     pub(super) fn cancel(&mut self, purpose: Purpose) {
         self.pending.retain(|pending| pending.purpose != purpose);

@@ -54,15 +54,19 @@ impl LinkWatch {
             return false;
         }
         self.lost = true;
-        let age = |at: Option<Instant>| at.map_or(Duration::ZERO, |at| now.saturating_since(at));
-        let silent_for = age(self.heard_at);
+        let silent_for = self.silent_for(now);
         // Telemetry without heartbeats is a lost link too, and its age is the heartbeat's.
         out.tell(if silent_for < self.timeout {
-            Event::LinkLost { missing: "no heartbeat", silent_for: age(self.heartbeat_at) }
+            Event::LinkLost { missing: "no heartbeat", silent_for: since(self.heartbeat_at, now) }
         } else {
             Event::LinkLost { missing: "nothing", silent_for }
         });
         true
+    }
+
+    /// Since when the autopilot has said nothing.
+    pub(super) fn silent_for(&self, now: Instant) -> Duration {
+        since(self.heard_at, now)
     }
 
     pub(super) fn is_lost(&self) -> bool {
@@ -77,4 +81,8 @@ impl LinkWatch {
         let headless = self.heartbeat_at.map(|at| at + HEARTBEAT_TIMEOUT);
         [silent, headless].into_iter().flatten().min()
     }
+}
+
+fn since(at: Option<Instant>, now: Instant) -> Duration {
+    at.map_or(Duration::ZERO, |at| now.saturating_since(at))
 }

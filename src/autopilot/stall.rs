@@ -1,5 +1,6 @@
-//! F2 after a stall: an autopilot whose stream of setpoints has ended leaves our mode, and PX4 takes it again, unasked, at
-//! the next setpoint. A companion that was not run for so long does not know, whatever waits at its door, and sends none
+//! F2 after a stall: an autopilot whose stream of setpoints has ended leaves our mode, and PX4 takes it again, unasked, once
+//! setpoints come. A companion that was not run for so long does not know, whatever waits at its door; nor does one that has
+//! heard nothing for so long, since the link that kept the autopilot's words may have kept the setpoints too. It sends none
 //! before a heartbeat that was sent since shows the mode.
 
 use std::time::Duration;
@@ -8,6 +9,9 @@ use crate::time::Instant;
 
 /// The autopilot may have left our mode after so long without a setpoint: just within PX4's COM_OF_LOSS_T of 1 s.
 const OUTLIVES: Duration = Duration::from_millis(950);
+/// A link that is silent for so long may have stood still for as long, and what crossed it last may have been up to a tenth of
+/// a second under way. PX4 goes back to our mode when setpoints have come for a second: if they end here they never have.
+const SILENT: Duration = Duration::from_millis(850);
 /// What came within this of the awakening may have been sent before.
 const AT_THE_DOOR: Duration = Duration::from_millis(100);
 
@@ -15,26 +19,40 @@ const AT_THE_DOOR: Duration = Duration::from_millis(100);
 #[derive(Debug, Clone, Default)]
 pub(super) struct Stall {
     set_at: Option<Instant>,
-    /// The mode is in doubt since.
-    doubt: Option<Instant>,
+    doubt: Option<Doubt>,
+}
+
+/// The mode may be another.
+#[derive(Debug, Clone, Copy)]
+struct Doubt {
+    since: Instant,
+    /// A heartbeat was asked for.
+    asked: bool,
 }
 
 impl Stall {
-    /// A setpoint is due; whether it may go out.
-    pub fn allows(&mut self, held: bool, now: Instant) -> bool {
+    /// A setpoint is due, the autopilot is in our hands or not (`held`), and has said nothing for so long; whether the
+    /// setpoint may go out.
+    pub fn allows(&mut self, held: bool, silent_for: Duration, now: Instant) -> bool {
         let before = self.set_at.replace(now);
         let stalled = before.is_some_and(|before| now.saturating_since(before) > OUTLIVES);
         if !held {
             self.doubt = None;
-        } else if stalled {
-            self.doubt = Some(now);
+        } else if stalled || silent_for > SILENT {
+            self.doubt = Some(Doubt { since: now, asked: false });
         }
         self.doubt.is_none()
     }
 
+    /// Whether to ask the autopilot for a heartbeat: once, when its answer cannot have been sent before the awakening.
+    pub fn asks(&mut self, now: Instant) -> bool {
+        let due = self.doubt.as_mut().filter(|doubt| !doubt.asked && now >= doubt.since + AT_THE_DOOR);
+        due.map(|doubt| doubt.asked = true).is_some()
+    }
+
     /// A heartbeat shows our mode.
     pub fn shown(&mut self, now: Instant) {
-        self.doubt = self.doubt.filter(|since| now < *since + AT_THE_DOOR);
+        self.doubt = self.doubt.filter(|doubt| now < doubt.since + AT_THE_DOOR);
     }
 
     /// Whether the mode may be another by now.
@@ -56,24 +74,48 @@ mod tests {
         Instant::from_start(Duration::from_millis(ms))
     }
 
+    /// An autopilot that is heard.
+    fn heard(stall: &mut Stall, held: bool, now: Instant) -> bool {
+        stall.allows(held, Duration::from_millis(20), now)
+    }
+
     #[test]
     fn spec_after_a_stall_nothing_goes_out_before_a_heartbeat_sent_since() {
         let mut stall = Stall::default();
-        assert!(stall.allows(true, at(0)) && stall.allows(true, at(20)) && stall.allows(true, at(970)));
-        assert!(!stall.allows(true, at(1921)) && stall.is_in_doubt());
+        assert!(heard(&mut stall, true, at(0)) && heard(&mut stall, true, at(20)) && heard(&mut stall, true, at(970)));
+        assert!(!stall.asks(at(970)));
+        assert!(!heard(&mut stall, true, at(1921)) && stall.is_in_doubt());
         // It waited at the door.
         stall.shown(at(2020));
-        assert!(!stall.allows(true, at(2020)));
+        assert!(!heard(&mut stall, true, at(2020)) && !stall.asks(at(2020)));
+        assert!(stall.asks(at(2021)) && !stall.asks(at(2022)));
         stall.shown(at(2021));
-        assert!(stall.allows(true, at(2040)) && !stall.is_in_doubt());
+        assert!(heard(&mut stall, true, at(2040)) && !stall.is_in_doubt());
+    }
+
+    #[test]
+    fn spec_after_a_silence_of_the_autopilot_too() {
+        let mut stall = Stall::default();
+        let silent = |ms| Duration::from_millis(ms);
+        assert!(stall.allows(true, silent(850), at(850)));
+        assert!(!stall.allows(true, silent(870), at(870)));
+        // As long as it lasts the door stays shut, and nobody is asked.
+        assert!(!stall.allows(true, silent(980), at(980)) && !stall.asks(at(980)));
+        // What the link held up comes out at once.
+        stall.shown(at(985));
+        assert!(!stall.allows(true, silent(15), at(1000)));
+        assert!(stall.asks(at(1080)));
+        stall.shown(at(1090));
+        assert!(stall.allows(true, silent(0), at(1100)));
     }
 
     #[test]
     fn spec_nothing_is_in_doubt_that_is_not_held_or_no_more_wanted() {
         let mut stall = Stall::default();
-        assert!(stall.allows(false, at(0)) && stall.allows(false, at(5000)));
-        assert!(!stall.allows(true, at(9000)));
+        assert!(heard(&mut stall, false, at(0)) && heard(&mut stall, false, at(5000)));
+        assert!(stall.allows(false, Duration::from_secs(2), at(5020)));
+        assert!(!heard(&mut stall, true, at(9000)));
         stall.ends();
-        assert!(stall.allows(true, at(20_000)));
+        assert!(heard(&mut stall, true, at(20_000)) && !stall.asks(at(30_000)));
     }
 }

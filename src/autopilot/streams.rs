@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use mavlink::dialects::ardupilotmega as mav;
-use mavlink::dialects::ardupilotmega::{MavCmd, MavMessage, MavResult};
+use mavlink::dialects::ardupilotmega::{COMMAND_LONG_DATA, MavCmd, MavMessage, MavResult};
 use mavlink::{Message, MessageData};
 
 use super::command::{CommandQueue, Purpose, long};
@@ -174,7 +174,7 @@ impl Streams {
             let all_known = self.singles.iter().all(|single| single.known);
             self.request_at = Some(now + if all_known { ORIGIN_INTERVAL } else { REQUEST_INTERVAL });
             for id in wanted {
-                commands.push(long(MavCmd::MAV_CMD_REQUEST_MESSAGE, [id as f32, 0.0]), Purpose::Request(id));
+                commands.push(request(id), Purpose::Request(id));
             }
         }
     }
@@ -208,6 +208,11 @@ impl Stream {
             hz * WINDOW.as_secs_f64() + 1.0 >= TOLERATED * self.rate_hz * WINDOW.as_secs_f64()
         }) && self.measured_hz.is_some_and(|hz| hz > 0.0)
     }
+}
+
+/// The command that asks for one message.
+pub(super) fn request(id: u32) -> COMMAND_LONG_DATA {
+    long(MavCmd::MAV_CMD_REQUEST_MESSAGE, [id as f32, 0.0])
 }
 
 fn ask(stream: &Stream, commands: &mut CommandQueue) {

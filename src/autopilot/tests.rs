@@ -133,6 +133,29 @@ fn spec_setpoints_go_out_at_the_executives_pace_and_never_outlive_it() {
 }
 
 #[test]
+fn spec_an_autopilot_that_was_not_heard_gets_setpoints_again_once_it_shows_its_mode() {
+    let mut world = World::new(Fake::new(Firmware::Px4), |settings| settings.actuation = Actuation::Position);
+    world.launch();
+    // Its telemetry alone fails, and its heartbeat comes long after: it is asked for one.
+    world.fake.beat();
+    world.fake.heartbeat_at = world.now + Duration::from_secs(60);
+    world.run(0.2);
+    world.fake.silent = true;
+    world.run(0.88);
+    let shut = world.now + LATENCY;
+    world.run(0.06);
+    assert_eq!(world.fake.setpoints_since(shut), 0, "to an autopilot that may be another's");
+    world.fake.silent = false;
+    world.run(0.05);
+    assert_eq!(world.fake.setpoints_since(shut), 0, "before it showed its mode");
+    world.run(0.2);
+    assert_eq!(world.fake.custom_mode, PX4_OFFBOARD);
+    assert!(world.fake.setpoints_since(shut) > 0);
+    let lost = world.events.iter().filter(|(_, event)| matches!(event, Event::ControlLost { .. })).count();
+    assert_eq!(lost, 0);
+}
+
+#[test]
 fn val_the_attitude_turns_at_the_tilt_rate_whatever_the_pace() {
     for rate_hz in [20.0, 50.0, 100.0] {
         let mut world = World::new(Fake::new(Firmware::Px4), |settings| {

@@ -21,7 +21,7 @@ use super::evidence::Vehicle;
 use super::interlock::{Facts, Interlock, Permit, Silence};
 use super::pose_monitor::Tolerance;
 use super::protection::Jamming;
-use super::refusals::{Refusal, Refusals};
+use super::refusals::{By, Refusal, Refusals};
 use super::slot::{Served, Slot};
 use super::staleness::Staleness;
 use super::terms::{Event, GiveUp, Outgoing, Settings, Standing, may_recover, silence_reason};
@@ -582,7 +582,7 @@ impl SlotService {
         if !refusals.may_propose(now) {
             return;
         }
-        match refusals.count(now) {
+        match refusals.count(By::Radio, now) {
             Refusal::First => self.events.push_back(Event::Unready(slot, reason)),
             Refusal::Another => {}
             Refusal::Last => self.events.push_back(Event::GiveUp(GiveUp::Unready(slot, reason))),
@@ -706,7 +706,7 @@ impl SlotService {
     fn count_refusal(&mut self, answer: VeilwingAnswer, now: Instant) -> Option<Refusal> {
         self.agreement_time.refused(answer);
         match &mut self.stage {
-            Stage::Between { refusals, .. } => Some(refusals.count(now)),
+            Stage::Between { refusals, .. } => Some(refusals.count(By::Peer, now)),
             Stage::Away | Stage::Committed(_) => None,
         }
     }

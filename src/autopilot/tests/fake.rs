@@ -84,7 +84,7 @@ pub struct Fake {
     pub body: Option<super::omnicopter::Body>,
     booted_at: Instant,
     intervals: BTreeMap<u32, (Duration, Instant)>,
-    heartbeat_at: Instant,
+    pub heartbeat_at: Instant,
     setpoint_at: Option<Instant>,
     /// Offboard was left for want of a stream: PX4 goes back by itself when it resumes.
     lapsed: bool,
@@ -315,6 +315,7 @@ impl Fake {
         let (latitude, longitude, altitude) =
             (e7(ORIGIN.lat_deg), e7(ORIGIN.lon_deg), (ORIGIN.alt_m * 1e3) as i32);
         let message = match id {
+            0 => self.heartbeat(),
             32 => {
                 let noise = self.body.as_ref().map_or_else(Default::default, |body| body.noise);
                 let (position, velocity) = (self.position + noise.0, self.velocity + noise.1);
@@ -453,11 +454,15 @@ impl Fake {
 
     /// Sends a heartbeat now.
     pub fn beat(&mut self) {
+        self.out.push_back(self.heartbeat());
+    }
+
+    fn heartbeat(&self) -> MavMessage {
         let mut base_mode = MavModeFlag::MAV_MODE_FLAG_CUSTOM_MODE_ENABLED;
         if self.armed {
             base_mode |= MavModeFlag::MAV_MODE_FLAG_SAFETY_ARMED;
         }
-        self.out.push_back(MavMessage::HEARTBEAT(HEARTBEAT_DATA {
+        MavMessage::HEARTBEAT(HEARTBEAT_DATA {
             custom_mode: self.custom_mode,
             mavtype: MavType::MAV_TYPE_OCTOROTOR,
             autopilot: match self.firmware {
@@ -467,6 +472,6 @@ impl Fake {
             base_mode,
             system_status: MavState::MAV_STATE_STANDBY,
             mavlink_version: 3,
-        }));
+        })
     }
 }
