@@ -27,28 +27,29 @@ const RADIO_WORD: Duration = Duration::from_millis(200);
 /// The steps of all who take part in what is under way.
 const STEPS: Duration = Duration::from_millis(100);
 
-/// For how long what was sent may be under way.
-#[derive(Debug, Clone, Copy, Default)]
+/// For how long what was sent may be under way: since when, and how long, in the order of time.
+#[derive(Debug, Clone, Default)]
 struct Way {
-    /// Of what is sent now.
-    longest: Duration,
-    /// Of what was sent before, and until when that arrives.
-    before: Duration,
-    until: Duration,
+    spans: Vec<(Duration, Duration)>,
 }
 
 impl Way {
     /// From now on.
     fn change(&mut self, longest: Duration, now: Duration) {
-        if longest != self.longest {
-            let before = self.longest(now);
-            *self = Self { longest, before, until: now + before };
+        if self.spans.last().is_none_or(|(_, last)| *last != longest) {
+            self.spans.push((now, longest));
         }
     }
 
-    /// Of what has not arrived yet.
-    fn longest(&self, now: Duration) -> Duration {
-        if now < self.until { self.longest.max(self.before) } else { self.longest }
+    /// Of what has not arrived at an instant, be it long ago: what was sent before a change may be under way yet.
+    fn longest(&self, at: Duration) -> Duration {
+        let ends = self.spans.iter().skip(1).map(|(from, _)| *from).chain([Duration::MAX]);
+        let under_way = self
+            .spans
+            .iter()
+            .zip(ends)
+            .filter(|((from, longest), end)| *from <= at && end.saturating_add(*longest) > at);
+        under_way.map(|((_, longest), _)| *longest).max().unwrap_or_default()
     }
 }
 
@@ -300,5 +301,35 @@ impl Monitor {
         self.sides[v].takes_back = back;
         self.set(now, Some(v), Breach::TakesBack, back == Some(true));
         self.lasting(now, Some(v), ghost, |after| Breach::Ghost { after });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn regress_how_long_something_was_under_way_is_known_however_often_the_way_changes_later() {
+        let ms = Duration::from_millis;
+        let mut way = Way::default();
+        assert_eq!(way.longest(ms(5)), ms(0));
+        way.change(ms(10), ms(0));
+        way.change(ms(600), ms(1000));
+        way.change(ms(600), ms(1500));
+        way.change(ms(10), ms(2000));
+        way.change(ms(20), ms(9000));
+        for (at_ms, longest_ms) in [
+            (0, 10),
+            (999, 10),
+            (1000, 600),
+            (1999, 600),
+            (2599, 600),
+            (2600, 10),
+            (8999, 10),
+            (9000, 20),
+            (90_000, 20),
+        ] {
+            assert_eq!(way.longest(ms(at_ms)), ms(longest_ms), "{at_ms}");
+        }
     }
 }
