@@ -2,8 +2,8 @@
 
 use std::time::Duration;
 
-use mavlink::{MavHeader, MessageData};
 use mavlink::dialects::ardupilotmega::{HEARTBEAT_DATA, MavMessage, MavModeFlag, MavSeverity};
+use mavlink::{MavHeader, MessageData};
 
 use super::command::{CommandQueue, Outcome, Purpose};
 use super::context::Context;
@@ -542,7 +542,8 @@ impl Autopilot {
         let Peer { firmware, address, specifics, .. } = self.peer.as_ref()?;
         let state = &self.telemetry.state;
         let known = match self.settings.actuation {
-            Actuation::ThrustVector => self.fresh(now),
+            // The preflight refuses it for a firmware that takes no attitude targets; one ends a 6DoF ArduCopter.
+            Actuation::ThrustVector => firmware.takes_attitude_targets() && self.fresh(now),
             Actuation::Auto => false,
             // The autopilot closes the loop, over what it knows itself.
             Actuation::Pose | Actuation::Position => self.hears_state(now),
