@@ -86,6 +86,7 @@ impl Companion {
             watch.map_err(|error| warn!(%error, "the ground hears nothing of this computer")).ok()
         });
         let mut manager = self.manager;
+        let (answer, mut answers) = tokio::sync::mpsc::unbounded_channel();
         let mut standing = Standing::default();
         loop {
             if let Some((record, orders)) = executive.poll_record().zip(orders.as_mut()) {
@@ -103,6 +104,11 @@ impl Companion {
                     }
                     Outgoing::Pair(message) => pair.send(executive.own(), &message),
                 }
+            }
+            while let Some((ticket, question)) = executive.poll_question() {
+                let answer = answer.clone();
+                // Nobody waits for it once the companion ends.
+                tokio::task::spawn_blocking(move || answer.send((ticket, question.answer())).ok());
             }
             while let Some(notice) = executive.poll_notice() {
                 log(role, executive.phase_name(), &notice);
@@ -144,6 +150,7 @@ impl Companion {
                 }
                 frame = autopilot.recv() => hear(&mut executive, &frame, &clock),
                 frame = Link::recv_of(&mut radio) => hear_radio(&mut executive, &frame, &clock),
+                Some((ticket, motion)) = answers.recv() => executive.handle_motion(ticket, motion, clock.now()),
                 frame = pair.recv() => executive.handle_pair(&frame.message, clock.now()),
                 look = health::next(&mut health) => {
                     let status = health::message(&look, clock.utc());

@@ -240,7 +240,7 @@ fn change(losses: Option<u8>) -> model::SlotModel {
         crashes: 0,
         losses,
         slots: 2,
-        flown: Flown { slots: 2, turning: true, length: Duration::from_millis(1300) },
+        flown: Flown { slots: 2, turning: true, length: Duration::from_millis(1300), motions: 0 },
         before_its_end: Some(Duration::from_millis(250)),
         // Fewer, or it takes minutes; shorter than a lease all the same.
         step: Duration::from_millis(400),
@@ -262,6 +262,34 @@ fn prop_model_a_slot_that_carries_another_on_is_served_when_the_losses_end() {
 #[test]
 fn prop_model_no_restart_breaks_a_slot_that_carries_another_on() {
     holds(model::SlotModel { crashes: 1, restarts: 1, ..change(Some(1)) });
+}
+
+/// The last second of a slot, in which motions are taken up, one after the other.
+fn following(motions: u16, losses: Option<u8>) -> model::SlotModel {
+    model::SlotModel {
+        copies: 0,
+        crashes: 0,
+        losses,
+        flown: Flown { length: Duration::from_millis(2500), motions, ..Flown::default() },
+        before_its_end: Some(Duration::from_secs(1)),
+        ..slot_model(model::Bug::None)
+    }
+}
+
+/// Of one motion, in the order in which messages come. With a copy kept, 1.2 million states, it takes eight minutes, and holds.
+#[test]
+fn prop_model_no_order_of_messages_has_i_on_in_a_motion_that_j_does_not_fly() {
+    holds(model::SlotModel { before_its_end: Some(Duration::from_millis(700)), ..following(1, None) });
+}
+
+#[test]
+fn prop_model_no_loss_has_i_on_in_a_motion_that_j_does_not_fly() {
+    holds(following(2, Some(2)));
+}
+
+#[test]
+fn prop_model_no_restart_has_i_on_in_a_motion_that_j_does_not_fly() {
+    holds(model::SlotModel { crashes: 1, restarts: 1, ..following(2, Some(1)) });
 }
 
 #[test]

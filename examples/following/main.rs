@@ -29,7 +29,7 @@ use rand_chacha::ChaCha8Rng;
 use tracks::{Last, Now, Track};
 use veilwing::planner::expectation::{EvaluateOptions, evaluate};
 use veilwing::planner::following::{
-    self, Estimate, Foresight, From, HORIZON_S, Motion, Report, Scene, Unrest,
+    self, Estimate, Flying, Foresight, HORIZON_S, Motion, Report, Scene, Side, Unrest,
 };
 use veilwing::planner::moving::Limits;
 use veilwing::planner::plan::VehiclePlan;
@@ -126,7 +126,13 @@ impl Mission {
     }
 
     /// The scene at an instant, given to `use_it`.
-    fn with_scene<T>(&self, knows: Knows, t_s: f64, use_it: impl FnOnce(&Scene<'_>) -> T) -> T {
+    fn with_scene<T>(
+        &self,
+        knows: Knows,
+        t_s: f64,
+        sides: PerVehicle<Side>,
+        use_it: impl FnOnce(&Scene<'_>) -> T,
+    ) -> T {
         let known = [0, 1].map(|who| self.known(who, knows, t_s));
         use_it(&Scene {
             problem: &self.problem,
@@ -134,7 +140,14 @@ impl Mission {
             eavesdroppers: vec![known[1].as_deref()],
             limits: self.limits,
             turn_rate_rad_s: self.turn_rate_rad_s,
+            sides,
         })
+    }
+
+    /// Each vehicle's side of those that rest like this.
+    fn sides(&self, rest: &PerVehicle<VehiclePlan>) -> PerVehicle<Side> {
+        let places = rest.map(|vehicle| vehicle.pose.position_enu_m);
+        Side::between(&places, self.problem.airspace.min_separation_m)
     }
 
     /// The rate in truth, bit/s/Hz.
@@ -153,7 +166,9 @@ impl Mission {
 
     /// The poses that suit the beginning.
     fn rest(&self, knows: Knows) -> PerVehicle<VehiclePlan> {
-        let problem = self.with_scene(knows, 0.0, |scene| scene.problem_at(0.0, 0.0));
+        // Where they are to rest no side is asked for.
+        let any = Side::between(&PerVehicle { i: Vector3::zeros(), j: Vector3::zeros() }, 0.0);
+        let problem = self.with_scene(knows, 0.0, any, |scene| scene.problem_at(0.0, 0.0));
         plan_slot(&problem, &Options::default()).unwrap().vehicles
     }
 
@@ -177,9 +192,9 @@ impl Mission {
         for step in 0..steps {
             let t_s = replan_s * step as f64;
             let begun = Instant::now();
-            let next = self.with_scene(knows, t_s, |scene| {
-                let from = motion.as_ref().map_or(From::Rest(&rest), From::Motion);
-                following::plan(scene, from, t_s, 1).unwrap()
+            let next = self.with_scene(knows, t_s, self.sides(&rest), |scene| {
+                let from = motion.as_ref().map_or(Flying::rest(&rest), Flying::motion);
+                following::plan(scene, &from, t_s, 1).unwrap()
             });
             flown.plans_ms.push(1e3 * begun.elapsed().as_secs_f64());
             flown.not_made += usize::from(next.is_none());

@@ -32,6 +32,7 @@ pub const TARGETS: &[Target] = &[
     transmitter::PARAMETER,
     slot::HELD,
     slot::CARRIED_ON,
+    slot::FOLLOWED,
     executive::TARGET,
     files::MISSION,
     files::VEHICLE,

@@ -65,6 +65,7 @@ targets! {
     prop_a_power_parameter_takes_whatever_comes: "transmitter-parameter",
     prop_the_service_of_a_slot_takes_whatever_comes: "slot",
     prop_slots_that_carry_each_other_on_take_whatever_comes: "slot-carried-on",
+    prop_a_slot_whose_motion_is_made_anew_takes_whatever_comes: "slot-followed",
     prop_the_executive_takes_whatever_comes: "executive",
     prop_mission_files_take_whatever_comes: "mission-file",
     prop_vehicle_files_take_whatever_comes: "vehicle-file",

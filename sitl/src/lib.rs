@@ -41,8 +41,10 @@ pub use world::config::{
 };
 pub use world::excuse::{Cause, Excused};
 pub use world::fault::Fault;
+pub use world::followed::Flown;
 pub use world::record::{Heard, Record, Recorder};
 pub use world::report::{FlightReport, PerVehicle, SlotReport};
+pub use world::roaming::Roams;
 pub use world::scattering::{Fading, Rician};
 pub use world::turning::{PLACES_S, PlannedKnot, PlannedTurns};
 pub use world::violation::{Breach, Invariant, Violation};

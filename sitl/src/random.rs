@@ -18,6 +18,8 @@ pub(crate) enum Purpose {
     PathsToEavesdroppers = 10,
     Bias = 11,
     Meter = 12,
+    Roaming = 13,
+    Handsets = 14,
 }
 
 /// Gaussian and uniform draws from one stream.

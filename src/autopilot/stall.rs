@@ -82,7 +82,11 @@ mod tests {
     #[test]
     fn spec_after_a_stall_nothing_goes_out_before_a_heartbeat_sent_since() {
         let mut stall = Stall::default();
-        assert!(heard(&mut stall, true, at(0)) && heard(&mut stall, true, at(20)) && heard(&mut stall, true, at(970)));
+        assert!(
+            heard(&mut stall, true, at(0))
+                && heard(&mut stall, true, at(20))
+                && heard(&mut stall, true, at(970))
+        );
         assert!(!stall.asks(at(970)));
         assert!(!heard(&mut stall, true, at(1921)) && stall.is_in_doubt());
         // It waited at the door.

@@ -1,10 +1,12 @@
 //! From a mission file and a vehicle file to what the state machines of one companion are told.
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use crate::autopilot::{self, Fence, FenceDuty};
-use crate::config::{ExposedLink, FenceShape, Mission, Transmitter, Vehicle, fence_corners};
+use crate::config::{ExposedLink, FenceShape, Mission, Transmitter, User, Vehicle, fence_corners};
 use crate::link::Form;
+use crate::mission::following::Following;
 use crate::mission::{Battery, Operators, Permission, Scene, Settings};
 use crate::pair::{self, Record};
 use crate::planner::problem::{Airframe, Airspace};
@@ -91,9 +93,20 @@ pub fn settings(mission: &Mission, vehicle: &Vehicle, boot_id: u32, start_unaske
             antennas: mission.antennas.clone(),
             fading: mission.fading,
         },
+        following: following(mission),
         start_unasked,
         start_utc: mission.tdma.start_utc,
     }
+}
+
+/// Those that move, if any do.
+fn following(mission: &Mission) -> Option<Arc<Following>> {
+    let problem = |index: usize, user: &User| Some((user.name.clone(), Arc::new(mission.problem(index)?)));
+    let problems = mission.users.iter().enumerate().filter_map(|(index, user)| problem(index, user));
+    (!mission.movers.is_empty()).then(|| {
+        let (problems, movers) = (problems.collect(), mission.movers.clone());
+        Arc::new(Following { problems, movers, seed: mission.seed })
+    })
 }
 
 /// Where a vehicle's autopilot crosses when it returns by itself, in metres above the origin: I in the lower half of the band,

@@ -11,6 +11,7 @@ use crate::autopilot::{Actuation, FenceDuty, FirmwareChoice};
 use crate::geo::{Enu, Geodetic};
 use crate::link::{HostPort, LinkAddress};
 use crate::logbook::Limits as LogbookLimits;
+use crate::planner::following::Gait;
 use crate::planner::problem::{
     Airframe, Airspace, JitterAxes, JitterModel, Method, NoFly, Objective, Uncertainty,
 };
@@ -484,6 +485,25 @@ pub struct NodeDraft {
     pub radius_m: Option<f64>,
     /// It is Gaussian with this deviation in east and in north in metres; 0 is exact. Not with a radius.
     pub std_m: Option<f64>,
+    /// It moves, and somebody says where it is.
+    pub moves: Option<MovesDraft>,
+}
+
+/// How a user or an eavesdropper moves, and who says where it is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MovesDraft {
+    /// MAVLink system whose GLOBAL_POSITION_INT or FOLLOW_TARGET says where it is.
+    pub system_id: u8,
+    /// How it moves.
+    pub gait: Gait,
+    /// Standard deviation of a reported position in metres, where the report does not say.
+    pub std_m: f64,
+}
+
+impl Default for MovesDraft {
+    fn default() -> Self {
+        Self { system_id: 0, gait: Gait::Walks, std_m: 3.0 }
+    }
 }
 
 impl NodeDraft {
@@ -494,7 +514,16 @@ impl NodeDraft {
     }
 
     pub(super) fn unplaced(name: String) -> Self {
-        Self { name, enu_m: None, lat_deg: None, lon_deg: None, alt_m: None, radius_m: None, std_m: None }
+        Self {
+            name,
+            enu_m: None,
+            lat_deg: None,
+            lon_deg: None,
+            alt_m: None,
+            radius_m: None,
+            std_m: None,
+            moves: None,
+        }
     }
 
     pub(super) fn uncertainty(&self) -> Uncertainty {

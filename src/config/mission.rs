@@ -12,14 +12,15 @@ use sha2::{Digest, Sha256};
 use super::diagnostic::{Diagnostics, Severity};
 use super::document::Document;
 use super::draft::{
-    AntennaDraft, AntennasDraft, Emission, MissionDraft, NodeDraft, PlannedVehicleDraft, PlannerSettings,
-    PointingDraft, PowerLimit, RadioDraft, Tdma,
+    AntennaDraft, AntennasDraft, Emission, MissionDraft, MovesDraft, NodeDraft, PlannedVehicleDraft,
+    PlannerSettings, PointingDraft, PowerLimit, RadioDraft, Tdma,
 };
 use super::file::{MAX_BYTES, read_text};
 use super::mission_file::NOWHERE;
 use super::reader::Section;
 use super::{mission_checks, mission_file, mission_warnings, reading};
 use crate::geo::{Enu, Geodetic};
+use crate::planner::following::{Mover, Who};
 use crate::planner::problem::{
     Airframe, Airspace, Eavesdropper, Fading, Jitter, Pattern, Pointing, PowerSteps, Problem, Radio, Rician,
     Uncertainty, VehicleModel,
@@ -92,6 +93,8 @@ pub struct Settled {
     pub users: Vec<User>,
     /// At least one.
     pub eavesdroppers: Vec<NamedEavesdropper>,
+    /// Those of both that move, and are reported of.
+    pub movers: Vec<Mover>,
     /// How slots are planned.
     pub planner: PlannerSettings,
 }
@@ -375,7 +378,16 @@ fn in_si_units(draft: &MissionDraft) -> Settled {
         name: e.name.clone(),
         node: Eavesdropper { position_enu_m: e.position().enu(origin), uncertainty: e.uncertainty() },
     };
+    let moves = |nodes: &[NodeDraft], who: fn(usize) -> Who| {
+        let all = nodes.iter().enumerate().filter_map(move |(index, node)| {
+            let MovesDraft { system_id, gait, std_m } = node.moves?;
+            Some(Mover { who: who(index), system_id, gait, std_m })
+        });
+        all.collect::<Vec<_>>()
+    };
+    let movers = [moves(&draft.users, Who::User), moves(&draft.eavesdroppers, Who::Eavesdropper)].concat();
     Settled {
+        movers,
         name: draft.name.clone(),
         seed: draft.seed,
         origin,

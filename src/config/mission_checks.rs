@@ -8,6 +8,7 @@ use super::mission_file::{FAR_M, NOWHERE};
 use super::{link_checks, mission_warnings};
 use crate::geo::polygon::{Polygon, check_simple};
 use crate::geo::{Enu, Geodetic};
+use crate::planner::following::MOST_MOVERS;
 use crate::planner::problem::{Airspace, Method, NoFly, Objective, Uncertainty};
 use crate::planner::region::Region;
 use crate::planner::volume::Fairness;
@@ -31,6 +32,7 @@ pub(super) fn check(draft: &MissionDraft, file: &mut Document) {
     link_checks::check(draft, file);
     tdma(draft, file);
     volume(draft, file);
+    following(draft, file);
     hints(draft, file);
     // Of a file that cannot be used, errors come first: half of what is odd about it follows from them.
     if !file.has_errors() {
@@ -421,6 +423,36 @@ fn tdma(draft: &MissionDraft, file: &mut Document) {
         let message =
             format!("`superframes` makes {slots} slots, more than the {} that can be numbered", u16::MAX);
         refuse(file, "tdma.superframes", message, "lower it, or serve fewer users");
+    }
+}
+
+/// What following asks of other settings.
+fn following(draft: &MissionDraft, file: &mut Document) {
+    let nodes = [("user", &draft.users), ("eavesdropper", &draft.eavesdroppers)];
+    let movers: Vec<(String, u8)> = nodes
+        .into_iter()
+        .flat_map(|(kind, nodes)| nodes.iter().enumerate().map(move |(index, node)| (kind, index, node)))
+        .filter_map(|(kind, index, node)| Some((format!("{kind}[{index}].moves"), node.moves?.system_id)))
+        .collect();
+    let Some((first, _)) = movers.first().cloned() else { return };
+    if draft.planner.mode != Mode::Static {
+        let message = "somebody `moves`, and is followed from a pose that is held; `planner.mode` has the pair turn or move by a plan that \
+                       knows of no such thing"
+            .to_owned();
+        refuse(file, &first, message, "set planner.mode = \"static\"");
+    }
+    // A slot is told of its user and of eavesdroppers.
+    let at_once = usize::from(draft.users.iter().any(|user| user.moves.is_some()))
+        + draft.eavesdroppers.iter().filter(|eavesdropper| eavesdropper.moves.is_some()).count();
+    if at_once > MOST_MOVERS {
+        let message = format!("{at_once} of those in a slot move; {MOST_MOVERS} can be followed at once");
+        refuse(file, &first, message, "leave `moves` out for those farthest away");
+    }
+    for (k, (path, system_id)) in movers.iter().enumerate() {
+        if movers[..k].iter().any(|(_, other)| other == system_id) {
+            let message = format!("MAVLink system {system_id} says where two are");
+            refuse(file, path, message, "give each a system_id of its own");
+        }
     }
 }
 

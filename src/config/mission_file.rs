@@ -4,13 +4,14 @@ use nalgebra::Vector2;
 
 use super::area_file::AreaFile;
 use super::draft::{
-    Emission, JitterDraft, MissionDraft, Mode, NoFlyDraft, NodeDraft, Optimise, PlannedVehicleDraft,
-    PlannerSettings, RadioDraft, Tdma,
+    Emission, JitterDraft, MissionDraft, Mode, MovesDraft, NoFlyDraft, NodeDraft, Optimise,
+    PlannedVehicleDraft, PlannerSettings, RadioDraft, Tdma,
 };
 use super::kind::{Choice, Each, FieldFile, Flag, Integer, List, Moment, Number, Numbers, Period, Text};
 use super::link_file;
 use super::reader::Section;
 use crate::geo::{Enu, Geodetic};
+use crate::planner::following::Gait;
 use crate::planner::problem::{Airframe, JitterAxes, JitterModel, Method, Objective};
 use crate::planner::volume::Fairness;
 use crate::role::PerVehicle;
@@ -488,6 +489,27 @@ fn node(s: &mut Section<'_, '_>, node: &mut NodeDraft) {
         &mut node.std_m,
     );
     s.alternatives(&[&["radius_m"], &["std_m"]], false);
+    let sentence = "It moves, and is followed while a slot is served: positions that it, or somebody who sees it, reports in flight.";
+    s.set_optional_table("moves", sentence, &mut node.moves, moves);
+}
+
+fn moves(s: &mut Section<'_, '_>, moves: &mut MovesDraft) {
+    let mut system = u64::from(moves.system_id);
+    s.set_required(
+        "system_id",
+        "MAVLink system on the autopilot's link whose GLOBAL_POSITION_INT or FOLLOW_TARGET says where it is.",
+        Integer { min: 1, max: 255 },
+        &mut system,
+    );
+    moves.system_id = u8::try_from(system).unwrap_or(u8::MAX);
+    let gaits = Choice(&[("walks", Gait::Walks), ("drives", Gait::Drives)]);
+    s.set("gait", "\"walks\", some 1.5 m/s; \"drives\", some 8 m/s.", gaits, &mut moves.gait);
+    s.set(
+        "std_m",
+        "Standard deviation of a reported position in east and in north, where the report does not say.",
+        Number::within("m", 0.1, 1000.0),
+        &mut moves.std_m,
+    );
 }
 
 fn planner(s: &mut Section<'_, '_>, planner: &mut PlannerSettings) {

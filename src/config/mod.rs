@@ -31,8 +31,9 @@ mod vehicle_links;
 pub use diagnostic::{Diagnostic, Diagnostics, Severity};
 pub use draft::{
     AntennaDraft, AntennasDraft, Autopilot, BatteryDraft, Emission, FadingDraft, JitterDraft, Limits,
-    LogLimits, MissionDraft, Mode, NoFlyDraft, NodeDraft, Optimise, PerReceiver, PlannedVehicleDraft,
-    PlannerSettings, PointingDraft, PowerLimit, RadioDraft, Tdma, Transmitter, VehicleDraft,
+    LogLimits, MissionDraft, Mode, MovesDraft, NoFlyDraft, NodeDraft, Optimise, PerReceiver,
+    PlannedVehicleDraft, PlannerSettings, PointingDraft, PowerLimit, RadioDraft, Tdma, Transmitter,
+    VehicleDraft,
 };
 pub use mission::{Difference, Mission, NamedEavesdropper, Settled, User, VehicleSettings};
 pub use mission_file::METHODS;

@@ -18,6 +18,7 @@ use crate::transmitter::wire::MavMessage as RadioMessage;
 use super::asked::AskedFor;
 use super::cause::Cause;
 use super::endurance::Endurance;
+use super::following::Followers;
 use super::ground::Ground;
 use super::ground_station::GroundStation;
 use super::itinerary::Itinerary;
@@ -72,8 +73,8 @@ pub(super) enum Stopping {
 ///
 /// # Calling contract
 /// Feed it what happens, at the instant at which it happens: `handle_autopilot`, `handle_pair`, `handle_radio`,
-/// `handle_radio_link`, `handle_report`, `handle_plan`, `handle_timeout`, `shutdown`. After each, drain `poll_record`,
-/// `poll_transmit` and `poll_notice`, ask `outcome` whether the process may end, and call `handle_timeout` at
+/// `handle_radio_link`, `handle_report`, `handle_plan`, `handle_motion`, `handle_timeout`, `shutdown`. After each, drain
+/// `poll_record`, `poll_transmit`, `poll_notice` and `poll_question`, ask `outcome` whether the process may end, and call `handle_timeout` at
 /// `poll_timeout`, which any call may have moved. Everything happens in these calls: if nobody calls, nothing is sent
 /// (F3). `now` never goes back.
 ///
@@ -93,6 +94,7 @@ pub struct Executive {
     pub(super) ground: Ground,
     pub(super) endurance: Endurance,
     pub(super) ground_station: GroundStation,
+    pub(super) followers: Followers,
     /// Operator's commands that are to be answered.
     pub(super) asked_for: AskedFor,
     pub(super) abort_cause: Option<Cause>,
@@ -136,6 +138,7 @@ impl Executive {
             ground: Ground::new(start),
             endurance: Endurance::new(settings.battery),
             ground_station: GroundStation::new(now),
+            followers: Followers::new(settings.following.as_deref(), now),
             asked_for: AskedFor::default(),
             abort_cause: None,
             outcome: None,
@@ -167,6 +170,7 @@ impl Executive {
         if !self.settings.radio_apart {
             self.service.handle_radio(header, message, now);
         }
+        self.hear_of_movers(header, message, now);
         self.handle_operator(header, message, now);
         self.handle_parameters(header, message);
         self.handle_files(header, message, now);
@@ -322,7 +326,7 @@ impl Executive {
     }
 
     /// Takes in what has changed, lets the phase act on it, then lets the service decide on power.
-    fn react(&mut self, now: Instant) {
+    pub(super) fn react(&mut self, now: Instant) {
         while let Some(event) = self.autopilot.poll_event() {
             self.on_autopilot(event, now);
         }

@@ -63,6 +63,8 @@ impl Executive {
             Phase::InService { .. } => {
                 self.keep_turns(now);
                 self.keep_to_way(now);
+                self.keep_to_slot(now);
+                self.ask_for_motion(now);
             }
             Phase::Holding { since, motion } => {
                 let waited = now.saturating_since(*since);
@@ -309,7 +311,7 @@ impl Executive {
     }
 
     /// How the vehicle turns in the slot that is agreed on.
-    fn track(&self) -> Option<(Track, Instant)> {
+    pub(super) fn track(&self) -> Option<(Track, Instant)> {
         let slot = self.service.slot()?;
         slot.track.clone().map(|track| (track, slot.commitment.opens_at))
     }
@@ -332,7 +334,7 @@ impl Executive {
     }
 
     /// What bounds the vehicle's motion on a way.
-    fn motion_limits(&self) -> moving::Limits {
+    pub(super) fn motion_limits(&self) -> moving::Limits {
         self.settings.limits[self.settings.role].of_motion()
     }
 
@@ -363,6 +365,9 @@ impl Executive {
     /// The slot that is entered from where the vehicle rests, in a plan that moves.
     pub(super) fn rests_for(&self, now: Instant) -> Option<u16> {
         let next = self.service.slot_number();
+        if let Some(back) = self.is_back(next, now) {
+            return back.then_some(next);
+        }
         let way = self.itinerary.as_ref()?.tracks(next)?[self.settings.role].way()?;
         let Phase::InService { motion, .. } = &self.phase else { return None };
         let rests_s = motion.rests_s.filter(|_| motion.is_at_rest(now))?;
@@ -404,7 +409,7 @@ impl Executive {
     }
 
     /// The name of a slot's user.
-    fn user(&self, slot: u16) -> String {
+    pub(super) fn user(&self, slot: u16) -> String {
         let entry = self.itinerary.as_ref().and_then(|itinerary| itinerary.entry(slot));
         let planned = entry.zip(self.plan.as_ref()).and_then(|(e, plan)| plan.slots.get(e.user_index));
         planned.map(|slot| slot.user.clone()).unwrap_or_default()

@@ -4,8 +4,8 @@ use std::time::Duration;
 
 use crate::geo::{Attitude, Enu};
 use crate::pair::{PlanTerms, SlotTerms};
-use crate::planner::slots::Plan;
-use crate::planner::track::Track;
+use crate::planner::slots::{Plan, PlannedSlot};
+use crate::planner::track::{Followed, Track};
 use crate::role::{PerVehicle, Role};
 use crate::schedule::table::{Entry, Table, TableError};
 use crate::schedule::trajectory::{Start, Trajectory};
@@ -48,7 +48,10 @@ impl Itinerary {
             None => None,
         };
         let limits = settings.limits.map(|limits| limits.of_motion());
-        let tracks = flown(&table, &plan.tracks(settings.timing.guard.as_secs_f64(), &limits));
+        let tracks = match &settings.following {
+            Some(_) => followed(&table, plan),
+            None => flown(&table, &plan.tracks(settings.timing.guard.as_secs_f64(), &limits)),
+        };
         Ok(Self { table, way_home, tracks })
     }
 
@@ -105,6 +108,14 @@ impl Itinerary {
         let in_turns = entry.separation == Separation::Time;
         Some((entry.transit[role].clone(), in_turns.then(|| entry.transit[role.peer()].clone())))
     }
+}
+
+/// Of all the table's slots, where motions are made anew: at rest as planned until then.
+fn followed(table: &Table, plan: &Plan) -> Vec<PerVehicle<Track>> {
+    let slots = table.entries.iter().filter_map(|entry| plan.slots.get(entry.user_index));
+    let track =
+        |role: Role, slot: &PlannedSlot| Track::Followed(Followed::new(role, slot.plan.vehicles[role]));
+    slots.map(|slot| PerVehicle::from_fn(|role| track(role, slot))).collect()
 }
 
 /// The tracks of all the table's slots, from those of a superframe: a slot that no other one carries on ends at rest.

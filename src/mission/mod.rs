@@ -6,6 +6,7 @@ pub mod cause;
 mod endurance;
 pub mod executive;
 mod flight;
+pub mod following;
 mod ground;
 mod ground_station;
 mod homing;

@@ -78,9 +78,7 @@ impl Motion {
     pub fn is_at_rest(&self, now: Instant) -> bool {
         let moves = match (&self.glide, &self.track) {
             (Some((glide, begins_at)), _) => now.seconds_since(*begins_at) < glide.lasts_s(),
-            (None, Some((track, opens_at))) => {
-                track.way().is_some_and(|way| way.moves(now.seconds_since(*opens_at)))
-            }
+            (None, Some((track, opens_at))) => track.moves(now.seconds_since(*opens_at)),
             (None, None) => false,
         };
         self.is_over(now) && !moves
@@ -89,6 +87,11 @@ impl Motion {
     /// Whether the track has taken over.
     pub fn is_on_track(&self, now: Instant) -> bool {
         self.track.is_some() && self.is_over(now)
+    }
+
+    /// Whether the track that has taken over is made anew as it is flown.
+    pub fn follows(&self, now: Instant) -> bool {
+        self.is_over(now) && self.track.as_ref().is_some_and(|(track, _)| track.followed().is_some())
     }
 
     /// At rest where it is at `now`, or as soon as it can where it moves along a way.
@@ -104,12 +107,12 @@ impl Motion {
             return along(glide);
         }
         let on_track = self.track.as_ref().filter(|_| self.is_over(now));
-        let on_way = on_track.and_then(|(track, opens_at)| Some((track.way()?, *opens_at)));
-        match on_way {
-            Some((way, opens_at)) if way.moves(now.seconds_since(opens_at)) => {
-                let (glide, since_s) = way.stop(now.seconds_since(opens_at), limits);
-                along((glide, opens_at.after_s(since_s)))
-            }
+        if let Some((track, opens_at)) = on_track
+            && let Some((glide, since_s)) = track.stop(now.seconds_since(*opens_at), limits)
+        {
+            return along((glide, opens_at.after_s(since_s)));
+        }
+        match on_track.and_then(|(track, opens_at)| Some((track.way()?, *opens_at))) {
             Some((way, opens_at)) => {
                 let entered = now >= opens_at;
                 Self { rests_s: Some(if entered { way.exit_s() } else { way.entry_s() }), ..rest }

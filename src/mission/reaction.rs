@@ -105,6 +105,8 @@ impl Executive {
             ServiceEvent::Over(slot, served) => self.slot_over(slot, served, now),
             ServiceEvent::CarriedOn(commitment) => self.carry_on(commitment, now),
             ServiceEvent::PutOff(slot) => self.put_off(slot, now),
+            ServiceEvent::PlanMotion => self.plan_motion(now),
+            ServiceEvent::TakeUp(number) => self.take_up(number),
             ServiceEvent::AllOver => self.finish(now),
             ServiceEvent::GiveUp(why) => self.lose_peer(why, now),
             ServiceEvent::Abandoned => self.break_off(now),

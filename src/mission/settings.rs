@@ -1,5 +1,7 @@
 //! What the executive is told once.
 
+use std::sync::Arc;
+
 use crate::autopilot;
 use crate::geo::Enu;
 use crate::pair;
@@ -14,6 +16,7 @@ use crate::time::Utc;
 use crate::transmitter::Demands;
 
 use super::endurance::Battery;
+use super::following::Following;
 use super::permission::Permission;
 use super::scene::Scene;
 
@@ -77,6 +80,8 @@ pub struct Settings {
     pub operators: Operators,
     /// Nodes and radio, for the live figures.
     pub scene: Scene,
+    /// Those that move, if any do.
+    pub following: Option<Arc<Following>>,
     /// Begin as soon as both vehicles are ready, without waiting for MISSION_START.
     pub start_unasked: bool,
     /// When the transit to the first slot begins, unless the operator decides.

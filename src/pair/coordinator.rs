@@ -6,6 +6,7 @@
 mod acquaintance;
 mod follower;
 mod leader;
+mod motions;
 mod shared_time;
 mod terms;
 #[cfg(test)]
@@ -18,6 +19,7 @@ use std::time::Duration;
 use crate::role::Role;
 use crate::time::{Instant, Utc};
 
+use super::adoption::Asked;
 use super::clock::Offset;
 use super::orders::Orders;
 use super::peer::Peer;
@@ -25,8 +27,9 @@ use super::wire::{self, MavMessage, VeilwingAnswer, VeilwingSilence};
 use acquaintance::{Acquaintance, Meeting};
 use follower::Follower;
 use leader::Leader;
+use motions::{Motions, Outcome};
 use shared_time::SharedTime;
-pub use terms::{Commitment, Event, Local, PlanTerms, Settings, SlotTerms, Vouch};
+pub use terms::{Commitment, Drifting, Event, Local, Places, PlanTerms, Settings, SlotTerms, Vouch};
 pub use timer::Timer;
 
 const STATUS_EVERY: Duration = Duration::from_millis(100);
@@ -69,6 +72,8 @@ pub struct Coordinator {
     time: SharedTime,
     part: Part,
     agreed: Option<Agreed>,
+    /// Of the slot agreed on, where its motion is made anew while it is served.
+    motions: Option<Motions>,
     orders: Orders,
     silences: u32,
     status_sequence: u32,
@@ -91,6 +96,7 @@ impl Coordinator {
                 Role::J => Part::J(Follower::default()),
             },
             agreed: None,
+            motions: None,
             orders: Orders::new(settings.orders),
             silences: 0,
             status_sequence: 0,
@@ -166,6 +172,7 @@ impl Coordinator {
     /// The committed slot is over, served or not.
     pub fn release(&mut self, now: Instant) {
         let agreed = self.agreed.take();
+        self.motions = None;
         match &mut self.part {
             Part::I(leader) => leader.give_up(now),
             Part::J(follower) => follower.release(agreed.map(|agreed| agreed.commitment)),
@@ -193,6 +200,61 @@ impl Coordinator {
         let commitment = Commitment { slot, opens_at, opens, leaves_at: closes_at, ..agreed.commitment };
         self.agreed = Some(Agreed { commitment, ..agreed });
         Some(commitment)
+    }
+
+    /// I: whether a motion may be asked for in the slot agreed on.
+    #[must_use]
+    pub fn may_ask_motion(&self, now: Instant) -> bool {
+        self.motions.as_ref().is_some_and(|motions| motions.may_ask(now))
+    }
+
+    /// I: asks for a motion in the slot agreed on, for those that move.
+    pub fn ask_motion(&mut self, places: Places, now: Instant) {
+        let event = self.motions.as_mut().and_then(|motions| motions.ask(places, now));
+        self.events.extend(event);
+        self.advance_motions(now);
+    }
+
+    /// The motion that was asked for last in the slot agreed on.
+    #[must_use]
+    pub fn asked_motion(&self) -> Option<&Asked<Places>> {
+        self.motions.as_ref().and_then(Motions::asked)
+    }
+
+    /// The motion of this number is made here, with this digest, or none was found.
+    pub fn motion_planned(&mut self, number: u16, digest: Option<u64>, now: Instant) {
+        let outcome = self.motions.as_mut().map(|motions| motions.planned(number, digest, now));
+        self.take_outcome(outcome, now);
+    }
+
+    /// I: whether J flies the same motion, or nearly; where none is made anew, it does.
+    #[must_use]
+    pub fn flies_alike(&self, now: Instant) -> bool {
+        self.motions.as_ref().is_none_or(|motions| motions.agrees(now))
+    }
+
+    fn take_outcome(&mut self, outcome: Option<Outcome>, now: Instant) {
+        let (event, message) = outcome.unwrap_or((None, None));
+        self.events.extend(event);
+        self.transmit.extend(message);
+        self.advance_motions(now);
+    }
+
+    fn advance_motions(&mut self, now: Instant) {
+        let due = self.motions.as_mut().map(|motions| motions.advance(now));
+        self.transmit.extend(due.into_iter().flatten().flatten());
+    }
+
+    fn take_places(&mut self, places: &wire::VEILWING_PLACES_DATA, now: Instant) {
+        if self.acquaintance.peer().is_boot(places.boot_id) {
+            let outcome = self.motions.as_mut().map(|motions| motions.take_places(places));
+            self.take_outcome(outcome, now);
+        }
+    }
+
+    fn take_motion(&mut self, motion: &wire::VEILWING_MOTION_DATA, now: Instant) {
+        let outcome = self.motions.as_mut().map(|motions| motions.take_motion(motion, now));
+        self.take_outcome(outcome, now);
     }
 
     /// I: whether leases are asked for.
@@ -338,6 +400,7 @@ impl Coordinator {
             (leader.and_then(Leader::proposal_due), Timer::Proposal),
             (self.orders.poll_timeout(), Timer::Start),
             (request, Timer::LeaseRequest),
+            (self.motions.as_ref().and_then(Motions::timeout), Timer::Motion),
             (self.acquaintance.lost_due(), Timer::PeerLost),
         ];
         let due = others.into_iter().filter_map(|(at, timer)| at.map(|at| (at, timer)));
@@ -365,6 +428,7 @@ impl Coordinator {
         if let (Part::I(leader), Some(agreed)) = (&mut self.part, self.agreed) {
             self.transmit.extend(leader.request(agreed.commitment, now));
         }
+        self.advance_motions(now);
         self.events.extend(self.acquaintance.lost(now).map(Event::PeerLost));
     }
 
@@ -379,6 +443,8 @@ impl Coordinator {
             MavMessage::VEILWING_LEASE_REQUEST(request) => self.take_request(request, now),
             MavMessage::VEILWING_LEASE_GRANT(grant) => self.take_grant(grant, now),
             MavMessage::VEILWING_SILENT(silent) => self.take_silence(silent, now),
+            MavMessage::VEILWING_PLACES(places) => self.take_places(places, now),
+            MavMessage::VEILWING_MOTION(motion) => self.take_motion(motion, now),
             MavMessage::VEILWING_CLOCK(clock) => self.transmit.extend(self.time.take(clock, now)),
             // Of the link, which keeps them to itself where it is signed.
             MavMessage::VEILWING_CHALLENGE(_) | MavMessage::VEILWING_RESPONSE(_) => {}
@@ -463,6 +529,14 @@ impl Coordinator {
 
     fn agree(&mut self, commitment: Commitment, now: Instant) {
         self.agreed = Some(Agreed { commitment, peer_went_along: false, peer_left: false });
+        let leader_boot = match self.settings.role {
+            Role::I => Some(self.settings.boot_id),
+            Role::J => self.acquaintance.peer().boot_id,
+        };
+        let follows = self.slot_terms(commitment.slot).is_some_and(SlotTerms::follows);
+        self.motions = leader_boot
+            .filter(|_| follows)
+            .map(|boot_id| Motions::new(self.settings.role, boot_id, commitment));
         self.next_status = now;
         self.events.push_back(Event::Committed(commitment));
     }

@@ -1,6 +1,7 @@
 //! Slot agreement between the two companions: a state machine without I/O over the messages of
 //! `message_definitions/veilwing.xml`. ARCHITECTURE.md draws the sequence of a slot.
 
+pub mod adoption;
 mod age;
 pub mod clock;
 pub mod coordinator;
@@ -9,6 +10,8 @@ pub mod orders;
 mod peer;
 pub mod wire;
 
-pub use coordinator::{Commitment, Coordinator, Event, Local, PlanTerms, Settings, SlotTerms, Timer, Vouch};
+pub use coordinator::{
+    Commitment, Coordinator, Drifting, Event, Local, Places, PlanTerms, Settings, SlotTerms, Timer, Vouch,
+};
 pub use orders::{Change, Order, Orders, Record};
 pub use peer::Peer;

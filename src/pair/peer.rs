@@ -13,7 +13,7 @@ use super::wire::{VEILWING_HELLO_DATA, VEILWING_STATUS_DATA, VeilwingFlags};
 /// The other companion, as its messages describe it.
 #[derive(Debug, Clone)]
 pub struct Peer {
-    boot_id: Option<u32>,
+    pub(super) boot_id: Option<u32>,
     /// Our monotonic clock when this boot was taken in, microseconds.
     known_since_us: u64,
     hello_us: u64,

@@ -184,7 +184,7 @@ impl Reference {
 
     /// Whether its place moves.
     fn moves(&self) -> bool {
-        self.track.as_ref().is_some_and(|track| track.way().is_some())
+        self.track.as_ref().is_some_and(Track::is_in_motion)
     }
 
     fn slack(&self, at: Instant) -> Option<Slack> {
@@ -219,6 +219,11 @@ impl PoseMonitor {
     #[must_use]
     pub fn new(target: Reference, tolerance: Tolerance) -> Self {
         Self { target, tolerance, errors: None, distance: None, placed: false }
+    }
+
+    /// The track that it is compared with goes on otherwise than it did.
+    pub fn follow(&mut self, track: Option<Track>) {
+        self.target.track = track;
     }
 
     /// Feeds the newest state.

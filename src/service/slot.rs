@@ -1,8 +1,10 @@
 //! A committed slot: its times on our monotonic clock, our power and pose in it.
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use crate::pair::{Commitment, SlotTerms};
+use crate::planner::following::Motion;
 use crate::planner::track::Track;
 use crate::role::Role;
 use crate::time::Instant;
@@ -88,6 +90,14 @@ impl Slot {
             served: Served::No(None),
             achieved: false,
             trouble: None,
+        }
+    }
+
+    /// A motion is flown from its beginning on.
+    pub(super) fn take_up(&mut self, motion: &Arc<Motion>) {
+        if let Some(Track::Followed(track)) = &mut self.track {
+            track.take_up(Arc::clone(motion));
+            self.monitor.follow(self.track.clone());
         }
     }
 

@@ -1,6 +1,7 @@
 //! One vehicle's half of the pair's service.
 
 mod carrying;
+mod following;
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -21,7 +22,7 @@ use super::evidence::Vehicle;
 use super::interlock::{Facts, Interlock, Permit, Silence};
 use super::pose_monitor::Tolerance;
 use super::protection::Jamming;
-use super::refusals::{By, Refusal, Refusals};
+use super::refusals::{Refusal, Refusals};
 use super::slot::{Served, Slot};
 use super::staleness::Staleness;
 use super::terms::{Event, GiveUp, Outgoing, Settings, Standing, may_recover, silence_reason};
@@ -412,7 +413,8 @@ impl SlotService {
                     let owed = self.role == Role::J && leases_outstanding;
                     slot.monitor.check().is_ok() && (slot.monitor.serves() || owed)
                 }),
-            jam_lease: self.pair.lease(now),
+            // A lease vouches for J's part of the motion that I flies.
+            jam_lease: self.pair.lease(now).filter(|_| self.pair.flies_alike(now)),
             peer_on_station: slot.is_some_and(|slot| self.is_peer_on_station(slot, now)),
             leases_outstanding,
         }
@@ -582,7 +584,7 @@ impl SlotService {
         if !refusals.may_propose(now) {
             return;
         }
-        match refusals.count(By::Radio, now) {
+        match refusals.count(now) {
             Refusal::First => self.events.push_back(Event::Unready(slot, reason)),
             Refusal::Another => {}
             Refusal::Last => self.events.push_back(Event::GiveUp(GiveUp::Unready(slot, reason))),
@@ -678,6 +680,8 @@ impl SlotService {
                 Some(Refusal::Last) => Event::GiveUp(GiveUp::Refused(slot, answer)),
                 Some(Refusal::Another) | None => return,
             },
+            Pair::PlanMotion => Event::PlanMotion,
+            Pair::TakeUp(number) => Event::TakeUp(number),
             Pair::Committed(commitment) => match self.commit(commitment) {
                 true => Event::Agreed(commitment),
                 false => return self.pair.release(now),
@@ -706,7 +710,7 @@ impl SlotService {
     fn count_refusal(&mut self, answer: VeilwingAnswer, now: Instant) -> Option<Refusal> {
         self.agreement_time.refused(answer);
         match &mut self.stage {
-            Stage::Between { refusals, .. } => Some(refusals.count(By::Peer, now)),
+            Stage::Between { refusals, .. } => Some(refusals.count(now)),
             Stage::Away | Stage::Committed(_) => None,
         }
     }

@@ -112,6 +112,11 @@ pub enum Event {
     CarriedOn(Commitment),
     /// A slot that carried on the one before is ended early, and will be agreed on by itself.
     PutOff(u16),
+    /// The motion that is asked for ([`super::SlotService::asked_motion`]) is to be planned, and what is found to be told by
+    /// [`super::SlotService::motion_planned`].
+    PlanMotion,
+    /// The motion of this number is flown from its beginning on, and to be given to [`super::SlotService::take_up`].
+    TakeUp(u16),
     /// Every slot is over.
     AllOver,
     /// The owner should give the mission up, and say so by [`super::SlotService::abandon`].

@@ -120,6 +120,8 @@ pub struct Setup {
     pub traps: Traps,
     /// A slip planted in what a vehicle's autopilot hears.
     pub slip: Option<(Role, Slip)>,
+    /// Nobody says where those are that move.
+    pub unheard: bool,
     pub seed: u64,
 }
 
@@ -139,6 +141,7 @@ impl Default for Setup {
             bridged: None,
             traps: Traps::default(),
             slip: None,
+            unheard: false,
             seed: 1,
         }
     }
@@ -174,6 +177,10 @@ impl Flight {
         config.vehicles.iter_mut().for_each(|vehicle| vehicle.traps = setup.traps);
         if let Some((role, slip)) = setup.slip {
             config.vehicles[index(role)].slip = Some(slip);
+        }
+        if setup.unheard {
+            let all = config.users.iter_mut().chain(&mut config.eavesdroppers);
+            all.filter_map(|node| node.roams.as_mut()).for_each(|roams| roams.system_id = 99);
         }
         if let Some(role) = setup.bridged {
             let vehicle = &mut config.vehicles[index(role)];

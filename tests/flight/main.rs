@@ -13,6 +13,7 @@ mod endurance;
 mod face;
 mod faults;
 mod fence;
+mod following;
 mod forged;
 mod guard;
 mod harness;

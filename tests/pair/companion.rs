@@ -3,10 +3,10 @@
 use std::time::Duration;
 
 use mavlink::MavHeader;
-use veilwing::pair::Order;
 use veilwing::pair::wire::{MavMessage, VeilwingFlags};
+use veilwing::pair::{Drifting, Order, Places};
 use veilwing::role::Role;
-use veilwing::service::{Event, SlotService, Vehicle};
+use veilwing::service::{Event, Slot, SlotService, Vehicle};
 use veilwing::time::Instant;
 
 use super::clocks::Clocks;
@@ -31,6 +31,13 @@ pub struct Companion {
     pub finished: Vec<u16>,
     /// To take part as soon as the peer does not say any more that it has ended.
     pub joining: bool,
+    /// The motion that it flies: its number, when it begins, and what each flew when it was asked for.
+    pub flies: (u16, Instant, [u16; 2]),
+    /// How many it may ask for yet, and those that it has made.
+    pub to_ask: u16,
+    /// From so long before the end of a slot's airtime.
+    pub to_ask_from: Duration,
+    made: Vec<(u16, Instant, [u16; 2])>,
     next_tick: Instant,
 }
 
@@ -47,6 +54,10 @@ impl Companion {
             events: None,
             finished: Vec::new(),
             joining: true,
+            flies: (0, Instant::ZERO, [0; 2]),
+            to_ask: 0,
+            to_ask_from: Duration::ZERO,
+            made: Vec::new(),
             next_tick: Instant::ZERO,
         }
     }
@@ -112,6 +123,15 @@ impl Companion {
         }
     }
 
+    /// Somebody who stays, from a little more than a step of the model on.
+    fn places(&self, now: Instant) -> Places {
+        let opens_at = self.service.slot().map_or(now, |slot| slot.commitment.opens_at);
+        let begins = (now + Duration::from_millis(350)).saturating_since(opens_at);
+        let mut places = Places::new(begins.as_millis() as u32);
+        places.push(Drifting::default());
+        places
+    }
+
     fn react(&mut self, t: Duration) {
         let now = self.clocks.local(t);
         if self.joining && !self.service.peer().says(VeilwingFlags::VEILWING_FLAGS_ENDED) {
@@ -125,9 +145,30 @@ impl Companion {
                 Event::Over(slot, _) => self.finished.push(slot),
                 Event::AllOver => self.joining = true,
                 Event::GiveUp(why) => self.abort(format!("{why:?}"), now),
+                Event::PlanMotion => {
+                    let Some(asked) = self.service.asked_motion().copied() else { continue };
+                    self.made.push((asked.number, asked.begins_at, asked.from));
+                    let [i, j] = asked.from.map(u64::from);
+                    self.service.motion_planned(
+                        asked.number,
+                        Some(u64::from(asked.number) << 32 | i << 16 | j),
+                        now,
+                    );
+                }
+                // One that it has not made would be a motion of nobody's.
+                Event::TakeUp(number) => {
+                    let made = self.made.iter().find(|(made, ..)| *made == number);
+                    self.flies = made.copied().unwrap_or((u16::MAX, now, [0; 2]));
+                }
                 Event::Abandoned => self.aborted = Some("once the other was off".into()),
                 _ => {}
             }
+        }
+        let late = |slot: &Slot| now + self.to_ask_from >= slot.radiate_until;
+        if self.to_ask > 0 && self.service.slot().is_some_and(late) && self.service.may_ask_motion(now) {
+            self.to_ask -= 1;
+            self.service.ask_motion(self.places(now), now);
+            return self.react(t);
         }
         let slot = self.service.slot();
         let arrived = slot.is_some_and(|slot| slot.carried_on || now >= slot.commitment.leaves_at + LEAD / 2);

@@ -22,7 +22,8 @@ use veilwing::transmitter::Kind;
 use super::clocks::Clocks;
 use super::companion::Companion;
 use super::radio::{Radio, Said};
-use super::setup::{Flown, LEASE, NUMBERED, service};
+use super::setup::{Flown, LEASE, NUMBERED, TICK, service};
+use veilwing::pair::adoption::GRACE;
 
 /// A bug put in on purpose.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -70,6 +71,7 @@ pub struct State {
     radio_troubles: u8,
     /// Its first companion has died: what is on the air is that one's.
     j_has_died: bool,
+    i_has_died: bool,
     granted_until: Duration,
     served: bool,
     /// By number.
@@ -77,6 +79,11 @@ pub struct State {
     s1: bool,
     s2: bool,
     s3: bool,
+    /// Motions that are made anew: the last that J flew, whether I was on in what J flew only, and whether both flew one while I was
+    /// on: the last there is.
+    j_flew: u16,
+    alike: bool,
+    joined: bool,
 }
 
 impl State {
@@ -127,7 +134,11 @@ impl SlotModel {
                 Role::J => (200_000, 2, LEASE),
             };
             let clocks = Clocks { started: Duration::ZERO, rate: self.rate(role), utc_error_us };
-            Some(Companion::new(role, clocks, service(role, boot, self.radio(), lease, &self.flown)))
+            let mut companion =
+                Companion::new(role, clocks, service(role, boot, self.radio(), lease, &self.flown));
+            companion.to_ask = if role == Role::I { self.flown.motions } else { 0 };
+            companion.to_ask_from = self.before_its_end.unwrap_or_default();
+            Some(companion)
         });
         let mut radios = PerVehicle::<Radio>::default();
         if self.radio_troubles.is_some() {
@@ -147,12 +158,16 @@ impl SlotModel {
             losses: self.losses.unwrap_or(0),
             radio_troubles: self.radio_troubles.unwrap_or(0),
             j_has_died: false,
+            i_has_died: false,
             granted_until: Duration::ZERO,
             served: false,
             last_served: None,
             s1: true,
             s2: true,
             s3: true,
+            j_flew: 0,
+            alike: true,
+            joined: false,
         };
         let early = |state: &State| {
             let slot = state.companions.i.as_ref().and_then(|i| i.service.slot());
@@ -311,6 +326,17 @@ impl SlotModel {
             state.served |= jammed;
             state.last_served = state.last_served.max(Some(i.slot).filter(|_| jammed));
         }
+        // One that is back takes nothing over.
+        if let Some(j) = state.companions.j.as_ref().filter(|_| !state.j_has_died) {
+            state.j_flew = j.flies.0;
+        }
+        if let (Some(_), Some(i), false) = (on.i, &state.companions.i, state.i_has_died) {
+            let (number, begins_at, [i_flew, j_flew]) = i.flies;
+            let begun = i.clocks.local(state.t).saturating_since(begins_at);
+            let nearly = i_flew == j_flew && state.j_flew == j_flew && begun <= GRACE + TICK;
+            state.alike &= number == state.j_flew || nearly;
+            state.joined |= number == self.flown.motions && number == state.j_flew;
+        }
         if on.j.is_some() {
             // A dead companion's radio runs out within its lease, which no slot's end shortens afterwards.
             let committed = state.companions.j.as_ref().is_some_and(|j| j.service.slot().is_some());
@@ -403,6 +429,7 @@ impl Model for SlotModel {
                 state.crashes -= 1;
                 state.companions[role] = None;
                 state.j_has_died |= role == Role::J;
+                state.i_has_died |= role == Role::I;
             }
             Action::Restart(role) => {
                 state.restarts -= 1;
@@ -436,6 +463,12 @@ impl Model for SlotModel {
             }),
             Property::<Self>::always("S3: J jams whenever I radiates", |_, state| state.s3),
         ];
+        if self.flown.motions > 0 {
+            properties.push(Property::<Self>::always("I radiates in the motion that J flies", |_, state| {
+                state.alike
+            }));
+            properties.push(Property::<Self>::sometimes("both fly the last motion", |_, state| state.joined));
+        }
         // Not so without the radio's answers.
         if self.losses.is_some() && self.radio_troubles.is_none() {
             properties.push(Property::<Self>::eventually("the last slot is served", |model, state| {

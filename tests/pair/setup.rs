@@ -5,7 +5,7 @@ use std::time::Duration;
 use veilwing::geo::{Enu, Pose};
 use veilwing::pair::{self, PlanTerms, SlotTerms};
 use veilwing::planner::plan::VehiclePlan;
-use veilwing::planner::track::Track;
+use veilwing::planner::track::{Followed, Track};
 use veilwing::planner::turning::{Between, Course, Knot, Protected, Slot};
 use veilwing::role::{PerVehicle, Role};
 use veilwing::service::{self, Ceilings, Freshness, Settings, SlotService, Tolerance, Vehicle};
@@ -45,12 +45,14 @@ pub struct Flown {
     pub length: Duration,
     /// Slots are served through the vehicles' turns from one place, and carry each other on.
     pub turning: bool,
+    /// Motions are made anew in slots, this many in each.
+    pub motions: u16,
 }
 
 /// Slots that are each agreed on.
 impl Default for Flown {
     fn default() -> Self {
-        Self { slots: SLOTS, length: SLOT, turning: false }
+        Self { slots: SLOTS, length: SLOT, turning: false, motions: 0 }
     }
 }
 
@@ -59,7 +61,11 @@ impl Flown {
         let tracks = self.turning.then(|| self.tracks());
         let terms = |slot: u16| SlotTerms {
             vehicles: vehicles(if self.turning { 0 } else { slot }),
-            tracks: tracks.as_ref().map(|tracks| tracks[usize::from(slot)].clone()),
+            tracks: match (&tracks, self.motions) {
+                (Some(tracks), _) => Some(tracks[usize::from(slot)].clone()),
+                (None, 0) => None,
+                (None, _) => Some(at_rest(slot)),
+            },
             lean_rad: PerVehicle { i: 0.0, j: 0.0 },
             opens: (LEAD + self.length) * u32::from(slot) + LEAD,
             lead: LEAD,
@@ -114,6 +120,12 @@ impl Flown {
     }
 }
 
+/// Until a motion is taken up. Those of the model are numbers alone: nobody moves.
+fn at_rest(slot: u16) -> PerVehicle<Track> {
+    let vehicles = vehicles(slot);
+    PerVehicle::from_fn(|role| Track::Followed(Followed::new(role, vehicles[role])))
+}
+
 /// Of a slot that is served through its turns: from these shares of the airtime on J radiates so many watts.
 const JAMMED: [(f64, f64); 4] = [(0.0, 0.1), (0.5, PLANNED_W.j), (0.75, 0.15), (1.0, 0.0)];
 /// From the close of a slot to the opening of the one that carries it on.
@@ -125,7 +137,8 @@ pub fn vehicle(role: Role, slot: Option<&service::Slot>, since: Instant, pose_lo
         let since_s = since.seconds_since(slot.commitment.opens_at);
         slot.track.as_ref().map(|track| track.attitude(since_s))
     });
-    let place = slot.filter(|_| turned.is_none()).map_or(0, |slot| slot.commitment.slot);
+    let carried = |slot: &service::Slot| slot.track.as_ref().is_some_and(|track| track.followed().is_none());
+    let place = slot.filter(|slot| !carried(slot)).map_or(0, |slot| slot.commitment.slot);
     let pose = vehicles(place)[role].pose;
     let off = Enu::new(if pose_lost { 10.0 } else { 0.0 }, 0.0, 0.0);
     Vehicle {

@@ -1,6 +1,6 @@
 //! The service of a slot on both vehicles: in the middle of a slot they take what comes over the pair link, and whatever
 //! is said must not raise a power, lengthen a lease or call for a flood of answers; nor may a vehicle that is not fit
-//! radiate. Once in a slot that is held, once through slots that carry each other on.
+//! radiate. Once in a slot that is held, once through slots that carry each other on, once in one whose motion is made anew.
 
 mod terms;
 
@@ -15,9 +15,11 @@ use veilwing::link::codec::{Decoder, Encoder};
 use veilwing::link::envelope::PAYLOAD_TYPE;
 use veilwing::link::{Counters, Envelope, Form, Rejection};
 use veilwing::pair::wire;
-use veilwing::pair::{self, PlanTerms};
+use veilwing::pair::{self, Places, PlanTerms};
 use veilwing::role::{PerVehicle, Role};
-use veilwing::service::{Ceilings, Freshness, Outgoing, Settings, Slot, SlotService, Tolerance, Vehicle};
+use veilwing::service::{
+    Ceilings, Event, Freshness, Outgoing, Settings, Slot, SlotService, Tolerance, Vehicle,
+};
 use veilwing::time::{Instant, Utc};
 use veilwing::transmitter::{self, Kind, Transmitter};
 
@@ -28,6 +30,8 @@ use terms::{POSE, POWER_W};
 
 const LEASE: Duration = Duration::from_millis(500);
 const TICK: Duration = Duration::from_millis(10);
+/// A motion begins so long after it is asked for.
+const BEGINS: Duration = Duration::from_millis(100);
 
 /// One companion as far as the pair link can reach: the service that flies.
 #[derive(Clone)]
@@ -35,6 +39,8 @@ struct Companion {
     role: Role,
     service: SlotService,
     vehicle: Fitness,
+    /// Motions are asked for.
+    follows: bool,
     reached: Reached,
     said: Vec<wire::MavMessage>,
     decoder: Decoder<Envelope>,
@@ -134,6 +140,7 @@ impl Companion {
             role,
             service,
             vehicle: Fitness::default(),
+            follows: false,
             reached: Reached::default(),
             said: Vec::new(),
             decoder: Decoder::default(),
@@ -154,8 +161,20 @@ impl Companion {
         while let Some(event) = self.service.poll_event() {
             events += 1;
             self.reached.sentence("event", &format!("{} {event:?}", self.role));
+            // Motions are numbers here: nobody moves.
+            if event == Event::PlanMotion
+                && let Some(asked) = self.service.asked_motion().copied()
+            {
+                let found = (asked.number % 5 != 4).then_some(u64::from(asked.number));
+                self.service.motion_planned(asked.number, found, now);
+            }
         }
         assert!(events <= 3, "{}: {events} events at once", self.role);
+        if self.follows && self.service.may_ask_motion(now) {
+            let opens_at = self.service.slot().map_or(now, |slot| slot.commitment.opens_at);
+            let begins = (now + BEGINS).saturating_since(opens_at);
+            self.service.ask_motion(Places::new(begins.as_millis() as u32), now);
+        }
         let evidence = self.vehicle.evidence(self.service.slot(), now);
         self.service.decide(&evidence, now);
         let unfit = self.vehicle.is_unfit();
@@ -226,6 +245,16 @@ pub const CARRIED_ON: Target = Target {
     generated: 500,
 };
 
+/// The service of a slot whose motion is made anew.
+pub const FOLLOWED: Target = Target {
+    name: "slot-followed",
+    what: "the same to a slot whose motion is made anew",
+    words: &[],
+    seeds,
+    run: run_followed,
+    generated: 500,
+};
+
 fn seeds() -> Vec<Vec<u8>> {
     // Both on a good link for a while; each kind of frame of either, as it was; either unfit and fit again.
     let linked = vec![0x3E; 80];
@@ -242,6 +271,11 @@ fn run_held(input: &[u8], reached: &mut Reached) {
 fn run_carried_on(input: &[u8], reached: &mut Reached) {
     static FRESH: OnceLock<Pair> = OnceLock::new();
     run(FRESH.get_or_init(|| Pair::radiating(terms::through_turns)), input, reached);
+}
+
+fn run_followed(input: &[u8], reached: &mut Reached) {
+    static FRESH: OnceLock<Pair> = OnceLock::new();
+    run(FRESH.get_or_init(|| Pair::radiating(terms::followed)), input, reached);
 }
 
 fn run(fresh: &Pair, input: &[u8], reached: &mut Reached) {
@@ -277,6 +311,10 @@ impl Pair {
         while !Role::BOTH.iter().all(|&role| target.companions[role].service.interlock().is_on()) {
             assert!(target.now.since_start() < Duration::from_secs(10), "the pair does not come to radiate");
             target.pass(true);
+        }
+        if plan().slots[0].follows() {
+            target.companions.i.follows = true;
+            (0..50).for_each(|_| target.pass(true));
         }
         for role in Role::BOTH {
             let frames = &mut target.recorded[role];

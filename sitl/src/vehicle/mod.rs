@@ -225,6 +225,11 @@ impl Vehicle {
         }
     }
 
+    /// Passes a frame on to the companion that a radio aboard has received.
+    pub fn relay(&mut self, frame: Vec<u8>) {
+        self.router.relay(COMPANION_LINK, frame);
+    }
+
     /// The next MAVLink frame to send, and the link it goes to.
     pub fn poll_transmit(&mut self) -> Option<(usize, Vec<u8>)> {
         loop {

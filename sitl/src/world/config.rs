@@ -3,6 +3,7 @@
 use nalgebra::{UnitQuaternion, Vector3};
 use thiserror::Error;
 
+use super::roaming::Roams;
 use super::scattering::Fading;
 use super::turning::{PlannedKnot, PlannedTurns};
 use crate::frames::Euler;
@@ -38,6 +39,8 @@ pub struct Node {
     pub position_enu_m: [f64; 3],
     /// How far the truth may be from it.
     pub uncertainty: Uncertainty,
+    /// It moves, from there on.
+    pub roams: Option<Roams>,
 }
 
 /// The radio channel.
@@ -346,7 +349,7 @@ impl WorldConfig {
             let all_of_it = area.area_enu_m.iter().flatten().chain(heights);
             all.extend(all_of_it.map(|v| (format!("no-fly area \"{}\"", area.name), *v, false)));
         }
-        for Node { name, position_enu_m, uncertainty } in self.users.iter().chain(&self.eavesdroppers) {
+        for Node { name, position_enu_m, uncertainty, .. } in self.users.iter().chain(&self.eavesdroppers) {
             all.extend(position_enu_m.map(|v| (format!("position of \"{name}\""), v, false)));
             let spread = match *uncertainty {
                 Uncertainty::Exact => 0.0,

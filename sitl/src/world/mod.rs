@@ -4,11 +4,13 @@ pub mod circumstances;
 pub mod config;
 pub mod excuse;
 pub mod fault;
+pub mod followed;
 mod monitor;
 mod radio;
 mod receiver;
 pub mod record;
 pub mod report;
+pub mod roaming;
 pub mod scattering;
 mod score;
 mod trail;
@@ -23,10 +25,12 @@ use crate::vehicle::autopilot::Mode;
 use crate::vehicle::bias::Bias;
 use crate::vehicle::transmitter::DevicePower;
 use crate::vehicle::{TICKS_PER_SAMPLE, Vehicle, VehicleCounters, VehicleSnapshot, tick_time};
+use crate::wire;
 use circumstances::{Circumstances, Passage};
 use config::{Error, Off, Reference, WorldConfig};
 use excuse::Cause;
 use fault::Fault;
+use followed::{Flown, Followed};
 use monitor::{Findings, Monitor, Seen};
 use radio::Emitter;
 use receiver::{Kind, Receiver};
@@ -34,6 +38,9 @@ use report::FlightReport;
 use score::{PoseError, SlotScore};
 use trail::Trail;
 use turning::Openings;
+
+/// The component of a user's handset, or of who sees an eavesdropper.
+const HANDSET: u8 = 1;
 
 /// Relative difference from the planned power that still protects (INTERFACES: "at its planned power").
 const PLANNED_POWER_MARGIN: f64 = 0.01;
@@ -67,6 +74,7 @@ pub struct World {
     /// I's and J's poses in each slot, and the index of the slot's user.
     plans: Vec<([Reference; 2], usize)>,
     openings: Openings,
+    followed: Followed,
     scores: Vec<SlotScore>,
     /// Samples of radiation in no slot of the plan.
     outside_slots: [u32; 2],
@@ -110,6 +118,7 @@ impl World {
             ),
             plans,
             openings: Openings::default(),
+            followed: Followed::default(),
             scores: vec![SlotScore::default(); config.slots.len()],
             outside_slots: [0; 2],
             monitor: Monitor::default(),
@@ -252,6 +261,11 @@ impl World {
         self.openings.propose(slot, at, &self.config.slots);
     }
 
+    /// What both fly now in a slot whose motion is made anew while it is served, as I's companion has it.
+    pub fn follow(&mut self, slot: usize, flown: Flown) {
+        self.followed.tell(slot, flown, self.now);
+    }
+
     /// I's companion tells the other one its UTC.
     pub fn hear_clock(&mut self, utc_us: u64) {
         self.openings.hear_clock(utc_us, self.now);
@@ -276,6 +290,9 @@ impl World {
     /// What the plan has a vehicle do in a slot at an instant.
     fn reference(&self, slot: usize, vehicle: usize, at: Duration) -> Reference {
         let standing = self.plans[slot].0[vehicle];
+        if let Some(flown) = self.followed.reference(slot, vehicle, at) {
+            return flown;
+        }
         match &self.config.slots[slot].turns {
             Some(turns) => self.openings.reference(slot, turns, standing, vehicle, at),
             None => standing,
@@ -360,7 +377,12 @@ impl World {
             let vehicle = &self.vehicles[k];
             self.trails[k].keep(self.now, vehicle.supposed_position_enu_m(), vehicle.own_attitude());
         }
-        self.users.iter_mut().chain(&mut self.eavesdroppers).for_each(Receiver::advance);
+        for receiver in self.users.iter_mut().chain(&mut self.eavesdroppers) {
+            receiver.advance(self.now);
+            if let Some((system, sequence, message)) = receiver.report(self.config.origin, self.now) {
+                self.vehicles[0].relay(wire::encode(sequence, system, HANDSET, &message));
+            }
+        }
         let seen = self.watch();
         for (k, vehicle) in seen.iter().enumerate().filter(|(_, v)| v.power_w.is_some()) {
             self.score_emitter(k, vehicle);

@@ -1,11 +1,17 @@
 //! Who listens: where they truly are, and what of each vehicle reaches them.
 
+use std::time::Duration;
+
+use mavlink::dialects::ardupilotmega::MavMessage;
 use nalgebra::Vector3;
 
 use super::config::{Node, Uncertainty};
 use super::radio::Emitter;
+use super::roaming::Roamer;
 use super::scattering::{Path, Rician};
+use crate::geodesy::Origin;
 use crate::random::{Noise, Purpose};
+use crate::vehicle::SAMPLE;
 
 /// Nearer than this the far field has no meaning; it bounds the SINR of a vehicle standing on a receiver.
 const NEAREST_M: f64 = 0.1;
@@ -37,6 +43,8 @@ impl Kind {
 #[derive(Debug, Clone)]
 pub(crate) struct Receiver {
     pub position_enu_m: Vector3<f64>,
+    /// It moves.
+    roamer: Option<Roamer>,
     /// The ways from I and J, where there is scattering.
     paths: Option<[Path; 2]>,
 }
@@ -46,6 +54,10 @@ impl Receiver {
     pub fn all(nodes: &[Node], kind: Kind, fading: Option<Rician>, seed: u64) -> Vec<Self> {
         let of = |(index, node): (usize, &Node)| Self {
             position_enu_m: true_position(node, Noise::new(seed, kind.places(), index)),
+            roamer: node.roams.map(|roams| {
+                let of_all = 2 * index + usize::from(kind == Kind::Eavesdropper);
+                Roamer::new(roams, Vector3::from(node.position_enu_m), seed, of_all)
+            }),
             paths: fading.map(|law| {
                 [0, 1].map(|vehicle| Path::new(law, Noise::new(seed, kind.paths(), 2 * index + vehicle)))
             }),
@@ -54,8 +66,16 @@ impl Receiver {
     }
 
     /// The next radio sample.
-    pub fn advance(&mut self) {
+    pub fn advance(&mut self, now: Duration) {
         self.paths.iter_mut().flatten().for_each(Path::advance);
+        if let Some(roamer) = &mut self.roamer {
+            self.position_enu_m = roamer.advance(&self.position_enu_m, SAMPLE.as_secs_f64(), now);
+        }
+    }
+
+    /// What its handset says of it at this instant.
+    pub fn report(&mut self, origin: Origin, now: Duration) -> Option<(u8, u8, MavMessage)> {
+        self.roamer.as_mut()?.report(&self.position_enu_m, origin, now)
     }
 
     /// Received power over the reference gain: pattern, free space, scattering.
@@ -72,7 +92,7 @@ impl Receiver {
     /// Without scattering, here.
     #[cfg(test)]
     pub fn at(position_enu_m: Vector3<f64>) -> Self {
-        Self { position_enu_m, paths: None }
+        Self { position_enu_m, roamer: None, paths: None }
     }
 }
 
@@ -96,7 +116,12 @@ mod tests {
 
     #[test]
     fn val_true_positions_follow_their_law() {
-        let at = |uncertainty| Node { name: String::new(), position_enu_m: [1.0, 2.0, 3.0], uncertainty };
+        let at = |uncertainty| Node {
+            name: String::new(),
+            position_enu_m: [1.0, 2.0, 3.0],
+            uncertainty,
+            roams: None,
+        };
         let center = Vector3::new(1.0, 2.0, 3.0);
         let n = 4000;
         for kind in [Kind::User, Kind::Eavesdropper] {
@@ -118,7 +143,7 @@ mod tests {
     #[test]
     fn spec_users_and_eavesdroppers_are_drawn_apart() {
         let uncertainty = Uncertainty::Gaussian { std_m: 5.0 };
-        let node = Node { name: String::new(), position_enu_m: [0.0; 3], uncertainty };
+        let node = Node { name: String::new(), position_enu_m: [0.0; 3], uncertainty, roams: None };
         let nodes = [node.clone(), node];
         let place = |kind, k: usize| Receiver::all(&nodes, kind, None, 9)[k].position_enu_m;
         let all = [place(Kind::User, 0), place(Kind::User, 1), place(Kind::Eavesdropper, 0)];
@@ -128,7 +153,12 @@ mod tests {
     #[test]
     fn val_paths_to_all_receivers_are_independent() {
         let law = Rician { k_db: -20.0, coherence_s: 0.0 };
-        let node = Node { name: String::new(), position_enu_m: [0.0; 3], uncertainty: Uncertainty::Exact };
+        let node = Node {
+            name: String::new(),
+            position_enu_m: [0.0; 3],
+            uncertainty: Uncertainty::Exact,
+            roams: None,
+        };
         let mut receivers = Receiver::all(&[node.clone(), node.clone()], Kind::User, Some(law), 3);
         receivers.extend(Receiver::all(&[node], Kind::Eavesdropper, Some(law), 3));
         let pattern = Pattern::new(&Antenna::Dipole);
@@ -143,7 +173,7 @@ mod tests {
         let mut sums = [0.0; 6];
         let mut products = vec![0.0; 36];
         for _ in 0..n {
-            receivers.iter_mut().for_each(Receiver::advance);
+            receivers.iter_mut().for_each(|receiver| receiver.advance(Duration::ZERO));
             let heard: Vec<f64> =
                 receivers.iter().flat_map(|r| emitters.map(|e| 100.0 * r.hears(&e))).collect();
             for (a, x) in heard.iter().enumerate() {

@@ -60,7 +60,7 @@ pub fn config() -> WorldConfig {
 
 /// A receiver where it is said to be.
 pub fn exactly(name: &str, position_enu_m: [f64; 3]) -> Node {
-    Node { name: name.into(), position_enu_m, uncertainty: Uncertainty::Exact }
+    Node { name: name.into(), position_enu_m, uncertainty: Uncertainty::Exact, roams: None }
 }
 
 /// A client of one vehicle on one link.

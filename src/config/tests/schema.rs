@@ -84,6 +84,7 @@ fn spec_the_examples_explain_every_setting_with_its_default() {
             }
             let explained_at = match path.strip_prefix("eavesdropper.") {
                 Some(key @ ("lat_deg" | "lon_deg" | "alt_m")) => format!("user.{key}"),
+                Some(key) if key.starts_with("moves.") => format!("user.{key}"),
                 _ => path.clone(),
             };
             let found = given.iter().find(|(key, _)| *key == explained_at);

@@ -20,12 +20,15 @@ use super::observer::{Observer, Wire};
 use super::path::{Path, Pipe};
 use super::process::{Given, Process};
 use super::turning::tell_proposal;
+use super::world;
 
 /// How many datagrams wait in a socket while its process does not read; further ones are lost. Linux's default receive buffer
 /// of 208 KiB, divided by what it accounts for a small datagram.
 const SOCKET_HOLDS: usize = 256;
 /// A companion that asks to be called again at the same instant more often than this would do so for ever.
 const MOST_CALLS: u32 = 100;
+/// What planning a motion takes a companion.
+const PLANNING: Duration = Duration::from_millis(60);
 
 /// Why a flight cannot go on.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -319,6 +322,7 @@ impl Flight {
         for role in Role::BOTH {
             self.run_companion(role, observer)?;
         }
+        self.tell_followed();
         for role in Role::BOTH {
             while let Some(bytes) = self.to_vehicle[role].receive(self.now) {
                 self.world.handle(index(role), 0, &bytes);
@@ -336,6 +340,21 @@ impl Flight {
         }
         observer.saw(&self.world);
         Ok(())
+    }
+
+    /// Tells the world what both are to do in a slot whose motion is made anew, as I has it; as J has it where I has none, or knows
+    /// that J flies another.
+    fn tell_followed(&mut self) {
+        let told = Role::BOTH.into_iter().find_map(|role| {
+            let process = self.processes[role].as_ref()?;
+            let at = process.instant(self.now);
+            let (slot, flown) =
+                process.executive.followed(at).filter(|_| process.executive.flies_alike(at))?;
+            Some((slot, flown))
+        });
+        if let Some((slot, flown)) = told {
+            self.world.follow(usize::from(slot), world::flown(&flown));
+        }
     }
 
     /// The next datagram for the vehicle's own radio, where no host takes it.
@@ -418,6 +437,15 @@ impl Flight {
                 self.disks[role].keep(orders);
             }
             self.send(role, process, observer);
+            while let Some((ticket, question)) = process.executive.poll_question() {
+                process.planning.push_back((at + PLANNING, ticket, question.answer()));
+            }
+            if process.planning.front().is_some_and(|(made, ..)| *made <= at)
+                && let Some((_, ticket, motion)) = process.planning.pop_front()
+            {
+                process.executive.handle_motion(ticket, motion, at);
+                continue;
+            }
             let (deadline, why) = process.executive.poll_timeout();
             let woken_late = deadline + WOKEN_LATE < at && waiting < MOST_WAITING;
             if (deadline > at || woken_late) && self.hear(role, process, observer) {
@@ -429,7 +457,8 @@ impl Flight {
                 }
                 process.executive.handle_timeout(at);
             } else {
-                process.wakes_at = process.simulation_time(deadline);
+                let made = process.planning.front().map_or(deadline, |(made, ..)| *made);
+                process.wakes_at = process.simulation_time(deadline.min(made));
                 return Ok(());
             }
         }

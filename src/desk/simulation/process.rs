@@ -1,5 +1,6 @@
 //! One companion as its operating system would run it: its clock, its codecs, and whether it is running at all.
 
+use std::collections::VecDeque;
 use std::time::Duration;
 
 use crate::companion::settings::{pair_form, settings, transmitter_settings};
@@ -7,7 +8,9 @@ use crate::config::{Mission, Vehicle};
 use crate::link::codec::{Decoder, Encoder};
 use crate::link::{Aboard, Envelope, Form};
 use crate::mission::Executive;
+use crate::mission::following::Ticket;
 use crate::pair::Record;
+use crate::planner::following::Motion;
 use crate::planner::slots::Plan;
 use crate::role::Role;
 use crate::service::Standing;
@@ -43,6 +46,8 @@ pub(super) struct Process {
     pub frozen: bool,
     /// Its phase and what its service is doing, as an observer was last told.
     pub stands: Option<(&'static str, Standing)>,
+    /// Motions that it is planning: made at this time of its clock.
+    pub planning: VecDeque<(Instant, Ticket, Option<Motion>)>,
     /// The simulation time at which it wants to be called, as it said when it was last called.
     pub wakes_at: Duration,
     role: Role,
@@ -70,6 +75,7 @@ impl Process {
             form: pair_form(&given.vehicle),
             frozen: false,
             stands: None,
+            planning: VecDeque::new(),
             wakes_at: now,
             role,
             began: now,

@@ -5,6 +5,7 @@ use veilwing_sitl as sim;
 
 use crate::config::Mission;
 use crate::geo::Attitude;
+use crate::planner::following::Who;
 use crate::planner::plan::VehiclePlan;
 use crate::planner::problem::{Airframe, JitterAxes, JitterModel, NoFly};
 use crate::planner::slots::Plan;
@@ -58,15 +59,18 @@ pub(super) fn world_over(
                 name: user.name.clone(),
                 position_enu_m: user.position_enu_m.into(),
                 uncertainty: link.user(index),
+                roams: roams(mission, Who::User(index)),
             })
             .collect(),
         eavesdroppers: mission
             .eavesdroppers
             .iter()
-            .map(|e| sim::Node {
+            .enumerate()
+            .map(|(index, e)| sim::Node {
                 name: e.name.clone(),
                 position_enu_m: e.node.position_enu_m.into(),
                 uncertainty: uncertainty(e.node.uncertainty),
+                roams: roams(mission, Who::Eavesdropper(index)),
             })
             .collect(),
         radio: sim::RadioConfig {
@@ -97,6 +101,28 @@ pub(super) fn world_over(
         slots: slots(mission, plan, homes)?,
         tolerance: sim::Tolerance::under_jitter(mission.jitter.std_rad.to_degrees()),
     })
+}
+
+/// What both fly, with what each may be told to radiate.
+pub(super) fn flown(both: &PerVehicle<(VehiclePlan, f64)>) -> sim::Flown {
+    let pose = |role: Role| {
+        let (VehiclePlan { pose, tx_power_w }, _) = both[role];
+        sim::PlannedPose {
+            position_enu_m: pose.position_enu_m.into(),
+            roll_rad: pose.roll_rad,
+            pitch_rad: pose.pitch_rad,
+            yaw_rad: pose.yaw_rad,
+            tx_power_w,
+            lean_deg: 0.0,
+        }
+    };
+    sim::Flown { poses: Role::BOTH.map(pose), most_w: Role::BOTH.map(|role| both[role].1) }
+}
+
+/// How somebody moves, if it does.
+fn roams(mission: &Mission, who: Who) -> Option<sim::Roams> {
+    let mover = mission.movers.iter().find(|mover| mover.who == who)?;
+    Some(sim::Roams { speed_m_s: mover.gait.speed_m_s(), system_id: mover.system_id })
 }
 
 fn no_fly(area: &NoFly) -> sim::NoFlyConfig {

@@ -4,7 +4,8 @@ use std::time::Duration;
 
 use super::super::orders::{Change, Record};
 use super::super::wire::{VeilwingAnswer, VeilwingFlags, VeilwingSilence};
-use crate::geo::Enu;
+use crate::geo::{Enu, EnuVelocity};
+use crate::planner::following::{Belief, Drift, MOST_MOVERS};
 use crate::planner::plan::VehiclePlan;
 use crate::planner::track::Track;
 use crate::role::{PerVehicle, Role};
@@ -76,6 +77,88 @@ pub struct SlotTerms {
     pub length: Duration,
 }
 
+/// Somebody that moves, as the wire has it.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Drifting {
+    /// 0 the slot's user, from 1 on the eavesdroppers in the mission's order.
+    pub who: u8,
+    /// Where it is believed to be, in decimetres, ENU.
+    pub position_enu_dm: [i16; 3],
+    /// In cm/s, ENU.
+    pub velocity_enu_cm_s: [i16; 3],
+    /// Standard deviations of the place in quarters of a metre: of east and of north, and of up.
+    pub std_quarter_m: [u8; 2],
+}
+
+impl Drifting {
+    /// To the nearest of what the wire can say; `None` of a place, or a speed, beyond that, and of what is no number.
+    #[must_use]
+    pub fn of(who: u8, belief: &Belief) -> Option<Self> {
+        let whole = |value: f64| {
+            let value = value.round();
+            (f64::from(i16::MIN)..=f64::from(i16::MAX)).contains(&value).then_some(value as i16)
+        };
+        let all = |v: &Enu, times: f64| Some([whole(times * v.x)?, whole(times * v.y)?, whole(times * v.z)?]);
+        Some(Self {
+            who,
+            position_enu_dm: all(&belief.position_enu_m, 10.0)?,
+            velocity_enu_cm_s: all(&belief.velocity_enu_m_s.vector(), 100.0)?,
+            // No less than it is.
+            std_quarter_m: belief.std_m.map(|std_m| (4.0 * std_m).ceil().clamp(0.0, 255.0) as u8),
+        })
+    }
+
+    /// What is believed of it from then on, by the time since the slot's opening: the same numbers on both vehicles.
+    #[must_use]
+    pub fn drift(&self, begins_s: f64) -> Drift {
+        let vector = |v: [i16; 3], unit: f64| Enu::from(v.map(|c| f64::from(c) * unit));
+        Drift {
+            at_s: begins_s,
+            belief: Belief {
+                position_enu_m: vector(self.position_enu_dm, 0.1),
+                velocity_enu_m_s: EnuVelocity::from_vector(vector(self.velocity_enu_cm_s, 0.01)),
+                std_m: self.std_quarter_m.map(|quarters| 0.25 * f64::from(quarters)),
+            },
+        }
+    }
+}
+
+/// What is believed of those that move in a slot, at an instant.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Places {
+    /// The instant, after the slot's opening.
+    pub begins_ms: u32,
+    count: usize,
+    moving: [Drifting; MOST_MOVERS],
+}
+
+impl Places {
+    /// Nobody moves.
+    #[must_use]
+    pub fn new(begins_ms: u32) -> Self {
+        Self { begins_ms, count: 0, moving: [Drifting::default(); MOST_MOVERS] }
+    }
+
+    /// Another one that moves; one too many is left out.
+    pub fn push(&mut self, drifting: Drifting) {
+        if let Some(place) = self.moving.get_mut(self.count) {
+            *place = drifting;
+            self.count += 1;
+        }
+    }
+
+    /// Those that move.
+    pub fn moving(&self) -> impl Iterator<Item = &Drifting> {
+        self.moving[..self.count].iter()
+    }
+
+    /// The instant after the slot's opening.
+    #[must_use]
+    pub fn begins(&self) -> Duration {
+        Duration::from_millis(self.begins_ms.into())
+    }
+}
+
 /// Local facts that the peer is told.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Local {
@@ -121,10 +204,16 @@ impl Local {
 }
 
 impl SlotTerms {
+    /// Whether the motion in it is made anew while it is served.
+    #[must_use]
+    pub fn follows(&self) -> bool {
+        self.tracks.as_ref().is_some_and(|tracks| tracks.i.followed().is_some())
+    }
+
     /// Whether the vehicles move while it is served.
     #[must_use]
     pub fn is_in_motion(&self) -> bool {
-        self.tracks.as_ref().is_some_and(|tracks| tracks.i.way().is_some())
+        self.tracks.as_ref().is_some_and(|tracks| tracks.i.is_in_motion())
     }
 }
 
@@ -177,4 +266,9 @@ pub enum Event {
     PeerSilent(VeilwingSilence),
     /// What has come about by an operator's order, given here or at the peer.
     Ordered(Change),
+    /// The motion that is asked for ([`super::Coordinator::asked_motion`]) is to be planned, and what is found to be told by
+    /// [`super::Coordinator::motion_planned`].
+    PlanMotion,
+    /// The motion of this number is flown from its beginning on.
+    TakeUp(u16),
 }

@@ -15,6 +15,8 @@ pub enum Timer {
     Start,
     /// I: ask for a lease.
     LeaseRequest,
+    /// I: repeat what is said of a motion, or give one up that is too late.
+    Motion,
     /// The peer has been silent for too long.
     PeerLost,
 }
@@ -30,6 +32,7 @@ impl Timer {
             Self::Proposal => "proposal",
             Self::Start => "start expires",
             Self::LeaseRequest => "lease request",
+            Self::Motion => "motion",
             Self::PeerLost => "peer lost",
         }
     }

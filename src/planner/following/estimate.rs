@@ -89,6 +89,24 @@ pub struct Belief {
     pub std_m: [f64; 2],
 }
 
+/// What is believed from an instant on, in as few numbers as can be told another: evenly onwards, and known as well as then.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Drift {
+    /// The instant, in seconds.
+    pub at_s: f64,
+    /// What is believed then.
+    pub belief: Belief,
+}
+
+impl Drift {
+    /// Where it is believed to be at an instant, before that one too.
+    #[must_use]
+    pub fn at(&self, t_s: f64) -> Belief {
+        let way_m = self.belief.velocity_enu_m_s.vector() * (t_s - self.at_s);
+        Belief { position_enu_m: self.belief.position_enu_m + way_m, ..self.belief }
+    }
+}
+
 /// East and north are alike.
 fn kind(axis: usize) -> usize {
     usize::from(axis == 2)

@@ -7,15 +7,14 @@
 use nalgebra::Vector3;
 
 use super::super::expectation::kernel::{ANGLES, POWER, Raw, VEHICLE};
-use super::super::moving::{self, Instant, NODES};
-use super::super::plan::VehiclePlan;
+use super::super::moving::{self, NODES};
 use super::super::powers;
 use super::super::setup::Setup;
 use super::super::variables::PowerChart;
 use super::motion::{Foreseen, Knot, Motion, Slip};
-use super::{Path, SEGMENT_S, SEGMENTS, SHORTEST_SLIP_S, Scene};
+use super::{Flying, Path, SEGMENT_S, SEGMENTS, SHORTEST_SLIP_S, Scene};
 use crate::geo::Enu;
-use crate::role::PerVehicle;
+use crate::role::{PerVehicle, Role};
 
 /// Units of the variables: with these what changes a rate changes it about as much.
 pub const UNIT_M: f64 = 20.0;
@@ -55,17 +54,19 @@ impl<'a> Frame<'a> {
         scene: &'a Scene<'a>,
         setups: &'a [Setup<'a>],
         user: &'a Foreseen,
-        (standing, now, last): (&PerVehicle<VehiclePlan>, &PerVehicle<Instant>, Option<&Motion>),
+        from: &PerVehicle<Flying<'_>>,
         begins_s: f64,
     ) -> Self {
-        let raw = Setup::raw(standing);
+        let at = PerVehicle::from_fn(|role: Role| from[role].at(role, begins_s));
+        let (raw, now) = (Setup::raw(&at.map(|(vehicle, _)| vehicle)), at.map(|(_, now)| now));
         let setup = &setups[0];
         let yaw = raw[VEHICLE + ANGLES + 2];
         let (null, _) = moving::null(&(now.j.position_enu_m - user.at(begins_s)), yaw);
         let beside = [0, 1].map(|k: usize| raw[VEHICLE + ANGLES + k] - null[k]);
         // A level vehicle leans to move, and is not level then.
         let moves = [0, 1].map(|v: usize| setup.tilt_rad[v] > 0.0);
-        let meant = last.filter(|_| moves[1]).map_or(beside, |motion| motion.knot_at(begins_s).j);
+        let last = from.j.on().filter(|_| moves[1]);
+        let meant = last.map_or(beside, |motion| motion.knot_at(begins_s).j);
         Self {
             scene,
             setups,
@@ -178,19 +179,27 @@ impl<'a> Frame<'a> {
         x
     }
 
-    /// Staying as it is.
-    pub fn still(&self) -> Vec<f64> {
-        let j_power_w = self.standing[VEHICLE + POWER];
-        let knot = Knot { at_s: self.begins_s, i: self.angles[0], j: self.angles[1], j_power_w };
-        self.encode(|v, _| self.given[v][1], |_| knot)
-    }
-
-    /// Going on as another motion does.
-    pub fn going_on(&self, motion: &Motion) -> Vec<f64> {
-        let at_s = |k: f64| self.begins_s + SEGMENT_S * k;
-        let ways = [&motion.ways.i, &motion.ways.j];
-        let points = |v: usize, control: usize| ways[v].control(at_s(control as f64 - 1.0), SEGMENT_S);
-        self.encode(points, |knot| motion.knot_at(at_s(knot as f64)))
+    /// Each going on as it does: on its motion, or at rest.
+    pub fn going_on(&self, from: &PerVehicle<Flying<'_>>) -> Vec<f64> {
+        let at_s = |k: usize| self.begins_s + SEGMENT_S * k as f64;
+        let points = |v: usize, control: usize| match from[Role::BOTH[v]].on() {
+            Some(motion) => {
+                let about_s = at_s(control) - SEGMENT_S;
+                motion.ways[Role::BOTH[v]].control(about_s, SEGMENT_S)
+            }
+            None => self.given[v][1],
+        };
+        let rests = Knot {
+            at_s: 0.0,
+            i: self.angles[0],
+            j: self.angles[1],
+            j_power_w: self.standing[VEHICLE + POWER],
+        };
+        self.encode(points, |knot| {
+            let [i, j] =
+                Role::BOTH.map(|role| from[role].on().map_or(rests, |motion| motion.knot_at(at_s(knot))));
+            Knot { i: i.i, ..j }
+        })
     }
 
     /// The motion that the variables say.

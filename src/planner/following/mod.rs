@@ -15,33 +15,46 @@
 //! may. Limits are penalties in the search (`search`), and what is found is verified on its curves: a motion that breaks one is
 //! not given out, and the one before goes on. Deterministic in its inputs: two companions with the same beliefs and the same motion
 //! make the same one.
+//!
+//! Each vehicle keeps to its side of a plane between the two ([`Side`]): the one may be anywhere on its motion, or back on it, while
+//! the other flies an earlier one, or none, and they are still apart. Both sides are convex, and so is a cell of the airspace: from
+//! anywhere in it the straight way home to where the slot began is free.
 
 mod estimate;
+mod flying;
 mod frame;
 mod motion;
+mod mover;
 mod path;
+mod question;
 mod search;
+mod side;
 #[cfg(test)]
 mod tests;
 
-pub use estimate::{Belief, Estimate, Report, Unrest};
+pub use estimate::{Belief, Drift, Estimate, Report, Unrest};
+pub use flying::Flying;
 pub use motion::{Motion, State};
+pub use mover::{Gait, Mover, Who};
 pub use path::Path;
+pub use question::Question;
+pub use side::Side;
 
 use super::error::PlanError;
 use super::model::Memory;
-use super::moving::{Instant, Limits};
-use super::plan::VehiclePlan;
+use super::moving::Limits;
 use super::problem::{Problem, Uncertainty};
 use super::setup::Setup;
 use super::solver::boxed;
 use super::solver::limited::Settings;
-use crate::geo::{Attitude, Enu, EnuAcceleration, EnuVelocity};
+use crate::geo::{Attitude, Enu};
 use crate::role::{PerVehicle, Role};
 use frame::Frame;
 use motion::Foreseen;
 use search::Objective;
 
+/// So many of a slot's user and eavesdroppers are followed at once.
+pub const MOST_MOVERS: usize = 6;
 /// Segments of a motion and their length in seconds.
 pub const SEGMENTS: usize = 6;
 /// See [`SEGMENTS`].
@@ -78,6 +91,12 @@ impl Foresight for Estimate {
     }
 }
 
+impl Foresight for Drift {
+    fn at(&self, t_s: f64) -> Belief {
+        Self::at(self, t_s)
+    }
+}
+
 /// A slot, and what is believed of those in it.
 #[derive(Debug, Clone)]
 pub struct Scene<'a> {
@@ -91,6 +110,8 @@ pub struct Scene<'a> {
     pub limits: PerVehicle<Limits>,
     /// How fast they may turn, rad/s.
     pub turn_rate_rad_s: PerVehicle<f64>,
+    /// Where each has to stay, so that they are apart whatever the other does.
+    pub sides: PerVehicle<Side>,
 }
 
 impl Scene<'_> {
@@ -121,15 +142,6 @@ impl Scene<'_> {
     }
 }
 
-/// What a motion begins from.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum From<'a> {
-    /// Both vehicles rest like this.
-    Rest(&'a PerVehicle<VehiclePlan>),
-    /// They are flying this.
-    Motion(&'a Motion),
-}
-
 /// The pair's motion from `at_s` on; `None` where none is found that keeps all limits, so that what is flown goes on.
 ///
 /// Places that are uncertain are averaged over unless the problem's objective is the nominal one. I's power stays what it is, and
@@ -137,34 +149,24 @@ pub enum From<'a> {
 ///
 /// # Errors
 /// [`PlanError`] for a problem without meaning.
-pub fn plan(scene: &Scene<'_>, from: From<'_>, at_s: f64, seed: u64) -> Result<Option<Motion>, PlanError> {
+pub fn plan(
+    scene: &Scene<'_>,
+    from: &PerVehicle<Flying<'_>>,
+    at_s: f64,
+    seed: u64,
+) -> Result<Option<Motion>, PlanError> {
     if !at_s.is_finite() {
         return Ok(None);
     }
     let problems: Vec<Problem> = Frame::nodes_s(at_s).map(|t_s| scene.problem_at(t_s, at_s)).collect();
     let setups = problems.iter().map(Setup::new).collect::<Result<Vec<_>, _>>()?;
-    let (standing, now) = match from {
-        From::Rest(vehicles) => {
-            let rests = |role: Role| Instant {
-                position_enu_m: vehicles[role].pose.position_enu_m,
-                velocity_enu_m_s: EnuVelocity::ZERO,
-                acceleration_enu_m_s2: EnuAcceleration::ZERO,
-            };
-            (*vehicles, PerVehicle::from_fn(rests))
-        }
-        From::Motion(motion) => {
-            (motion.at(at_s).vehicles, PerVehicle::from_fn(|role: Role| motion.ways[role].at(at_s)))
-        }
-    };
     let user = Foreseen::new(scene, at_s);
-    let (last, settings) = match from {
-        From::Rest(_) => (None, FIRST),
-        From::Motion(motion) => (Some(motion), AGAIN),
-    };
-    let frame = Frame::new(scene, &setups, &user, (&standing, &now, last), at_s);
+    let frame = Frame::new(scene, &setups, &user, from, at_s);
+    let rests = Role::BOTH.into_iter().all(|role| from[role].on().is_none());
+    let settings = if rests { FIRST } else { AGAIN };
     let objective = Objective::new(&frame, seed);
     let (bounds, mut memory) = (frame.bounds(), Memory::default());
-    let mut x = last.map_or_else(|| frame.still(), |motion| frame.going_on(motion));
+    let mut x = frame.going_on(from);
     for stiffness in STIFFNESS {
         let mut cost = |x: &[f64], gradient: &mut [f64]| objective.cost(x, stiffness, &mut memory, gradient);
         x = boxed::minimise(&mut cost, &bounds, &x, &settings).x;
@@ -182,15 +184,13 @@ fn kept(scene: &Scene<'_>, setup: &Setup<'_>, mut motion: Motion) -> Option<Moti
         let way = &motion.ways[role];
         let cell = &setup.region.cells()[setup.region.cell_of(&way.at(way.begins_s).position_enu_m)];
         way.hull().all(|p| {
-            cell.sides.iter().all(|side| side.normal.dot(&p.xy()) <= side.offset_m + ROUNDING_M)
+            scene.sides[role].outside_m(&p) <= ROUNDING_M
+                && cell.sides.iter().all(|side| side.normal.dot(&p.xy()) <= side.offset_m + ROUNDING_M)
                 && (cell.altitude_m[0] - ROUNDING_M..=cell.altitude_m[1] + ROUNDING_M).contains(&p.z)
         })
     };
     let moves = |role: Role| scene.limits[role].strain(&motion.ways[role].demand()) <= 1.0;
-    let apart_m = motion.ways.i.least_distance_m(&motion.ways.j);
-    if !(Role::BOTH.into_iter().all(|role| moves(role) && inside(role))
-        && apart_m >= setup.problem.airspace.min_separation_m)
-    {
+    if !Role::BOTH.into_iter().all(|role| moves(role) && inside(role)) {
         return None;
     }
     let may = scene.turn_rate_rad_s.map(|rate| TURNS * rate);

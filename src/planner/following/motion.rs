@@ -1,5 +1,7 @@
 //! The pair's motion over a horizon: ways, attitudes at knots, J's null on where the user is foreseen.
 
+use sha2::{Digest, Sha256};
+
 use super::super::moving::null;
 use super::super::plan::VehiclePlan;
 use super::super::turning::Held;
@@ -36,7 +38,7 @@ impl Foreseen {
 
 /// Angles and power at a knot of a motion; between knots they change evenly.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Knot {
+pub(in crate::planner) struct Knot {
     pub at_s: f64,
     /// I's roll and pitch.
     pub i: [f64; 2],
@@ -64,7 +66,7 @@ pub struct Motion {
     /// Largest tilts in radians; 0 of a level vehicle.
     pub(super) tilts_rad: PerVehicle<f64>,
     pub(super) i_power_w: f64,
-    pub(super) knots: Vec<Knot>,
+    pub(in crate::planner) knots: Vec<Knot>,
     pub(super) user: Foreseen,
     pub(super) slip: Slip,
     /// The mean rate that is expected over the horizon, by its weights, bit/s/Hz.
@@ -106,6 +108,28 @@ impl Motion {
     #[must_use]
     pub fn ends_s(&self) -> f64 {
         self.ways.i.ends_s()
+    }
+
+    /// The first bytes of SHA-256 over every number that it is made of: what two companions compare.
+    #[must_use]
+    pub fn digest(&self) -> u64 {
+        let mut hash = Sha256::new();
+        let mut take = |number: f64| hash.update(number.to_bits().to_le_bytes());
+        for role in Role::BOTH {
+            self.ways[role].numbers().for_each(&mut take);
+            take(self.yaws[role]);
+            take(self.tilts_rad[role]);
+        }
+        take(self.i_power_w);
+        for Knot { at_s, i, j, j_power_w } in &self.knots {
+            [*at_s, i[0], i[1], j[0], j[1], *j_power_w].into_iter().for_each(&mut take);
+        }
+        self.user.places_enu_m.iter().flatten().copied().for_each(&mut take);
+        [self.user.begins_s, self.slip.angles[0], self.slip.angles[1], self.slip.lasts_s]
+            .into_iter()
+            .for_each(&mut take);
+        let digest: [u8; 32] = hash.finalize().into();
+        digest[..8].iter().fold(0, |sum, byte| sum << 8 | u64::from(*byte))
     }
 
     /// Angles and power at an instant, as they are at knots.

@@ -4,7 +4,7 @@
 use std::ops::Range;
 
 use crate::geo::Enu;
-use crate::planner::moving::{Demand, Instant, Spline};
+use crate::planner::moving::{Demand, Instant, Limits, Passage, Passing, Spline};
 
 /// A way over some segments of equal length; afterwards the vehicle rests.
 #[derive(Debug, Clone, PartialEq)]
@@ -21,6 +21,12 @@ impl Path {
     pub fn new(begins_s: f64, segment_s: f64, control_enu_m: Vec<Enu>) -> Self {
         let period_s = segment_s * control_enu_m.len() as f64;
         Self { begins_s, round: Spline { period_s, control_enu_m } }
+    }
+
+    /// Every number that it is made of.
+    pub fn numbers(&self) -> impl Iterator<Item = f64> + '_ {
+        let points = self.round.control_enu_m.iter().flatten().copied();
+        points.chain([self.begins_s, self.round.period_s])
     }
 
     fn segments(&self) -> Range<usize> {
@@ -41,21 +47,30 @@ impl Path {
     #[must_use]
     pub fn at(&self, t_s: f64) -> Instant {
         let within_s = (t_s - self.begins_s).max(0.0);
-        // The last instant is the end of the last segment, not the beginning of one that is none.
-        let last_s = self.segment_s() * self.segments().len() as f64;
-        self.round.at(self.segment_s() + within_s.min(last_s * (1.0 - 1e-12)))
+        self.round.at(self.segment_s() + within_s.min(self.last_s()))
+    }
+
+    /// The time from its beginning to its end; a hair less, since the end of the last segment is not the beginning of one that is none.
+    fn last_s(&self) -> f64 {
+        self.segment_s() * self.segments().len() as f64 * (1.0 - 1e-12)
+    }
+
+    /// The spline that it is a part of, and how a vehicle that is on it at an instant comes to rest: as soon as its limits let it, and
+    /// no later than the way ends.
+    #[must_use]
+    pub fn to_rest(&self, t_s: f64, limits: &Limits) -> (Spline, Passing) {
+        let at_s = self.segment_s() + (t_s - self.begins_s).max(0.0);
+        let left_s = self.last_s() + self.segment_s() - at_s;
+        let leaves = Passing::shortest(&self.round, Passage::Leaves, at_s, limits);
+        let sooner = leaves.lasts_s < left_s;
+        let runs = Passing { passage: Passage::Runs, at_s, lasts_s: left_s };
+        (self.round.clone(), if sooner { leaves } else { runs })
     }
 
     /// What it asks of a vehicle at most.
     #[must_use]
     pub fn demand(&self) -> Demand {
         self.round.demand_over(self.segments())
-    }
-
-    /// The least distance in metres from another way of the same time, from below.
-    #[must_use]
-    pub fn least_distance_m(&self, other: &Self) -> f64 {
-        self.round.least_distance_over(&other.round, self.segments())
     }
 
     /// Points between which it lies: four and four hold a short piece of it in their convex hull.

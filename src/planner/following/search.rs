@@ -22,13 +22,12 @@ use crate::role::Role;
 
 /// The part of each limit that the search keeps to.
 const PART: f64 = 0.95;
-/// How far from the airspace's sides, in metres, and how much farther apart than they must be, the search keeps vehicles.
+/// How far from the airspace's sides and their own, in metres, the search keeps vehicles.
 const ASIDE_M: f64 = 0.3;
 /// What a metre beyond a side counts, over a limit that is exceeded by all of it.
 const BY_METRE: f64 = 0.1;
-/// Instants of a segment at which turns and places are looked at, and distances between the vehicles.
+/// Instants of a segment at which turns and places are looked at.
 const LOOKS: usize = 4;
-const TOGETHER: usize = 12;
 /// From here on a motion counts less and less, to nothing at its end, in shares of it.
 const COUNTS_UNTIL: f64 = 0.6;
 /// Samples of each node.
@@ -198,8 +197,7 @@ impl<'a> Objective<'a> {
         let stiff = stiffness / SEGMENTS as f64;
         let beyond = self.turns(x, stiff, gradient)
             + self.motion(x, stiff, gradient)
-            + self.places(x, stiff, gradient)
-            + self.together(x, stiff, gradient);
+            + self.places(x, stiff, gradient);
         stiff * beyond - worth
     }
 
@@ -261,13 +259,14 @@ impl<'a> Objective<'a> {
         sum
     }
 
-    /// Squares of what lies beyond the sides of vehicles' cells.
+    /// Squares of what lies beyond the sides of vehicles' cells, and beyond what keeps them apart.
     fn places(&self, x: &[f64], scale: f64, gradient: &mut [f64]) -> f64 {
         let frame = self.frame;
         let mut sum = 0.0;
         for v in (0..2).filter(|v| frame.moves[*v]) {
             let cell = &frame.setups[0].region.cells()[frame.cells[v]];
             let [low_m, high_m] = cell.altitude_m;
+            let apart = &frame.scene.sides[Role::BOTH[v]];
             for Spot { segment, share } in (1..=SEGMENTS * LOOKS).map(|look| Spot::of(look, LOOKS)) {
                 let at = frame.sum(x, v, segment, weights(share));
                 let mut over = |out_m: f64, aside_m: f64, outwards: Vector3<f64>| {
@@ -282,32 +281,10 @@ impl<'a> Objective<'a> {
                     let outwards = Vector3::new(side.normal.x, side.normal.y, 0.0);
                     over(outwards.dot(&at) - side.offset_m, ASIDE_M, outwards);
                 }
+                over(apart.outside_m(&at), ASIDE_M, apart.outwards);
                 // Control points are within the band but for those that are given.
                 over(low_m - at.z, 0.0, -Vector3::z());
                 over(at.z - high_m, 0.0, Vector3::z());
-            }
-        }
-        sum
-    }
-
-    /// Squares of what vehicles are too near to each other.
-    fn together(&self, x: &[f64], scale: f64, gradient: &mut [f64]) -> f64 {
-        let frame = self.frame;
-        let least_m = frame.setups[0].problem.airspace.min_separation_m;
-        if least_m <= 0.0 {
-            return 0.0;
-        }
-        let mut sum = 0.0;
-        for Spot { segment, share } in (1..=SEGMENTS * TOGETHER).map(|look| Spot::of(look, TOGETHER)) {
-            let weights = weights(share);
-            let between = frame.sum(x, 0, segment, weights) - frame.sum(x, 1, segment, weights);
-            let size = between.norm().max(1e-6);
-            let (square, slope) = hinge((least_m - size) / least_m, -ASIDE_M / least_m);
-            if slope > 0.0 {
-                sum += square;
-                let by = between * (-scale * slope / (size * least_m));
-                self.push(0, segment, weights, &by, gradient);
-                self.push(1, segment, weights, &-by, gradient);
             }
         }
         sum

@@ -7,6 +7,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::*;
 use crate::planner::expectation::{EvaluateOptions, evaluate};
+use crate::planner::plan::VehiclePlan;
 use crate::planner::problem::{Airframe, NoFly, Objective as Aim, Pattern, PowerSteps};
 use crate::planner::{Options, plan_slot};
 use crate::radio::fading::Rician;
@@ -36,13 +37,20 @@ fn belief(position: [f64; 2], velocity: [f64; 2], at_s: f64) -> Estimate {
     estimate
 }
 
-fn scene<'a>(problem: &'a Problem, user: &'a Estimate, eavesdropper: Option<&'a Estimate>) -> Scene<'a> {
+fn scene<'a>(
+    problem: &'a Problem,
+    rest: &PerVehicle<VehiclePlan>,
+    user: &'a Estimate,
+    eavesdropper: Option<&'a Estimate>,
+) -> Scene<'a> {
+    let places = rest.map(|vehicle| vehicle.pose.position_enu_m);
     Scene {
         problem,
         user: Some(user),
         eavesdroppers: vec![eavesdropper.map(|estimate| estimate as &dyn Foresight)],
         limits: PerVehicle { i: LIMITS, j: LIMITS },
         turn_rate_rad_s: PerVehicle { i: TURN_RATE_RAD_S, j: TURN_RATE_RAD_S },
+        sides: Side::between(&places, problem.airspace.min_separation_m),
     }
 }
 
@@ -182,11 +190,11 @@ proptest! {
             }
             let user = belief([p[0] + off[0], p[1] + off[1]], v, at_s);
             let eavesdropper = belief(q, w, at_s);
-            let mut scene = scene(&problem, &user, Some(&eavesdropper));
+            let mut scene = scene(&problem, &rest, &user, Some(&eavesdropper));
             scene.limits.i.speed_m_s = speed;
             scene.turn_rate_rad_s = PerVehicle { i: rate, j: rate };
-            let from = flown.as_ref().map_or(From::Rest(&rest), From::Motion);
-            let Some(next) = plan(&scene, from, at_s, 1).unwrap() else { continue };
+            let from = flown.as_ref().map_or(Flying::rest(&rest), Flying::motion);
+            let Some(next) = plan(&scene, &from, at_s, 1).unwrap() else { continue };
             check(&scene, &next);
             if let Some(before) = &flown {
                 check_joint(before, &next);
@@ -202,8 +210,9 @@ proptest! {
 fn spec_a_motion_flown_to_its_end_rests() {
     let problem = problem();
     let user = belief([20.0, -10.0], [-6.0, 3.0], 5.0);
-    let scene = scene(&problem, &user, None);
-    let motion = plan(&scene, From::Rest(&at_rest(&problem)), 5.0, 1).unwrap().unwrap();
+    let rest = at_rest(&problem);
+    let scene = scene(&problem, &rest, &user, None);
+    let motion = plan(&scene, &Flying::rest(&rest), 5.0, 1).unwrap().unwrap();
     assert!((motion.ends_s() - 5.0 - HORIZON_S).abs() < 1e-9);
     let ends = motion.at(motion.ends_s());
     for role in Role::BOTH {
@@ -217,8 +226,9 @@ fn spec_a_motion_flown_to_its_end_rests() {
     assert_eq!(motion.at(-100.0), motion.at(5.0));
     // The next one may begin there, and then it begins at rest.
     let user = belief([-90.0, 40.0], [0.0, 0.0], 30.0);
-    let next =
-        plan(&super::Scene { user: Some(&user), ..scene }, From::Motion(&motion), 30.0, 1).unwrap().unwrap();
+    let next = plan(&super::Scene { user: Some(&user), ..scene }, &Flying::motion(&motion), 30.0, 1)
+        .unwrap()
+        .unwrap();
     check_joint(&motion, &next);
 }
 
@@ -226,12 +236,12 @@ fn spec_a_motion_flown_to_its_end_rests() {
 fn spec_what_cannot_be_kept_is_not_given_out() {
     let problem = problem();
     let user = belief([20.0, -10.0], [-6.0, 3.0], 5.0);
-    let good = scene(&problem, &user, None);
     let rest = at_rest(&problem);
-    let motion = plan(&good, From::Rest(&rest), 5.0, 1).unwrap().unwrap();
+    let good = scene(&problem, &rest, &user, None);
+    let motion = plan(&good, &Flying::rest(&rest), 5.0, 1).unwrap().unwrap();
     // They are faster by now than they may be.
     let slow = PerVehicle { i: Limits { speed_m_s: 0.5, ..LIMITS }, j: LIMITS };
-    let flying = From::Motion(&motion);
+    let flying = &Flying::motion(&motion);
     assert_eq!(plan(&Scene { limits: slow, ..good.clone() }, flying, 8.0, 1), Ok(None));
     // Nor may nobody turn, nor is there such a time.
     let still = PerVehicle { i: 0.0, j: 0.0 };
@@ -249,11 +259,11 @@ fn spec_what_cannot_be_kept_is_not_given_out() {
 fn spec_motions_do_not_depend_on_threads() {
     let problem = problem();
     let user = belief([20.0, -10.0], [-6.0, 3.0], 5.0);
-    let rest = at_rest(&problem);
     let twice = || {
-        let scene = scene(&problem, &user, None);
-        let first = plan(&scene, From::Rest(&rest), 5.0, 1).unwrap().unwrap();
-        let second = plan(&scene, From::Motion(&first), 6.0, 1).unwrap().unwrap();
+        let rest = at_rest(&problem);
+        let scene = scene(&problem, &rest, &user, None);
+        let first = plan(&scene, &Flying::rest(&rest), 5.0, 1).unwrap().unwrap();
+        let second = plan(&scene, &Flying::motion(&first), 6.0, 1).unwrap().unwrap();
         (first, second)
     };
     let here = twice();
@@ -269,11 +279,12 @@ fn spec_motions_do_not_depend_on_threads() {
 fn spec_js_null_is_soon_where_the_user_is_believed_to_be() {
     let problem = problem();
     let user = belief([20.0, -10.0], [-6.0, 3.0], 5.0);
-    let scene = scene(&problem, &user, None);
-    let first = plan(&scene, From::Rest(&at_rest(&problem)), 5.0, 1).unwrap().unwrap();
+    let rest = at_rest(&problem);
+    let scene = scene(&problem, &rest, &user, None);
+    let first = plan(&scene, &Flying::rest(&rest), 5.0, 1).unwrap().unwrap();
     let elsewhere = belief([20.0, 5.0], [-6.0, 3.0], 8.0);
     let scene = super::Scene { user: Some(&elsewhere), ..scene };
-    let next = plan(&scene, From::Motion(&first), 8.0, 1).unwrap().unwrap();
+    let next = plan(&scene, &Flying::motion(&first), 8.0, 1).unwrap().unwrap();
     check_joint(&first, &next);
     check(&scene, &next);
     let off = |t_s: f64| {
@@ -297,7 +308,8 @@ fn spec_js_null_is_soon_where_the_user_is_believed_to_be() {
 fn spec_places_are_foreseen_and_doubted_as_they_are_a_second_on() {
     let problem = problem();
     let user = belief([20.0, -10.0], [-6.0, 3.0], 5.0);
-    let scene = scene(&problem, &user, Some(&user));
+    let rest = at_rest(&problem);
+    let scene = scene(&problem, &rest, &user, Some(&user));
     let std_m = |t_s: f64| Uncertainty::Gaussian { std_m: user.at(t_s).std_m[0] };
     for (t_s, doubted_s) in [(5.0, 5.0), (5.5, 5.5), (6.0, 6.0), (9.0, 6.0), (17.0, 6.0)] {
         let then = scene.problem_at(t_s, 5.0);
@@ -316,8 +328,9 @@ fn val_the_expected_rate_is_the_evaluators() {
     let mut problem = problem();
     problem.objective = Aim::Mean;
     let user = belief([20.0, -10.0], [-6.0, 3.0], 5.0);
-    let scene = scene(&problem, &user, None);
-    let motion = plan(&scene, From::Rest(&at_rest(&problem)), 5.0, 1).unwrap().unwrap();
+    let rest = at_rest(&problem);
+    let scene = scene(&problem, &rest, &user, None);
+    let motion = plan(&scene, &Flying::rest(&rest), 5.0, 1).unwrap().unwrap();
     let options = EvaluateOptions { samples: 8192, ..EvaluateOptions::default() };
     let (mut sum, mut counts) = (0.0, 0.0);
     for k in 0..480 {
@@ -340,21 +353,20 @@ fn val_the_expected_rate_is_the_evaluators() {
 fn check_gradient(problem: &Problem, limits: Limits, rate: f64, seed: u64) {
     let user = belief([20.0, -10.0], [-6.0, 3.0], 5.0);
     let eavesdropper = belief([120.0, 60.0], [-3.0, -4.0], 5.0);
-    let mut scene = scene(problem, &user, Some(&eavesdropper));
     let standing = at_rest(problem);
-    let first = plan(&scene, From::Rest(&standing), 5.0, 1).unwrap().unwrap();
+    let mut scene = scene(problem, &standing, &user, Some(&eavesdropper));
+    let first = plan(&scene, &Flying::rest(&standing), 5.0, 1).unwrap().unwrap();
     scene.limits = PerVehicle { i: limits, j: limits };
     scene.turn_rate_rad_s = PerVehicle { i: rate, j: rate };
     let at_s = 8.3;
     let problems: Vec<Problem> = Frame::nodes_s(at_s).map(|t_s| scene.problem_at(t_s, at_s)).collect();
     let setups: Vec<Setup<'_>> = problems.iter().map(|problem| Setup::new(problem).unwrap()).collect();
     let foreseen = Foreseen::new(&scene, at_s);
-    let now = PerVehicle::from_fn(|role: Role| first.ways[role].at(at_s));
-    let standing = first.at(at_s).vehicles;
-    let frame = Frame::new(&scene, &setups, &foreseen, (&standing, &now, Some(&first)), at_s);
+    let flying = Flying::motion(&first);
+    let frame = Frame::new(&scene, &setups, &foreseen, &flying, at_s);
     let objective = Objective::new(&frame, 1);
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let mut x = frame.going_on(&first);
+    let mut x = frame.going_on(&flying);
     for (c, [low, high]) in x.iter_mut().zip(frame.bounds()) {
         *c = (*c + 0.3 * rng.random_range(-1.0..1.0)).clamp(low + 0.01, high - 0.01);
     }

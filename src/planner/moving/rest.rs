@@ -43,6 +43,8 @@ pub enum Passage {
     Leaves,
     /// From rest to rest elsewhere, so many seconds of the motion on; back where they are negative.
     Goes(f64),
+    /// On in the motion's own time, to where it comes to rest by itself.
+    Runs,
 }
 
 /// How one vehicle enters its motion, leaves it, or goes along its way.
@@ -83,6 +85,7 @@ impl Passing {
         let least_s = match passage {
             Passage::Enters | Passage::Leaves => SHORTEST_S,
             Passage::Goes(by_s) => SHORTEST_S.max(STEEPEST * by_s.abs()),
+            Passage::Runs => 0.0,
         };
         let mut passing = Self { passage, at_s, lasts_s: least_s };
         let kept = |passing: &Self| {
@@ -112,6 +115,7 @@ impl Passing {
                 let [w, by, bend, change] = warp(x).map(|of| by_s * of);
                 [self.at_s + w, by / r, bend / (r * r), change / (r * r * r)]
             }
+            Passage::Runs => [self.at_s + elapsed_s.clamp(0.0, r), 1.0, 0.0, 0.0],
         }
     }
 

@@ -311,6 +311,7 @@ fn prop_a_motion_is_entered_left_and_gone_along_within_its_limits() {
                 Passage::Enters => (Enu::zeros(), full(at_s), [at_s - 0.5 * passing.lasts_s, at_s]),
                 Passage::Leaves => (full(at_s), Enu::zeros(), [at_s, at_s + 0.5 * passing.lasts_s]),
                 Passage::Goes(by_s) => (Enu::zeros(), Enu::zeros(), [at_s, at_s + by_s]),
+                Passage::Runs => (full(at_s), full(at_s), [at_s, at_s + passing.lasts_s]),
             };
             assert!((begins_s - expected_s[0]).abs() < 1e-9 && (ends_s - expected_s[1]).abs() < 1e-9);
             let [first, last] = [0.0, passing.lasts_s].map(|elapsed_s| passing.at(way, elapsed_s));

@@ -144,6 +144,11 @@ pub struct Glide {
 }
 
 impl Glide {
+    /// Out of a motion on this path.
+    pub(super) fn leaving(path: Arc<Spline>, then: Passing) -> Self {
+        Self { path, enters: None, then }
+    }
+
     /// How long it takes, in seconds.
     #[must_use]
     pub fn lasts_s(&self) -> f64 {

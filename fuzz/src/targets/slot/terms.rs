@@ -5,8 +5,9 @@ use std::time::Duration;
 use veilwing::geo::{Enu, Pose};
 use veilwing::pair::{PlanTerms, SlotTerms};
 use veilwing::planner::plan::VehiclePlan;
+use veilwing::planner::track::{Followed, Track};
 use veilwing::planner::turning::{Between, Course, Knot, Protected, Slot};
-use veilwing::role::PerVehicle;
+use veilwing::role::{PerVehicle, Role};
 
 pub const POSE: Pose =
     Pose { position_enu_m: Enu::new(1.0, 2.0, 80.0), roll_rad: 0.5, pitch_rad: 0.1, yaw_rad: 0.0 };
@@ -45,6 +46,13 @@ fn terms(length: Duration, guard: Duration) -> SlotTerms {
 /// Three slots, all alike, each held in one pose.
 pub fn held() -> PlanTerms {
     PlanTerms { digest: [2; 32], slots: vec![terms(HELD, Duration::ZERO); 3] }
+}
+
+/// A slot whose motion is made anew: in its beginning both rest.
+pub fn followed() -> PlanTerms {
+    let track = |role: Role| Track::Followed(Followed::new(role, vehicles(0.0)[role]));
+    let slot = SlotTerms { tracks: Some(PerVehicle::from_fn(track)), ..terms(HELD, Duration::ZERO) };
+    PlanTerms { digest: [4; 32], slots: vec![slot; 3] }
 }
 
 /// Slots that carry each other on: both vehicles turn a little while they radiate, and on in silence; J's power changes with

@@ -1,0 +1,46 @@
+//! Slots in which motions are made anew: what the companions say that they fly, as the host hears it from I's. The plan before the
+//! flight knows nothing of it, so the world holds each vehicle to what I goes by: a J that does not fly what I takes it to fly is out of
+//! its pose.
+
+use std::collections::VecDeque;
+use std::time::Duration;
+
+use super::config::{PlannedPose, Reference};
+
+/// What was told is remembered for so long: power commands under way, and looks back, reach no farther.
+const KEPT: Duration = Duration::from_millis(1500);
+/// A power command that lowers the power may be under way for so long.
+const LOWERED: Duration = Duration::from_millis(650);
+
+/// Both vehicles at an instant, as they are flown.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Flown {
+    /// I and J; the power that protects at that instant.
+    pub poses: [PlannedPose; 2],
+    /// The most that each may be at by then, since what is to come is commanded ahead, watts.
+    pub most_w: [f64; 2],
+}
+
+/// See the module.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Followed {
+    told: VecDeque<(Duration, usize, Flown)>,
+}
+
+impl Followed {
+    pub fn tell(&mut self, slot: usize, flown: Flown, now: Duration) {
+        self.told.push_back((now, slot, flown));
+        while self.told.front().is_some_and(|(at, ..)| *at + KEPT < now) {
+            self.told.pop_front();
+        }
+    }
+
+    /// What a vehicle was to do at an instant of a slot: as told last before.
+    pub fn reference(&self, slot: usize, vehicle: usize, at: Duration) -> Option<Reference> {
+        let of_slot = || self.told.iter().filter(|(_, of, _)| *of == slot);
+        let (_, _, flown) = of_slot().rfind(|(told, ..)| *told <= at).or_else(|| of_slot().next())?;
+        let about = of_slot().filter(|(told, ..)| *told + LOWERED >= at && *told <= at);
+        let most_w = about.map(|(.., flown)| flown.most_w[vehicle]).fold(flown.most_w[vehicle], f64::max);
+        Some(Reference { most_w, ..Reference::from(&flown.poses[vehicle]) })
+    }
+}

@@ -1,0 +1,117 @@
+//! A motion that is asked for, with all that it depends on.
+
+use std::sync::Arc;
+
+use super::{Drift, Flying, Foresight, Motion, Scene, Side, plan};
+use crate::planner::moving::Limits;
+use crate::planner::plan::VehiclePlan;
+use crate::planner::problem::Problem;
+use crate::role::{PerVehicle, Role};
+
+/// See the module. Two companions with the same question find the same motion.
+#[derive(Debug, Clone)]
+pub struct Question {
+    /// The slot as it was before anything moved.
+    pub problem: Arc<Problem>,
+    /// The served user, if it moves, by the time since the slot's opening.
+    pub user: Option<Drift>,
+    /// Those of the eavesdroppers that move, in the problem's order.
+    pub eavesdroppers: Vec<Option<Drift>>,
+    /// What the vehicles may do on their way.
+    pub limits: PerVehicle<Limits>,
+    /// How fast they may turn, rad/s.
+    pub turn_rate_rad_s: PerVehicle<f64>,
+    /// How far apart they have to be, in metres, wherever on their motions each is.
+    pub apart_m: f64,
+    /// How they rest as the slot has it.
+    pub rest: PerVehicle<VehiclePlan>,
+    /// What each flies; `None` of one that rests.
+    pub flies: PerVehicle<Option<Arc<Motion>>>,
+    /// When the motion begins, in seconds since the slot's opening.
+    pub begins_s: f64,
+    /// Seed of what is random in planning.
+    pub seed: u64,
+}
+
+impl Question {
+    /// The motion, and nothing where none is found that keeps every limit, or where what is asked has no meaning: what is flown goes on.
+    #[must_use]
+    pub fn answer(&self) -> Option<Motion> {
+        let places = self.rest.map(|vehicle| vehicle.pose.position_enu_m);
+        let scene = Scene {
+            problem: &self.problem,
+            user: foreseen(&self.user),
+            eavesdroppers: self.eavesdroppers.iter().map(foreseen).collect(),
+            limits: self.limits,
+            turn_rate_rad_s: self.turn_rate_rad_s,
+            sides: Side::between(&places, self.apart_m),
+        };
+        let from = PerVehicle::from_fn(|role: Role| match &self.flies[role] {
+            Some(motion) => Flying::Motion(motion),
+            None => Flying::Rest(&self.rest[role]),
+        });
+        plan(&scene, &from, self.begins_s, self.seed).ok().flatten()
+    }
+}
+
+fn foreseen(drift: &Option<Drift>) -> Option<&dyn Foresight> {
+    drift.as_ref().map(|drift| drift as &dyn Foresight)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geo::{Enu, EnuVelocity};
+    use crate::planner::following::Belief;
+    use crate::planner::{Options, plan_slot};
+
+    fn question() -> Question {
+        let mut problem = Problem::paper([[200.0, 80.0], [-150.0, 210.0]], 0.5, 0.03);
+        problem.airspace.min_separation_m = 5.0;
+        let limits = Limits { speed_m_s: 8.0, climb_m_s: 3.0, acceleration_m_s2: 2.5, jerk_m_s3: Some(4.0) };
+        let belief = Belief {
+            position_enu_m: Enu::new(10.0, -5.0, 0.0),
+            velocity_enu_m_s: EnuVelocity::new(6.0, 0.0, 0.0),
+            std_m: [2.0, 4.0],
+        };
+        Question {
+            rest: plan_slot(&problem, &Options { starts: Some(8), ..Options::default() }).unwrap().vehicles,
+            problem: Arc::new(problem),
+            user: Some(Drift { at_s: 1.0, belief }),
+            eavesdroppers: vec![None, None],
+            limits: PerVehicle { i: limits, j: limits },
+            turn_rate_rad_s: PerVehicle { i: 0.6, j: 0.6 },
+            apart_m: 7.0,
+            flies: PerVehicle { i: None, j: None },
+            begins_s: 1.0,
+            seed: 7,
+        }
+    }
+
+    #[test]
+    fn spec_a_question_has_one_answer_and_another_question_another() {
+        let question = question();
+        let first = question.answer().unwrap();
+        assert_eq!(question.answer().map(|motion| motion.digest()), Some(first.digest()));
+        assert_eq!(question.user.unwrap().at(0.0).position_enu_m, Enu::new(4.0, -5.0, 0.0));
+        let mut drift = question.user.unwrap();
+        drift.belief.position_enu_m.x += 0.1;
+        let seen = Question { eavesdroppers: vec![Some(drift), None], ..question.clone() };
+        let elsewhere = Question { user: Some(drift), ..question.clone() };
+        for other in [seen, elsewhere, Question { begins_s: 1.001, ..question.clone() }] {
+            assert_ne!(other.answer().unwrap().digest(), first.digest());
+        }
+        // I flies a motion that J has not taken up: the next one begins with the state of each.
+        let first = Arc::new(first);
+        let flies = PerVehicle { i: Some(Arc::clone(&first)), j: None };
+        let next = Question { flies, begins_s: 4.0, ..question.clone() }.answer().unwrap();
+        let (begins, flown) = (next.at(4.0), first.at(4.0));
+        let apart_m = |role: Role, from: &VehiclePlan| {
+            (begins.vehicles[role].pose.position_enu_m - from.pose.position_enu_m).norm()
+        };
+        assert!(apart_m(Role::I, &flown.vehicles.i) < 1e-9 && apart_m(Role::J, &question.rest.j) < 1e-9);
+        assert!(apart_m(Role::J, &flown.vehicles.j) > 0.1, "J would have moved by then");
+        // What has no meaning has no answer.
+        assert_eq!(Question { begins_s: f64::NAN, ..question }.answer(), None);
+    }
+}

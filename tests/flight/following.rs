@@ -1,0 +1,162 @@
+//! Slots whose users move, and are followed.
+
+use std::sync::OnceLock;
+use std::time::Duration;
+
+use mavlink::dialects::ardupilotmega::MavCmd;
+use nalgebra::Vector2;
+use veilwing::config::{Mission, MovesDraft, Optimise};
+use veilwing::geo::Enu;
+use veilwing::mission::Outcome;
+use veilwing::planner::following::Gait;
+use veilwing::role::{PerVehicle, Role};
+
+use crate::harness::*;
+
+/// The demonstration's mission over twice the area, with users that walk or drive, and an eavesdropper that walks.
+fn following() -> Setup {
+    static PLANNED: OnceLock<Planned> = OnceLock::new();
+    let planned = PLANNED.get_or_init(|| {
+        let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("config/mission.toml");
+        let mission = Mission::load(&path).unwrap().changed(|m| {
+            let corners = [[-200.0, -200.0], [200.0, -200.0], [200.0, 200.0], [-200.0, 200.0]];
+            m.airspace.area_enu_m = corners.map(Vector2::from).to_vec();
+            m.planner.optimise = Optimise::Rate;
+            m.tdma.slot_s = 20.0;
+            m.pointing.position_std_m = None;
+            let moves = |system_id, gait| Some(MovesDraft { system_id, gait, std_m: 3.0 });
+            m.users[0].moves = moves(51, Gait::Walks);
+            m.users[1].moves = moves(52, Gait::Drives);
+            m.eavesdroppers[0].moves = moves(53, Gait::Walks);
+        });
+        Planned::new(mission.unwrap())
+    });
+    Setup { given: PerVehicle { i: planned.clone(), j: planned.clone() }, ..Setup::default() }
+}
+
+fn place(flight: &Flight, role: Role) -> Enu {
+    Enu::from(flight.world.snapshot().vehicles[index(role)].position_enu_m)
+}
+
+/// Five seconds into the slot of this number.
+fn amid(slot: usize) -> Flight {
+    let mut flight = Flight::new(following());
+    let text = format!("slot {slot} for {}: agreed", ["alpha", "bravo"][slot % 2]);
+    assert!(flight.until(|flight| Role::BOTH.iter().all(|role| flight.said(*role, &text).is_some())));
+    assert!(flight.until(|flight| flight.radiating() == [true, true]), "{}", flight.story());
+    flight.pass(Duration::from_secs(5));
+    assert_eq!(flight.radiating(), [true, true], "{}", flight.story());
+    flight
+}
+
+fn rates(flight: &Flight) -> Vec<f64> {
+    flight.report().slots.iter().map(|slot| 1e-6 * slot.achieved_secrecy_rate_bps).collect()
+}
+
+#[test]
+fn val_users_that_move_are_served_through_and_far_better_than_from_where_the_plan_has_them() {
+    let (mut followed, mut held) = (vec![0.0; 2], vec![0.0; 2]);
+    for seed in 1..=3 {
+        for (unheard, sums) in [(false, &mut followed), (true, &mut held)] {
+            let mut flight = Flight::new(Setup { seed, unheard, ..following() });
+            flight.fly_out();
+            flight.assert_safe();
+            let report = flight.report();
+            for slot in &report.slots {
+                assert!(slot.radiated_s.i > 18.7, "{slot:#?}\n{}", flight.story());
+                assert_eq!(slot.jam_out_of_tolerance_s, 0.0, "{slot:#?}");
+            }
+            assert_eq!(report.unprotected_s, 0.0);
+            for role in Role::BOTH {
+                assert_eq!(flight.outcomes[role], Some(Outcome::Completed), "{}", flight.story());
+            }
+            sums.iter_mut().zip(rates(&flight)).for_each(|(sum, rate)| *sum += rate / 3.0);
+        }
+    }
+    for (followed, held) in followed.iter().zip(&held) {
+        assert!(*followed > 1.5 * held, "Mbit/s: {followed} {held}");
+    }
+}
+
+/// Both go back to where the plan has them, and are served on from there.
+#[test]
+fn spec_a_pair_that_is_paused_while_it_follows_comes_to_rest_and_back() {
+    let mut flight = amid(0);
+    let left = Role::BOTH.map(|role| place(&flight, role));
+    flight.command_with(Role::I, MavCmd::MAV_CMD_DO_PAUSE_CONTINUE, 0.0);
+    flight.pass(Duration::from_millis(500));
+    assert_eq!(flight.radiating(), [false, false], "{}", flight.story());
+    flight.pass(Duration::from_secs(40));
+    let planned = following().given.i.plan.slots[0].plan.vehicles;
+    for (role, left) in Role::BOTH.into_iter().zip(left) {
+        let rests = planned[role].pose.position_enu_m;
+        assert!(
+            (place(&flight, role) - rests).norm() < 0.5,
+            "{role}: {} {rests}\n{}",
+            place(&flight, role),
+            flight.story()
+        );
+        assert!((left - rests).norm() > 2.0, "{role} has followed nobody: {left}");
+    }
+    flight.command_with(Role::J, MavCmd::MAV_CMD_DO_PAUSE_CONTINUE, 1.0);
+    flight.fly_out();
+    flight.assert_safe();
+    assert_eq!(flight.outcomes.i, Some(Outcome::Completed), "{}", flight.story());
+    assert!(rates(&flight)[1] > 1.0, "{:?}", rates(&flight));
+}
+
+/// What the link has lost meanwhile is agreed on anew, from what each flies.
+#[test]
+fn spec_after_words_were_lost_both_fly_the_same_again() {
+    for (role, cut_ms) in [(Role::I, 700), (Role::J, 700), (Role::I, 2500)] {
+        let mut flight = amid(0);
+        flight.set_pair_path(role, Path::CUT);
+        flight.pass(Duration::from_millis(cut_ms));
+        flight.set_pair_path(role, Path::GOOD);
+        flight.pass(Duration::from_secs(4));
+        assert_eq!(flight.radiating(), [true, true], "{role} {cut_ms}: {}", flight.story());
+        flight.fly_out();
+        flight.assert_safe();
+        assert_eq!(flight.outcomes.i, Some(Outcome::Completed), "{}", flight.story());
+    }
+}
+
+#[test]
+fn spec_a_companion_that_stood_still_finds_into_the_motion_again() {
+    for role in Role::BOTH {
+        let mut flight = amid(1);
+        flight.freeze(role, true);
+        flight.pass(Duration::from_millis(900));
+        flight.freeze(role, false);
+        flight.fly_out();
+        flight.assert_safe();
+        let served_s = flight.report().slots[1].radiated_s.i;
+        assert!(served_s > 12.0, "{served_s}\n{}", flight.story());
+    }
+}
+
+#[test]
+fn spec_a_pair_that_loses_one_of_the_two_or_goes_home_while_it_follows_is_silent_and_lands() {
+    for role in Role::BOTH {
+        let mut flight = amid(1);
+        flight.kill(role);
+        assert!(flight.until(|flight| !flight.lives(role.peer())), "{}", flight.story());
+        flight.assert_safe();
+        let mut flight = amid(1);
+        flight.command(role, MavCmd::MAV_CMD_NAV_RETURN_TO_LAUNCH);
+        flight.pass(Duration::from_millis(500));
+        let since = flight.now;
+        flight.fly_out();
+        flight.assert_safe();
+        assert!(flight.log.on_air.iter().all(|(at, on)| *at < since || *on == [false, false]));
+        assert!(Role::BOTH.iter().all(|role| flight.landed(*role)), "{}", flight.story());
+        // Ten seconds without a word: the pair is none any more.
+        let mut flight = amid(1);
+        flight.set_pair_path(role, Path::CUT);
+        flight.pass(Duration::from_secs(10));
+        flight.set_pair_path(role, Path::GOOD);
+        flight.fly_out();
+        flight.assert_safe();
+        assert!(Role::BOTH.iter().all(|role| flight.landed(*role)), "{}", flight.story());
+    }
+}
