@@ -6,7 +6,6 @@ use std::time::Duration;
 use mavlink::dialects::ardupilotmega::MavCmd;
 use nalgebra::Vector2;
 use veilwing::config::{Mission, MovesDraft, Optimise};
-use veilwing::geo::Enu;
 use veilwing::mission::Outcome;
 use veilwing::planner::following::Gait;
 use veilwing::role::{PerVehicle, Role};
@@ -34,16 +33,9 @@ fn following() -> Setup {
     Setup { given: PerVehicle { i: planned.clone(), j: planned.clone() }, ..Setup::default() }
 }
 
-fn place(flight: &Flight, role: Role) -> Enu {
-    Enu::from(flight.world.snapshot().vehicles[index(role)].position_enu_m)
-}
-
 /// Five seconds into the slot of this number.
 fn amid(slot: usize) -> Flight {
-    let mut flight = Flight::new(following());
-    let text = format!("slot {slot} for {}: agreed", ["alpha", "bravo"][slot % 2]);
-    assert!(flight.until(|flight| Role::BOTH.iter().all(|role| flight.said(*role, &text).is_some())));
-    assert!(flight.until(|flight| flight.radiating() == [true, true]), "{}", flight.story());
+    let mut flight = on_the_air(following(), slot);
     flight.pass(Duration::from_secs(5));
     assert_eq!(flight.radiating(), [true, true], "{}", flight.story());
     flight
@@ -82,7 +74,7 @@ fn val_users_that_move_are_served_through_and_far_better_than_from_where_the_pla
 #[test]
 fn spec_a_pair_that_is_paused_while_it_follows_comes_to_rest_and_back() {
     let mut flight = amid(0);
-    let left = Role::BOTH.map(|role| place(&flight, role));
+    let left = Role::BOTH.map(|role| flight.place(role));
     flight.command_with(Role::I, MavCmd::MAV_CMD_DO_PAUSE_CONTINUE, 0.0);
     flight.pass(Duration::from_millis(500));
     assert_eq!(flight.radiating(), [false, false], "{}", flight.story());
@@ -91,9 +83,9 @@ fn spec_a_pair_that_is_paused_while_it_follows_comes_to_rest_and_back() {
     for (role, left) in Role::BOTH.into_iter().zip(left) {
         let rests = planned[role].pose.position_enu_m;
         assert!(
-            (place(&flight, role) - rests).norm() < 0.5,
+            (flight.place(role) - rests).norm() < 0.5,
             "{role}: {} {rests}\n{}",
-            place(&flight, role),
+            flight.place(role),
             flight.story()
         );
         assert!((left - rests).norm() > 2.0, "{role} has followed nobody: {left}");
@@ -144,12 +136,7 @@ fn spec_a_pair_that_loses_one_of_the_two_or_goes_home_while_it_follows_is_silent
         flight.assert_safe();
         let mut flight = amid(1);
         flight.command(role, MavCmd::MAV_CMD_NAV_RETURN_TO_LAUNCH);
-        flight.pass(Duration::from_millis(500));
-        let since = flight.now;
-        flight.fly_out();
-        flight.assert_safe();
-        assert!(flight.log.on_air.iter().all(|(at, on)| *at < since || *on == [false, false]));
-        assert!(Role::BOTH.iter().all(|role| flight.landed(*role)), "{}", flight.story());
+        flight.assert_goes_home();
         // Ten seconds without a word: the pair is none any more.
         let mut flight = amid(1);
         flight.set_pair_path(role, Path::CUT);

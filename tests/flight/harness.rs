@@ -11,6 +11,7 @@ use veilwing::autopilot::{Actuation, FenceDuty};
 use veilwing::config::{BatteryDraft, Mission, MissionDraft, Vehicle};
 use veilwing::desk::simulation::{self, Given, Observer, on_this_machine, vehicle_draft, world_config};
 pub use veilwing::desk::simulation::{Path, index};
+use veilwing::geo::Enu;
 use veilwing::link::codec::Encoder;
 use veilwing::mission::{Notice, Outgoing};
 use veilwing::planner::slots::Plan;
@@ -382,6 +383,21 @@ impl Flight {
         text
     }
 
+    /// Half a second after an order both are silent for good, and they land.
+    pub fn assert_goes_home(&mut self) {
+        self.pass(Duration::from_millis(500));
+        let since = self.now;
+        self.fly_out();
+        self.assert_safe();
+        assert!(self.log.on_air.iter().all(|(at, on)| *at < since || *on == [false, false]));
+        assert!(Role::BOTH.iter().all(|role| self.landed(*role)), "{}", self.story());
+    }
+
+    /// Where a vehicle truly is.
+    pub fn place(&self, role: Role) -> Enu {
+        Enu::from(self.world.snapshot().vehicles[index(role)].position_enu_m)
+    }
+
     /// No invariant was broken, and I never radiated without J.
     pub fn assert_safe(&self) {
         self.assert_safe_but(Duration::ZERO);
@@ -396,6 +412,15 @@ impl Flight {
             assert!(slot.unprotected_s <= unprotected.as_secs_f64(), "{}", self.story());
         }
     }
+}
+
+/// Both have begun the slot of this number of the demonstration's two users, and radiate.
+pub fn on_the_air(setup: Setup, slot: usize) -> Flight {
+    let mut flight = Flight::new(setup);
+    let text = format!("slot {slot} for {}: agreed", ["alpha", "bravo"][slot % 2]);
+    assert!(flight.until(|flight| Role::BOTH.iter().all(|role| flight.said(*role, &text).is_some())));
+    assert!(flight.until(|flight| flight.radiating() == [true, true]), "{}", flight.story());
+    flight
 }
 
 /// In mid-slot, both tilted: they have radiated for half a second.

@@ -5,7 +5,6 @@ use std::time::Duration;
 
 use mavlink::dialects::ardupilotmega::MavCmd;
 use veilwing::config::{Mission, Mode, Optimise};
-use veilwing::geo::Enu;
 use veilwing::mission::Outcome;
 use veilwing::role::{PerVehicle, Role};
 
@@ -30,27 +29,20 @@ fn with_guard(guard_s: f64, planned: &'static OnceLock<Planned>) -> Setup {
     Setup { given: PerVehicle { i: planned.clone(), j: planned.clone() }, ..Setup::default() }
 }
 
-fn place(flight: &Flight, role: Role) -> Enu {
-    Enu::from(flight.world.snapshot().vehicles[index(role)].position_enu_m)
-}
-
 /// How far both vehicles come in so long.
 fn moved_m(flight: &mut Flight, time: Duration) -> f64 {
-    let before = Role::BOTH.map(|role| place(flight, role));
+    let before = Role::BOTH.map(|role| flight.place(role));
     flight.pass(time);
     Role::BOTH
         .iter()
         .zip(before)
-        .map(|(role, before)| (place(flight, *role) - before).norm())
+        .map(|(role, before)| (flight.place(*role) - before).norm())
         .fold(0.0, f64::max)
 }
 
 /// Both have begun the slot of this number, and are in the midst of it.
 fn amid(slot: usize) -> Flight {
-    let mut flight = Flight::new(moving());
-    let text = format!("slot {slot} for {}: agreed", ["alpha", "bravo"][slot % 2]);
-    assert!(flight.until(|flight| Role::BOTH.iter().all(|role| flight.said(*role, &text).is_some())));
-    assert!(flight.until(|flight| flight.radiating() == [true, true]), "{}", flight.story());
+    let mut flight = on_the_air(moving(), slot);
     flight.pass(Duration::from_secs(2));
     assert!(moved_m(&mut flight, Duration::from_secs(1)) > 1.0);
     flight
@@ -149,12 +141,7 @@ fn spec_a_pair_that_goes_home_out_of_its_motion_comes_to_rest_first() {
     {
         let mut flight = amid(1);
         flight.command(role, command);
-        flight.pass(Duration::from_millis(500));
-        let since = flight.now;
-        flight.fly_out();
-        flight.assert_safe();
-        assert!(flight.log.on_air.iter().all(|(at, on)| *at < since || *on == [false, false]));
-        assert!(Role::BOTH.iter().all(|role| flight.landed(*role)), "{}", flight.story());
+        flight.assert_goes_home();
     }
 }
 
