@@ -86,6 +86,16 @@ pub struct Geodetic {
 }
 
 impl Geodetic {
+    /// A point as MAVLink has it: degrees times 1e7, and millimetres.
+    #[must_use]
+    pub fn of_wire(lat: i32, lon: i32, alt_mm: i32) -> Self {
+        Self {
+            lat_deg: f64::from(lat) * 1e-7,
+            lon_deg: f64::from(lon) * 1e-7,
+            alt_m: f64::from(alt_mm) * 1e-3,
+        }
+    }
+
     /// This point in the ENU frame about `origin`.
     #[must_use]
     pub fn to_enu(self, origin: Self) -> Enu {

@@ -88,14 +88,14 @@ impl Telemetry {
         match message {
             MavMessage::TIMESYNC(m) => self.clock.handle_timesync(m, now),
             MavMessage::GLOBAL_POSITION_INT(m) => {
-                let point = geodetic(m.lat, m.lon, m.alt);
+                let point = Geodetic::of_wire(m.lat, m.lon, m.alt);
                 self.state.global_position_enu_m = Some(Timed::new(point.to_enu(self.mission), now));
             }
             MavMessage::GPS_GLOBAL_ORIGIN(m) => {
-                self.origin(geodetic(m.latitude, m.longitude, m.altitude), now, out)
+                self.origin(Geodetic::of_wire(m.latitude, m.longitude, m.altitude), now, out)
             }
             MavMessage::HOME_POSITION(m) => {
-                let home = geodetic(m.latitude, m.longitude, m.altitude).to_enu(self.mission);
+                let home = Geodetic::of_wire(m.latitude, m.longitude, m.altitude).to_enu(self.mission);
                 self.state.home_enu_m = Some(Timed::new(home, now));
             }
             MavMessage::SYSTEM_TIME(m) => self.utc.handle_system_time(m.time_unix_usec, now),
@@ -313,15 +313,6 @@ fn boot_ms(message: &MavMessage) -> Option<u32> {
 
 fn fault(out: &mut Outbox, fault: EstimatorFault) {
     out.tell(Event::EstimatorFailure(fault));
-}
-
-/// Degrees times 1e7 and millimetres above mean sea level.
-fn geodetic(lat: i32, lon: i32, alt_mm: i32) -> Geodetic {
-    Geodetic {
-        lat_deg: f64::from(lat) * 1e-7,
-        lon_deg: f64::from(lon) * 1e-7,
-        alt_m: f64::from(alt_mm) * 1e-3,
-    }
 }
 
 /// Of PX4. ESTIMATOR_CONST_POS_MODE is no fault: it also says that the vehicle is at rest, which it goes on to say after

@@ -12,5 +12,5 @@ mod value;
 pub(crate) use compound::{Each, List, Numbers, Period, Receivers};
 pub(crate) use field::FieldFile;
 pub(crate) use pattern::PatternRows;
-pub(crate) use scalar::{Choice, Flag, Integer, Moment, Number, Parsed, Text};
+pub(crate) use scalar::{Choice, Flag, ID, Integer, Moment, Number, Parsed, Text, byte};
 pub(crate) use value::{Fault, Item, Kind, miscount, nearest};

@@ -7,7 +7,9 @@ use super::draft::{
     Emission, JitterDraft, MissionDraft, Mode, MovesDraft, NoFlyDraft, NodeDraft, Optimise,
     PlannedVehicleDraft, PlannerSettings, RadioDraft, Tdma,
 };
-use super::kind::{Choice, Each, FieldFile, Flag, Integer, List, Moment, Number, Numbers, Period, Text};
+use super::kind::{
+    Choice, Each, FieldFile, Flag, ID, Integer, List, Moment, Number, Numbers, Period, Text, byte,
+};
 use super::link_file;
 use super::reader::Section;
 use crate::geo::{Enu, Geodetic};
@@ -498,10 +500,10 @@ fn moves(s: &mut Section<'_, '_>, moves: &mut MovesDraft) {
     s.set_required(
         "system_id",
         "MAVLink system on the autopilot's link whose GLOBAL_POSITION_INT or FOLLOW_TARGET says where it is.",
-        Integer { min: 1, max: 255 },
+        ID,
         &mut system,
     );
-    moves.system_id = u8::try_from(system).unwrap_or(u8::MAX);
+    moves.system_id = byte(system);
     let gaits = Choice(&[("walks", Gait::Walks), ("drives", Gait::Drives)]);
     s.set("gait", "\"walks\", some 1.5 m/s; \"drives\", some 8 m/s.", gaits, &mut moves.gait);
     s.set(

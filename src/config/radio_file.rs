@@ -1,6 +1,6 @@
 //! Every setting of the radio file, declared once: key, kind, range, unit, default, sentence.
 
-use super::kind::{Choice, Flag, Integer, List, Number, Numbers, Parsed, Text};
+use super::kind::{Choice, Flag, ID, Integer, List, Number, Numbers, Parsed, Text, byte};
 use super::radio_draft::{
     AtDraft, AttenuatorDraft, CommandDraft, DeviceDraft, DeviceKind, JsonRpcDraft, KillLineDraft,
     ParameterDraft, RadioHostDraft, SoapyDraft,
@@ -17,17 +17,12 @@ const LINK: Parsed<LinkAddress> = Parsed::new(
     "a link: udpin:HOST:PORT, udpout:HOST:PORT, tcpin:HOST:PORT, tcpout:HOST:PORT or serial:PATH:BAUD",
 );
 const PORT: Parsed<LinkAddress> = Parsed::new("the device's port: tcpout:HOST:PORT or serial:PATH:BAUD");
-const ID: Integer = Integer { min: 1, max: 255 };
 const SETTING: Number = Number::within("", -1000.0, 100_000.0);
 const MS: Number = Number::positive("ms", 60_000.0);
 const KHZ: Number = Number::within("kHz", 1.0, 300e6);
 
 fn words() -> List<Text> {
     List { each: LINE, at_least: 1, at_most: 64 }
-}
-
-fn byte(value: u64) -> u8 {
-    u8::try_from(value).unwrap_or(u8::MAX)
 }
 
 /// Reads, or checks, or describes, a whole radio file.

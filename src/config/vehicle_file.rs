@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use super::draft::{Autopilot, BatteryDraft, Limits, LogLimits, Transmitter, VehicleDraft};
-use super::kind::{Choice, Flag, Integer, List, Number, Numbers, Parsed, Text};
+use super::kind::{Choice, Flag, ID, Integer, List, Number, Numbers, Parsed, Text, byte};
 use super::mission_file::{climb, power, speed, tilt, tilt_rate};
 use super::reader::Section;
 use crate::autopilot::{Actuation, FenceDuty, FirmwareChoice};
@@ -16,7 +16,6 @@ const LINK: Parsed<LinkAddress> = Parsed::new(
     "a link: udpin:HOST:PORT, udpout:HOST:PORT, tcpin:HOST:PORT, tcpout:HOST:PORT or serial:PATH:BAUD",
 );
 const NEWTONS: Number = Number::within("N", 0.01, 1e5);
-const ID: Integer = Integer { min: 1, max: 255 };
 /// Up to a petabyte.
 const MEGABYTES: Integer = Integer { min: 0, max: 1_000_000_000 };
 
@@ -119,10 +118,6 @@ fn component(s: &mut Section<'_, '_>, sentence: &str, id: &mut u8) {
     let mut number = u64::from(*id);
     s.set("component_id", sentence, ID, &mut number);
     *id = byte(number);
-}
-
-fn byte(value: u64) -> u8 {
-    u8::try_from(value).unwrap_or(u8::MAX)
 }
 
 fn autopilot(s: &mut Section<'_, '_>, autopilot: &mut Autopilot) {

@@ -12,12 +12,14 @@ use mavlink::dialects::ardupilotmega::MavMessage;
 use super::executive::Executive;
 use super::phase::Phase;
 use crate::geo::{Enu, Geodetic};
+use crate::pair::adoption::AT_REST;
 use crate::pair::{Drifting, Places};
-use crate::planner::following::{Estimate, MOST_MOVERS, Motion, Mover, Question, Report, Who};
+use crate::planner::following::{Estimate, Motion, Mover, Question, Report, Who};
 use crate::planner::plan::VehiclePlan;
 use crate::planner::problem::Problem;
 use crate::planner::track::{APART_S, Followed, Track};
 use crate::role::{PerVehicle, Role};
+use crate::schedule::separation::clearance_m;
 use crate::schedule::trajectory::{Sample, Start, Trajectory};
 use crate::time::Instant;
 
@@ -25,8 +27,6 @@ use crate::time::Instant;
 const EVERY: Duration = Duration::from_secs(1);
 /// And begins so much later: time to tell it the other, to plan it on both sides, and to agree.
 const LEAD: Duration = Duration::from_millis(500);
-/// Vehicles keep so much farther apart than they must, in metres, as on transits.
-const MARGIN_M: f64 = 2.0;
 /// The part of what they may turn that motions ask of them: the rest is for what has to be caught up with.
 const TURN_PART: f64 = 0.5;
 /// A report from farther away than this is none, in metres.
@@ -125,19 +125,10 @@ impl Followers {
 fn report(message: &MavMessage) -> Option<(Geodetic, f64, Option<f64>)> {
     match message {
         MavMessage::GLOBAL_POSITION_INT(m) => {
-            let place = Geodetic {
-                lat_deg: f64::from(m.lat) * 1e-7,
-                lon_deg: f64::from(m.lon) * 1e-7,
-                alt_m: f64::from(m.alt) * 1e-3,
-            };
-            Some((place, f64::from(m.time_boot_ms) * 1e-3, None))
+            Some((Geodetic::of_wire(m.lat, m.lon, m.alt), f64::from(m.time_boot_ms) * 1e-3, None))
         }
         MavMessage::FOLLOW_TARGET(m) => {
-            let place = Geodetic {
-                lat_deg: f64::from(m.lat) * 1e-7,
-                lon_deg: f64::from(m.lon) * 1e-7,
-                alt_m: f64::from(m.alt),
-            };
+            let place = Geodetic { alt_m: f64::from(m.alt), ..Geodetic::of_wire(m.lat, m.lon, 0) };
             let variance = f64::from(m.position_cov[0].max(m.position_cov[1]));
             let std_m = (variance.is_finite() && variance > 0.0).then(|| variance.sqrt());
             Some((place, m.timestamp as f64 * 1e-3, std_m))
@@ -239,7 +230,7 @@ impl Executive {
         let (_, problem) = following.problems.get(self.served()?)?;
         let rest = self.service.slot_vehicles()?;
         let [i, j] = from.map(|number| match number {
-            crate::pair::adoption::AT_REST => Some(None),
+            AT_REST => Some(None),
             number => self.followers.motion(number).map(|motion| Some(Arc::clone(motion))),
         });
         let begins_s = places.begins().as_secs_f64();
@@ -257,7 +248,7 @@ impl Executive {
             eavesdroppers,
             limits: self.settings.limits.map(|limits| limits.of_motion()),
             turn_rate_rad_s: self.settings.limits.map(|limits| TURN_PART * limits.tilt_rate_rad_s),
-            apart_m: self.settings.airspace.min_separation_m + MARGIN_M,
+            apart_m: clearance_m(&self.settings.airspace),
             rest,
             flies: PerVehicle { i: i?, j: j? },
             begins_s,
@@ -355,9 +346,6 @@ impl Executive {
         Some(motion.is_at_rest(now) && (motion.sample(now).position_enu_m - place).norm() <= THERE_M)
     }
 }
-
-/// More could not be told the other.
-const _: () = assert!(MOST_MOVERS < 255);
 
 #[cfg(test)]
 mod tests {

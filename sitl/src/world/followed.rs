@@ -6,11 +6,10 @@ use std::collections::VecDeque;
 use std::time::Duration;
 
 use super::config::{PlannedPose, Reference};
+use super::turning::LOWERED;
 
 /// What was told is remembered for so long: power commands under way, and looks back, reach no farther.
 const KEPT: Duration = Duration::from_millis(1500);
-/// A power command that lowers the power may be under way for so long.
-const LOWERED: Duration = Duration::from_millis(650);
 
 /// Both vehicles at an instant, as they are flown.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -12,8 +12,9 @@ use nalgebra::Vector3;
 use super::config::{PlannedSlot, Reference};
 use crate::frames::Euler;
 
-/// A power command that lowers the power may be under way for so long, seconds: none is carried out later.
-const LOWERED_S: f64 = 0.65;
+/// A power command that lowers the power may be under way for so long: none is carried out later.
+pub(super) const LOWERED: Duration = Duration::from_millis(650);
+const LOWERED_S: f64 = LOWERED.as_secs_f64();
 /// One that raises it is given so much ahead at most, seconds.
 const AHEAD_S: f64 = 0.35;
 

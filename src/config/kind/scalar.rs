@@ -123,6 +123,14 @@ pub(crate) struct Integer {
     pub(crate) max: u64,
 }
 
+/// A MAVLink system or component.
+pub(crate) const ID: Integer = Integer { min: 1, max: 255 };
+
+/// What was read as an [`Integer`] up to 255.
+pub(crate) fn byte(value: u64) -> u8 {
+    u8::try_from(value).unwrap_or(u8::MAX)
+}
+
 impl Kind for Integer {
     type Out = u64;
 
