@@ -150,7 +150,7 @@ impl Companion {
                 }
                 frame = autopilot.recv() => hear(&mut executive, &frame, &clock),
                 frame = Link::recv_of(&mut radio) => hear_radio(&mut executive, &frame, &clock),
-                Some((ticket, motion)) = answers.recv() => executive.handle_motion(ticket, motion, clock.now()),
+                Some((ticket, answer)) = answers.recv() => executive.handle_answer(ticket, answer, clock.now()),
                 frame = pair.recv() => executive.handle_pair(&frame.message, clock.now()),
                 look = health::next(&mut health) => {
                     let status = health::message(&look, clock.utc());

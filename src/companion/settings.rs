@@ -10,6 +10,7 @@ use crate::mission::following::Following;
 use crate::mission::{Battery, Operators, Permission, Scene, Settings};
 use crate::pair::{self, Record};
 use crate::planner::problem::{Airframe, Airspace};
+use crate::planning;
 use crate::preflight::{Check, Verdict, check};
 use crate::role::{PerVehicle, Role};
 use crate::schedule::outset::Outset;
@@ -105,7 +106,7 @@ fn following(mission: &Mission) -> Option<Arc<Following>> {
     let problems = mission.users.iter().enumerate().filter_map(|(index, user)| problem(index, user));
     (!mission.movers.is_empty()).then(|| {
         let (problems, movers) = (problems.collect(), mission.movers.clone());
-        Arc::new(Following { problems, movers, seed: mission.seed })
+        Arc::new(Following { problems, movers, options: planning::options(mission) })
     })
 }
 

@@ -65,6 +65,7 @@ impl Executive {
                 self.keep_to_way(now);
                 self.keep_to_slot(now);
                 self.ask_for_motion(now);
+                self.ask_for_poses(now);
             }
             Phase::Holding { since, motion } => {
                 let waited = now.saturating_since(*since);
@@ -281,6 +282,9 @@ impl Executive {
     pub(super) fn begin_transit(&mut self, commitment: Commitment, now: Instant) {
         let transit = self.itinerary.as_ref().and_then(|i| i.transit(commitment.slot, self.settings.role));
         let Some((trajectory, peer)) = transit.filter(|_| self.phase.is_in_service()) else { return };
+        if self.settings.following.is_some() && !self.begins_here(&trajectory, now) {
+            return self.abort(Cause::Astray(self.phase_name()), now);
+        }
         if let Some(cause) = self.too_little_for(&commitment, now) {
             return self.abort(cause, now);
         }
@@ -365,8 +369,8 @@ impl Executive {
     /// The slot that is entered from where the vehicle rests, in a plan that moves.
     pub(super) fn rests_for(&self, now: Instant) -> Option<u16> {
         let next = self.service.slot_number();
-        if let Some(back) = self.is_back(next, now) {
-            return back.then_some(next);
+        if self.settings.following.is_some() {
+            return Some(next);
         }
         let way = self.itinerary.as_ref()?.tracks(next)?[self.settings.role].way()?;
         let Phase::InService { motion, .. } = &self.phase else { return None };

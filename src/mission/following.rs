@@ -1,7 +1,7 @@
 //! Following those that move while a slot is served: what is reported of them, when a motion is asked for, and the motions.
 //!
 //! I leads: it filters the reports, and asks for a motion every second, to begin half a second later. Both vehicles plan it outside
-//! of the loop; `pair::adoption` says whether it is taken up.
+//! of the loop; `pair::adoption` says whether it is taken up. Poses that a slot begins with: [`super::opening`].
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -10,17 +10,18 @@ use mavlink::MavHeader;
 use mavlink::dialects::ardupilotmega::MavMessage;
 
 use super::executive::Executive;
+use super::opening::Openings;
 use super::phase::Phase;
 use crate::geo::{Enu, Geodetic};
 use crate::pair::adoption::AT_REST;
 use crate::pair::{Drifting, Places};
-use crate::planner::following::{Estimate, Motion, Mover, Question, Report, Who};
+use crate::planner::Options;
+use crate::planner::following::{self, Belief, Drift, Estimate, Motion, Mover, Opening, Report, Who};
 use crate::planner::plan::VehiclePlan;
 use crate::planner::problem::Problem;
-use crate::planner::track::{APART_S, Followed, Track};
+use crate::planner::track::{APART_S, Track};
 use crate::role::{PerVehicle, Role};
 use crate::schedule::separation::clearance_m;
-use crate::schedule::trajectory::{Sample, Start, Trajectory};
 use crate::time::Instant;
 
 /// A motion is asked for this often.
@@ -28,15 +29,13 @@ const EVERY: Duration = Duration::from_secs(1);
 /// And begins so much later: time to tell it the other, to plan it on both sides, and to agree.
 const LEAD: Duration = Duration::from_millis(500);
 /// The part of what they may turn that motions ask of them: the rest is for what has to be caught up with.
-const TURN_PART: f64 = 0.5;
+pub const TURN_PART: f64 = 0.5;
 /// A report from farther away than this is none, in metres.
 const FARTHEST_M: f64 = 20_000.0;
 /// No report is overtaken by more than so many seconds: a clock that goes back by more has started anew.
 const OVERTAKEN_S: f64 = 10.0;
 /// How well a height is known, over how well a place is.
 const UP: f64 = 2.0;
-/// Where the vehicle rests within this of a slot's place, in metres, it is there.
-const THERE_M: f64 = 1e-3;
 
 /// What does not change while the companion runs.
 #[derive(Debug, Clone)]
@@ -45,17 +44,46 @@ pub struct Following {
     pub problems: Vec<(String, Arc<Problem>)>,
     /// Those that move.
     pub movers: Vec<Mover>,
-    /// Seed of what is random in planning.
-    pub seed: u64,
+    /// How slots are planned.
+    pub options: Options,
 }
 
 /// Which motion an answer is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Ticket {
-    /// The proposal of the slot.
-    proposal: u32,
-    /// Its number.
-    number: u16,
+    /// The proposal of the slot; of poses that I has not proposed yet 0.
+    pub(super) proposal: u32,
+    /// The motion's number, or the slot's.
+    pub(super) number: u16,
+}
+
+/// What is to be planned, outside of the loop.
+#[derive(Debug, Clone)]
+pub enum Question {
+    /// A motion in the slot that is served.
+    Motion(following::Question),
+    /// The poses of the next slot.
+    Poses(Opening),
+}
+
+/// What was found for a question, if anything was.
+#[derive(Debug, Clone)]
+pub enum Answer {
+    /// To [`Question::Motion`].
+    Motion(Option<Motion>),
+    /// To [`Question::Poses`].
+    Poses(Option<PerVehicle<VehiclePlan>>),
+}
+
+impl Question {
+    /// Takes its time.
+    #[must_use]
+    pub fn answer(&self) -> Answer {
+        match self {
+            Self::Motion(question) => Answer::Motion(question.answer()),
+            Self::Poses(opening) => Answer::Poses(opening.answer()),
+        }
+    }
 }
 
 /// What has been heard of one that moves.
@@ -101,7 +129,8 @@ pub(super) struct Followers {
     /// Of the slot of this proposal: numbers, and motions that were found.
     proposal: u32,
     motions: Vec<(u16, Arc<Motion>)>,
-    question: Option<(Ticket, Question)>,
+    pub(super) question: Option<(Ticket, Question)>,
+    pub(super) openings: Openings,
 }
 
 impl Followers {
@@ -113,6 +142,7 @@ impl Followers {
             proposal: 0,
             motions: Vec::new(),
             question: None,
+            openings: Openings::default(),
         }
     }
 
@@ -160,9 +190,29 @@ impl Executive {
         }
     }
 
+    /// Puts down what is believed of this user, and of the eavesdroppers, of those that move.
+    pub(super) fn believe(&self, places: &mut Places, user: usize, of: impl Fn(&Estimate) -> Belief) {
+        let Some(following) = &self.settings.following else { return };
+        for (mover, heard) in following.movers.iter().zip(&self.followers.heard) {
+            let who = match mover.who {
+                Who::User(index) if index == user => Some(0),
+                Who::User(_) => None,
+                Who::Eavesdropper(index) => u8::try_from(index + 1).ok(),
+            };
+            if let Some((who, estimate)) = who.zip(heard.estimate.as_ref()) {
+                // Who is too far away to be told of is not followed.
+                Drifting::of(who, &of(estimate)).into_iter().for_each(|drifting| places.push(drifting));
+            }
+        }
+    }
+
     /// The user that the slot agreed on serves, by its number in the mission.
     fn served(&self) -> Option<usize> {
-        let slot = self.service.slot()?.commitment.slot;
+        self.user_of(self.service.slot()?.commitment.slot)
+    }
+
+    /// The user that a slot serves, likewise.
+    pub(super) fn user_of(&self, slot: u16) -> Option<usize> {
         let name = self.user(slot);
         let following = self.settings.following.as_ref()?;
         following.problems.iter().position(|(user, _)| *user == name)
@@ -173,11 +223,7 @@ impl Executive {
         if self.settings.role != Role::I || now < self.followers.ask_at || !self.service.may_ask_motion(now) {
             return;
         }
-        let (Some(following), Some(slot), Some(user)) =
-            (&self.settings.following, self.service.slot(), self.served())
-        else {
-            return;
-        };
+        let (Some(slot), Some(user)) = (self.service.slot(), self.served()) else { return };
         let begins = (now + LEAD).saturating_since(slot.commitment.opens_at);
         if now + LEAD >= slot.radiate_until {
             return;
@@ -185,19 +231,7 @@ impl Executive {
         let Ok(begins_ms) = u32::try_from(begins.as_millis()) else { return };
         let mut places = Places::new(begins_ms);
         let begins_s = seconds(slot.commitment.opens_at + places.begins());
-        for (mover, heard) in following.movers.iter().zip(&self.followers.heard) {
-            let who = match mover.who {
-                Who::User(index) if index == user => Some(0),
-                Who::User(_) => None,
-                Who::Eavesdropper(index) => u8::try_from(index + 1).ok(),
-            };
-            if let Some((who, estimate)) = who.zip(heard.estimate) {
-                // Who is too far away to be told of is not followed.
-                Drifting::of(who, &estimate.at(begins_s))
-                    .into_iter()
-                    .for_each(|drifting| places.push(drifting));
-            }
-        }
+        self.believe(&mut places, user, |estimate| estimate.at(begins_s));
         if places.moving().next().is_some() {
             self.followers.ask_at = now + EVERY;
             self.service.ask_motion(places, now);
@@ -218,14 +252,15 @@ impl Executive {
         self.followers.motions.retain(|(number, _)| *number >= oldest);
         match self.question(&asked.places, asked.from) {
             Some(question) => {
-                self.followers.question = Some((Ticket { proposal, number: asked.number }, question));
+                let ticket = Ticket { proposal, number: asked.number };
+                self.followers.question = Some((ticket, Question::Motion(question)));
             }
             None => self.service.motion_planned(asked.number, None, now),
         }
     }
 
     /// `None`: a motion that this begins with is not known here.
-    fn question(&self, places: &Places, from: [u16; 2]) -> Option<Question> {
+    fn question(&self, places: &Places, from: [u16; 2]) -> Option<following::Question> {
         let following = self.settings.following.as_ref()?;
         let (_, problem) = following.problems.get(self.served()?)?;
         let rest = self.service.slot_vehicles()?;
@@ -233,16 +268,8 @@ impl Executive {
             AT_REST => Some(None),
             number => self.followers.motion(number).map(|motion| Some(Arc::clone(motion))),
         });
-        let begins_s = places.begins().as_secs_f64();
-        let (mut user, mut eavesdroppers) = (None, vec![None; problem.eavesdroppers.len()]);
-        for drifting in places.moving() {
-            let drift = Some(drifting.drift(begins_s));
-            match usize::from(drifting.who).checked_sub(1) {
-                None => user = drift,
-                Some(index) => *eavesdroppers.get_mut(index)? = drift,
-            }
-        }
-        Some(Question {
+        let (user, eavesdroppers) = drifts(places, problem)?;
+        Some(following::Question {
             problem: Arc::clone(problem),
             user,
             eavesdroppers,
@@ -251,19 +278,27 @@ impl Executive {
             apart_m: clearance_m(&self.settings.airspace),
             rest,
             flies: PerVehicle { i: i?, j: j? },
-            begins_s,
-            seed: following.seed,
+            begins_s: places.begins().as_secs_f64(),
+            seed: following.options.seed,
         })
     }
 
-    /// What is to be planned, outside of the loop, and answered by [`Self::handle_motion`]. A newer question takes an older one's
+    /// What is to be planned, outside of the loop, and answered by [`Self::handle_answer`]. A newer question takes an older one's
     /// place.
     pub fn poll_question(&mut self) -> Option<(Ticket, Question)> {
         self.followers.question.take()
     }
 
     /// What was found for a question.
-    pub fn handle_motion(&mut self, ticket: Ticket, motion: Option<Motion>, now: Instant) {
+    pub fn handle_answer(&mut self, ticket: Ticket, answer: Answer, now: Instant) {
+        match answer {
+            Answer::Motion(motion) => self.take_motion(ticket, motion, now),
+            Answer::Poses(vehicles) => self.take_poses(ticket, vehicles, now),
+        }
+        self.react(now);
+    }
+
+    fn take_motion(&mut self, ticket: Ticket, motion: Option<Motion>, now: Instant) {
         let current = self.service.slot().is_some_and(|slot| slot.commitment.proposal == ticket.proposal);
         if !current {
             return;
@@ -273,7 +308,6 @@ impl Executive {
             self.followers.motions.push((ticket.number, Arc::new(motion)));
         }
         self.service.motion_planned(ticket.number, digest, now);
-        self.react(now);
     }
 
     /// A motion is flown from its beginning on.
@@ -310,41 +344,31 @@ impl Executive {
         self.settings.role == Role::J || self.service.flies_alike(now)
     }
 
-    /// Where the slot before `next` left the vehicle to be, in a plan that follows.
-    fn left_at(&self, next: u16) -> Option<Enu> {
-        let before = self.itinerary.as_ref()?.tracks(next.checked_sub(1)?)?;
-        before[self.settings.role].followed().map(Followed::rests_at)
-    }
-
-    /// In a plan that follows: comes to rest as soon as the slot is to end early, and goes straight back to where it was to be served from,
-    /// between slots. That way is free: see `planner::following`.
+    /// In a plan that follows: comes to rest as soon as the slot is to end early.
     pub(super) fn keep_to_slot(&mut self, now: Instant) {
         let limits = self.motion_limits();
-        let closing = self.service.slot().map(|slot| slot.is_closing());
-        let (left_at, transit) =
-            (self.left_at(self.service.slot_number()), self.settings.limits[self.settings.role]);
-        let Phase::InService { motion, .. } = &mut self.phase else { return };
-        match closing {
-            Some(true) if motion.follows(now) => *motion = motion.stopped(now, &limits),
-            None if motion.is_at_rest(now) => {
-                let Sample { position_enu_m, attitude, .. } = motion.sample(now);
-                let away = left_at.filter(|place| (place - position_enu_m).norm() > THERE_M);
-                if let Some(place) = away {
-                    let mut trajectory = Trajectory::rest(&Start { position_enu_m, attitude });
-                    trajectory.fly(&[place], &transit);
-                    *motion = super::phase::Motion::new(trajectory, now);
-                }
-            }
-            Some(_) | None => {}
+        let closing = self.service.slot().is_some_and(|slot| slot.is_closing());
+        if let Phase::InService { motion, .. } = &mut self.phase
+            && closing
+            && motion.follows(now)
+        {
+            *motion = motion.stopped(now, &limits);
         }
     }
+}
 
-    /// Whether the vehicle rests where the slot before `next` left it to be; `None` where the plan does not follow.
-    pub(super) fn is_back(&self, next: u16, now: Instant) -> Option<bool> {
-        let place = self.left_at(next)?;
-        let Phase::InService { motion, .. } = &self.phase else { return Some(false) };
-        Some(motion.is_at_rest(now) && (motion.sample(now).position_enu_m - place).norm() <= THERE_M)
+/// What is believed of the user and of the eavesdroppers of a slot, of those that move; `None` of places that are none of its.
+pub(super) fn drifts(places: &Places, problem: &Problem) -> Option<(Option<Drift>, Vec<Option<Drift>>)> {
+    let begins_s = places.begins().as_secs_f64();
+    let (mut user, mut eavesdroppers) = (None, vec![None; problem.eavesdroppers.len()]);
+    for drifting in places.moving() {
+        let drift = Some(drifting.drift(begins_s));
+        match usize::from(drifting.who).checked_sub(1) {
+            None => user = drift,
+            Some(index) => *eavesdroppers.get_mut(index)? = drift,
+        }
     }
+    Some((user, eavesdroppers))
 }
 
 #[cfg(test)]

@@ -35,7 +35,7 @@ impl Executive {
     }
 
     /// Whether the vehicle is where a way begins: one whose last slot ended early has left its motion elsewhere.
-    fn begins_here(&self, way: &Trajectory, now: Instant) -> bool {
+    pub(super) fn begins_here(&self, way: &Trajectory, now: Instant) -> bool {
         let here = self.phase.motion().map(|motion| motion.sample(now).position_enu_m);
         here.is_some_and(|here| (here - way.sample(Duration::ZERO).position_enu_m).norm() <= BEGINS_WITHIN_M)
     }

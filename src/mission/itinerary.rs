@@ -2,8 +2,12 @@
 
 use std::time::Duration;
 
+use sha2::{Digest, Sha256};
+
 use crate::geo::{Attitude, Enu};
-use crate::pair::{PlanTerms, SlotTerms};
+use crate::pair::wire::{self, ShortDigest};
+use crate::pair::{PlanTerms, Rest, SlotTerms};
+use crate::planner::plan::VehiclePlan;
 use crate::planner::slots::{Plan, PlannedSlot};
 use crate::planner::track::{Followed, Track};
 use crate::role::{PerVehicle, Role};
@@ -49,7 +53,10 @@ impl Itinerary {
         };
         let limits = settings.limits.map(|limits| limits.of_motion());
         let tracks = match &settings.following {
-            Some(_) => followed(&table, plan),
+            Some(_) => {
+                let slots = table.entries.iter().filter_map(|entry| plan.slots.get(entry.user_index));
+                slots.map(|slot| followed(&slot.plan.vehicles)).collect()
+            }
             None => flown(&table, &plan.tracks(settings.timing.guard.as_secs_f64(), &limits)),
         };
         Ok(Self { table, way_home, tracks })
@@ -63,21 +70,57 @@ impl Itinerary {
     /// What the two companions agree on, slot by slot.
     pub fn terms(&self, plan: &Plan) -> PlanTerms {
         let terms = |entry: &Entry| {
-            let after_opening = |t: Duration| t.saturating_sub(entry.opens);
             let slot = plan.slots.get(entry.user_index)?;
-            Some(SlotTerms {
-                vehicles: slot.plan.vehicles,
-                tracks: self.tracks.get(usize::from(entry.slot)).cloned(),
-                lean_rad: slot.lean_rad.map(Option::unwrap_or_default),
-                opens: entry.opens,
-                lead: entry.lead,
-                carries_on_after: entry.carries_on_after,
-                radiate_from: after_opening(entry.radiate_from),
-                radiate_until: after_opening(entry.radiate_until),
-                length: after_opening(entry.closes),
-            })
+            Some(self.slot_terms(entry, slot, &slot.plan.vehicles, None))
         };
         PlanTerms { digest: plan.digest, slots: self.table.entries.iter().filter_map(terms).collect() }
+    }
+
+    fn slot_terms(
+        &self,
+        entry: &Entry,
+        slot: &PlannedSlot,
+        vehicles: &PerVehicle<VehiclePlan>,
+        anew: Option<ShortDigest>,
+    ) -> SlotTerms {
+        let after_opening = |t: Duration| t.saturating_sub(entry.opens);
+        SlotTerms {
+            anew,
+            vehicles: *vehicles,
+            tracks: self.tracks.get(usize::from(entry.slot)).cloned(),
+            lean_rad: slot.lean_rad.map(Option::unwrap_or_default),
+            opens: entry.opens,
+            lead: entry.lead,
+            carries_on_after: entry.carries_on_after,
+            radiate_from: after_opening(entry.radiate_from),
+            radiate_until: after_opening(entry.radiate_until),
+            length: after_opening(entry.closes),
+        }
+    }
+
+    /// Has a slot served from other poses, in a plan that follows; both vehicles rest `from` there. `None` where there is no such
+    /// slot, or no way there. The same on both vehicles, bit for bit.
+    pub fn serve_from(
+        &mut self,
+        slot: u16,
+        from: &PerVehicle<Rest>,
+        vehicles: Option<PerVehicle<VehiclePlan>>,
+        plan: &Plan,
+        settings: &Settings,
+    ) -> Option<SlotTerms> {
+        let planned = plan.slots.get(self.entry(slot)?.user_index)?;
+        let vehicles = vehicles.unwrap_or(planned.plan.vehicles);
+        let start = |rest: &Rest| {
+            let (position_enu_m, attitude) = rest.pose()?;
+            Some(Start { position_enu_m, attitude })
+        };
+        let starts = PerVehicle { i: start(&from.i)?, j: start(&from.j)? };
+        let router = Router::new(&settings.airspace, &settings.limits).ok()?;
+        let poses = vehicles.map(|vehicle| vehicle.pose);
+        self.table.reroute(&router, slot, &starts, &poses, &settings.timing).ok()?;
+        *self.tracks.get_mut(usize::from(slot))? = followed(&vehicles);
+        let anew = Some(digest(&plan.digest, slot, from, &vehicles));
+        Some(self.slot_terms(self.entry(slot)?, planned, &vehicles, anew))
     }
 
     /// From the table's beginning to the end of the last slot's airtime.
@@ -110,12 +153,30 @@ impl Itinerary {
     }
 }
 
-/// Of all the table's slots, where motions are made anew: at rest as planned until then.
-fn followed(table: &Table, plan: &Plan) -> Vec<PerVehicle<Track>> {
-    let slots = table.entries.iter().filter_map(|entry| plan.slots.get(entry.user_index));
-    let track =
-        |role: Role, slot: &PlannedSlot| Track::Followed(Followed::new(role, slot.plan.vehicles[role]));
-    slots.map(|slot| PerVehicle::from_fn(|role| track(role, slot))).collect()
+/// Of a slot in which motions are made anew: at rest like this until then.
+fn followed(vehicles: &PerVehicle<VehiclePlan>) -> PerVehicle<Track> {
+    PerVehicle::from_fn(|role| Track::Followed(Followed::new(role, vehicles[role])))
+}
+
+/// First bytes of SHA-256 over what a slot is served from, and from where the vehicles come to it.
+fn digest(
+    plan: &[u8; 32],
+    slot: u16,
+    from: &PerVehicle<Rest>,
+    vehicles: &PerVehicle<VehiclePlan>,
+) -> ShortDigest {
+    let mut hash = Sha256::new();
+    hash.update(plan);
+    hash.update(slot.to_le_bytes());
+    for role in Role::BOTH {
+        let Rest { position_enu_m, wxyz } = &from[role];
+        position_enu_m.iter().chain(wxyz).for_each(|number| hash.update(number.to_bits().to_le_bytes()));
+        let VehiclePlan { pose, tx_power_w } = &vehicles[role];
+        let angles = [pose.roll_rad, pose.pitch_rad, pose.yaw_rad, *tx_power_w];
+        let numbers = pose.position_enu_m.iter().chain(&angles);
+        numbers.for_each(|number| hash.update(number.to_bits().to_le_bytes()));
+    }
+    wire::short(&hash.finalize().into())
 }
 
 /// The tracks of all the table's slots, from those of a superframe: a slot that no other one carries on ends at rest.

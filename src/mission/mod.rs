@@ -14,6 +14,7 @@ mod itinerary;
 mod lag;
 mod lean;
 pub mod notice;
+mod opening;
 mod operator;
 mod permission;
 mod phase;

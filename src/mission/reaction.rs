@@ -107,6 +107,7 @@ impl Executive {
             ServiceEvent::PutOff(slot) => self.put_off(slot, now),
             ServiceEvent::PlanMotion => self.plan_motion(now),
             ServiceEvent::TakeUp(number) => self.take_up(number),
+            ServiceEvent::PlanSlot(slot, asked) => self.plan_poses(slot, asked),
             ServiceEvent::AllOver => self.finish(now),
             ServiceEvent::GiveUp(why) => self.lose_peer(why, now),
             ServiceEvent::Abandoned => self.break_off(now),

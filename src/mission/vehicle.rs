@@ -43,6 +43,7 @@ impl Executive {
             arrived: in_service.is_some_and(|motion| motion.is_over(now)),
             at_rest: in_service.is_some_and(|motion| motion.is_at_rest(now)),
             rests_for: self.rests_for(now),
+            rests: self.rests(now),
             home_enu_m: self.home_enu_m,
             preflight_ok: self.ground.preflight_ok(),
             ended: self.phase.is_ending(),

@@ -29,7 +29,9 @@ use follower::Follower;
 use leader::Leader;
 use motions::{Motions, Outcome};
 use shared_time::SharedTime;
-pub use terms::{Commitment, Drifting, Event, Local, Places, PlanTerms, Settings, SlotTerms, Vouch};
+pub use terms::{
+    AskedSlot, Commitment, Drifting, Event, Local, Places, PlanTerms, Rest, Settings, SlotTerms, Vouch,
+};
 pub use timer::Timer;
 
 const STATUS_EVERY: Duration = Duration::from_millis(100);
@@ -115,8 +117,9 @@ impl Coordinator {
 
     /// Local facts; a change of what the peer acts on is told at once.
     pub fn set_local(&mut self, local: Local, now: Instant) {
-        let acts_on =
+        let flags =
             |l: &Local| (l.airborne, l.on_station, l.radiating, l.ended, l.landed, l.returning, l.guarding);
+        let acts_on = |l: &Local| (flags(l), l.rests);
         if self.orders.poll_untold() || self.local.as_ref().map(acts_on) != Some(acts_on(&local)) {
             self.next_status = now;
         }
@@ -150,10 +153,30 @@ impl Coordinator {
         }
     }
 
-    /// I: proposes that `slot` opens at `opens`. Replaces a proposal not yet agreed on. Without our UTC and a plan that
-    /// has this slot nothing is proposed; with clocks that differ too much, or are not compared yet, it is refused at
-    /// once.
-    pub fn propose(&mut self, slot: u16, opens: Utc, now: Instant) {
+    /// A slot's poses are made anew, with the way to them, from where both rest: they take the place of those that the plan has,
+    /// or that were made before; `None`, for J: none were found. What is agreed on stays.
+    pub fn slot_planned(&mut self, asked: &AskedSlot, terms: Option<SlotTerms>, now: Instant) {
+        let awaited = match &mut self.part {
+            Part::I(leader) => !leader.is_proposing(),
+            Part::J(follower) => follower.made_anew(asked),
+        };
+        let own = self.plan.as_mut().and_then(|plan| plan.slots.get_mut(usize::from(asked.slot)));
+        if let (true, None, Some((own, terms))) = (awaited, self.agreed, own.zip(terms)) {
+            *own = terms;
+        }
+        let waiting = match &mut self.part {
+            Part::J(follower) if awaited => follower.take_waiting(),
+            Part::I(_) | Part::J(_) => None,
+        };
+        if let Some(propose) = waiting {
+            self.take_proposal(&propose, now);
+        }
+    }
+
+    /// I: proposes that `slot` opens at `opens`; with `places`, those that its poses were made anew for. Replaces a proposal not
+    /// yet agreed on. Without our UTC and a plan that has this slot nothing is proposed; with clocks that differ too much, or are
+    /// not compared yet, it is refused at once.
+    pub fn propose(&mut self, slot: u16, opens: Utc, places: Option<Places>, now: Instant) {
         let (Some(opens_at), Some(lead)) =
             (self.time.instant_of(opens), self.slot_terms(slot).map(|terms| terms.lead))
         else {
@@ -162,7 +185,7 @@ impl Coordinator {
         let Part::I(leader) = &mut self.part else { return };
         self.agreed = None;
         if self.time.agrees() {
-            leader.propose(slot, opens, (opens_at - lead, opens_at), now);
+            leader.propose(slot, opens, (opens_at - lead, opens_at), places, now);
         } else {
             leader.withdraw();
             self.events.push_back(Event::Refused(slot, VeilwingAnswer::VEILWING_ANSWER_CLOCK));
@@ -246,7 +269,12 @@ impl Coordinator {
     }
 
     fn take_places(&mut self, places: &wire::VEILWING_PLACES_DATA, now: Instant) {
-        if self.acquaintance.peer().is_boot(places.boot_id) {
+        if !self.acquaintance.peer().is_boot(places.boot_id) {
+            return;
+        }
+        if let (0, Part::J(follower)) = (places.number, &mut self.part) {
+            follower.take_places(places.proposal, Places::of_wire(places));
+        } else {
             let outcome = self.motions.as_mut().map(|motions| motions.take_places(places));
             self.take_outcome(outcome, now);
         }
@@ -470,6 +498,8 @@ impl Coordinator {
             slot,
             flags: local.flags(self.plan.is_some(), self.agreed.is_some()),
             time_us: micros(now),
+            rests_enu_m: local.rests.map_or([0.0; 3], |rest| rest.position_enu_m),
+            rests_wxyz: local.rests.map_or([0.0; 4], |rest| rest.wxyz),
             ..Default::default()
         };
         self.orders.say(&mut status);
@@ -545,7 +575,7 @@ impl Coordinator {
     fn advance_proposal(&mut self, now: Instant) {
         let (Part::I(leader), Some(plan)) = (&mut self.part, &self.plan) else { return };
         match leader.advance(plan, now) {
-            Ok(message) => self.transmit.extend(message),
+            Ok(messages) => self.transmit.extend(messages.into_iter().flatten()),
             Err((slot, why)) => self.events.push_back(Event::Refused(slot, why)),
         }
     }
@@ -564,7 +594,9 @@ impl Coordinator {
             && self.acquaintance.peer().is_boot(propose.boot_id)
         {
             let plan = self.plan.as_ref();
-            self.transmit.extend(follower.take_proposal(propose, committed, plan, &self.time, now));
+            let (event, answer) = follower.take_proposal(propose, committed, plan, &self.time, now);
+            self.events.extend(event);
+            self.transmit.extend(answer);
         }
     }
 

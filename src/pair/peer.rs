@@ -8,6 +8,7 @@ use crate::geo::Enu;
 use crate::time::Instant;
 
 use super::age::Ages;
+use super::coordinator::Rest;
 use super::wire::{VEILWING_HELLO_DATA, VEILWING_STATUS_DATA, VeilwingFlags};
 
 /// The other companion, as its messages describe it.
@@ -36,6 +37,8 @@ pub struct Peer {
     pub home_enu_m: Option<Enu>,
     /// Its last reported position.
     pub position_enu_m: Option<Enu>,
+    /// Where it rests, between slots whose poses are made anew.
+    pub rests: Option<Rest>,
     /// The proposal it is committed to.
     pub committed: Option<u32>,
 }
@@ -57,6 +60,7 @@ impl Default for Peer {
             plan_digest: None,
             home_enu_m: None,
             position_enu_m: None,
+            rests: None,
             committed: None,
         }
     }
@@ -184,6 +188,7 @@ impl Peer {
         if position.iter().all(|x| x.is_finite()) {
             self.position_enu_m = Some(position);
         }
+        self.rests = Rest::of_wire(status.rests_enu_m, status.rests_wxyz);
         true
     }
 }

@@ -117,6 +117,20 @@ pub(super) fn rough(setup: &Setup, options: &Options) -> Vec<Rough> {
     if found.is_empty() { vec![Rough { raw: resort(setup, options).raw, value: 0.0 }] } else { found }
 }
 
+/// The optimum next to a configuration, likewise.
+pub(super) fn next_to(setup: &Setup, options: &Options, from: &Raw) -> Option<Rough> {
+    let random = setup.varies() || setup.heeds_uncertainty();
+    let samples = random.then(|| samples(setup, options));
+    let first = samples.as_ref().map(|samples| samples.first(POLISH_SAMPLES[0].0));
+    let target = match &first {
+        Some(samples) => Target::Mean { samples, clip: true },
+        None => Target::Exact(POLISH_SHARPNESS[0]),
+    };
+    let chart = chart(setup, false, powers::of(setup, from));
+    let end = Memory::default().maximise(setup, &chart, target, from, &settings(100, POLISH_SAMPLES[0].2))?;
+    Some(Rough { raw: end.raw, value: end.value })
+}
+
 /// The best ends of the search; without `near` only the best one is brought to its full accuracy.
 fn ends(setup: &Setup, options: &Options, near: Option<Near>) -> Vec<Local> {
     let heeds_uncertainty = setup.heeds_uncertainty();

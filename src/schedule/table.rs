@@ -22,7 +22,7 @@ pub use super::error::TableError;
 use super::legs::Legs;
 use super::order::{Order, Tour};
 use super::trajectory::{Start, Trajectory};
-use super::transit::{Router, Separation, Transit};
+use super::transit::{Router, Separation, Transit, TransitError};
 use crate::geo::Pose;
 use crate::planner::slots::Plan;
 use crate::planner::track::{Track, Way};
@@ -243,6 +243,44 @@ impl Table {
         entries(&mut legs, &tour, lengths, timing)
     }
 
+    /// Has a slot served from other poses, to which the vehicles come from where they rest; what is after it begins as much later,
+    /// or sooner.
+    ///
+    /// # Errors
+    /// [`TransitError`] where there is no way to these poses, and nothing is changed.
+    pub fn reroute(
+        &mut self,
+        router: &Router,
+        slot: u16,
+        from: &PerVehicle<Start>,
+        poses: &PerVehicle<Pose>,
+        timing: &Timing,
+    ) -> Result<(), TransitError> {
+        let index = usize::from(slot);
+        let Some(old) = self.entries.get(index).cloned() else { return Ok(()) };
+        let transit = router.plan(from, poses)?;
+        let leaves = PerVehicle::from_fn(|role| transit.trajectories[role].end());
+        let way = Coming { transit, enters: Duration::ZERO, leaves, carries_on_after: None };
+        let user = (old.user_index, old.candidate);
+        let length = old.closes.saturating_sub(old.opens);
+        let new = Entry::new(slot, user, way, old.transit_starts, length, timing);
+        let moved = |t: Duration| (t + new.closes).saturating_sub(old.closes);
+        for entry in &mut self.entries[index + 1..] {
+            for t in [
+                &mut entry.transit_starts,
+                &mut entry.opens,
+                &mut entry.closes,
+                &mut entry.radiate_from,
+                &mut entry.radiate_until,
+            ] {
+                *t = moved(*t);
+            }
+        }
+        self.ends = moved(self.ends);
+        self.entries[index] = new;
+        Ok(())
+    }
+
     /// The entry of the slot or transit in progress at `t` since the mission's start; `None` after the end.
     #[must_use]
     pub fn at(&self, t: Duration) -> Option<&Entry> {
@@ -347,7 +385,6 @@ mod tests {
     use crate::geo::{Attitude, Enu};
     use crate::schedule::testing;
     use crate::schedule::transit::End;
-    use crate::schedule::transit::TransitError;
 
     const S: fn(f64) -> Duration = Duration::from_secs_f64;
     const TIMING: Timing = Timing::new(Duration::from_secs(20), Duration::from_secs(1), 2);

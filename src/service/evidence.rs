@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use crate::geo::{Attitude, Enu};
+use crate::pair::Rest;
 use crate::time::Instant;
 
 /// What is known of the own vehicle at one instant.
@@ -28,6 +29,8 @@ pub struct Vehicle {
     pub at_rest: bool,
     /// The slot whose motion it enters from where it rests.
     pub rests_for: Option<u16>,
+    /// Where it rests, between slots whose poses are made anew.
+    pub rests: Option<Rest>,
     /// Where it took off, or stands.
     pub home_enu_m: Option<Enu>,
     /// No preflight check fails.

@@ -176,6 +176,7 @@ mod tests {
         let pose = Pose { position_enu_m: Enu::zeros(), roll_rad: 0.0, pitch_rad: 0.0, yaw_rad: 0.0 };
         let vehicle = VehiclePlan { pose, tx_power_w: 0.5 };
         let terms = SlotTerms {
+            anew: None,
             vehicles: PerVehicle { i: vehicle, j: vehicle },
             tracks: None,
             lean_rad: PerVehicle { i: 0.0, j: 0.0 },

@@ -3,6 +3,7 @@
 mod carrying;
 mod following;
 
+use following::Anew;
 use std::collections::VecDeque;
 use std::time::Duration;
 
@@ -74,6 +75,8 @@ pub struct SlotService {
     agreement_time: AgreementTime,
     /// I: the instant the slot table counts from, known from the first proposal on.
     table_zero: Option<Instant>,
+    /// I: the slot whose poses are to be made anew, or are.
+    anew: Anew,
     vehicle: Vehicle,
     /// The mission's permission to radiate holds at present.
     permitted: bool,
@@ -103,6 +106,7 @@ impl SlotService {
             abandoning: false,
             agreement_time: AgreementTime::default(),
             table_zero: None,
+            anew: Anew::No,
             vehicle: Vehicle::default(),
             permitted: true,
             events: VecDeque::new(),
@@ -523,6 +527,7 @@ impl SlotService {
         let local = Local {
             home_enu_m: vehicle.home_enu_m,
             position_enu_m: vehicle.position.map(|(position, _)| position),
+            rests: vehicle.rests.filter(|_| matches!(self.stage, Stage::Between { .. })),
             preflight_ok: vehicle.preflight_ok,
             airborne: !matches!(self.stage, Stage::Away) && vehicle.in_control,
             on_station: in_pose && self.staleness.is_fresh(now) && vehicle.in_control,
@@ -567,12 +572,14 @@ impl SlotService {
             Role::I => {
                 let may = peer_ready && !self.pair.is_proposing();
                 let Some(utc) = utc.filter(|_| may && refusals.may_propose(now)) else { return };
+                let Some((opens, lead)) = self.terms_anew(next, (opens, lead), now) else { return };
                 let earliest = now + self.agreement_time() + lead;
                 let opens_at = self.table_zero.map_or(earliest, |zero| (zero + opens).max(earliest));
                 // Before a start at a given time both hover: a proposal now would be agreed on too early.
                 if opens_at <= earliest + EARLY {
                     self.table_zero = Some(opens_at - opens);
-                    self.pair.propose(next, utc + opens_at.saturating_since(now), now);
+                    let places = self.anew.take();
+                    self.pair.propose(next, utc + opens_at.saturating_since(now), places, now);
                 }
             }
         }
@@ -681,6 +688,7 @@ impl SlotService {
                 Some(Refusal::Another) | None => return,
             },
             Pair::PlanMotion => Event::PlanMotion,
+            Pair::PlanSlot(asked) => Event::PlanSlot(asked.slot, Some(asked)),
             Pair::TakeUp(number) => Event::TakeUp(number),
             Pair::Committed(commitment) => match self.commit(commitment) {
                 true => Event::Agreed(commitment),

@@ -6,7 +6,7 @@ use mavlink::dialects::ardupilotmega::MavMessage;
 
 use crate::pair::orders::Change;
 use crate::pair::wire::{self, VeilwingAnswer, VeilwingSilence};
-use crate::pair::{self, Commitment};
+use crate::pair::{self, AskedSlot, Commitment};
 use crate::transmitter::{NotReady, Trouble};
 
 use super::interlock::{Ceilings, Permit, Silence};
@@ -117,6 +117,9 @@ pub enum Event {
     PlanMotion,
     /// The motion of this number is flown from its beginning on, and to be given to [`super::SlotService::take_up`].
     TakeUp(u16),
+    /// The poses of this slot are to be made anew, and what is found to be told by [`super::SlotService::slot_planned`]; of J with
+    /// what is asked.
+    PlanSlot(u16, Option<AskedSlot>),
     /// Every slot is over.
     AllOver,
     /// The owner should give the mission up, and say so by [`super::SlotService::abandon`].

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use mavlink::MavHeader;
 use veilwing::pair::wire::{MavMessage, VeilwingFlags};
-use veilwing::pair::{Drifting, Order, Places};
+use veilwing::pair::{AskedSlot, Drifting, Order, Places};
 use veilwing::role::Role;
 use veilwing::service::{Event, Slot, SlotService, Vehicle};
 use veilwing::time::Instant;
@@ -154,6 +154,12 @@ impl Companion {
                         Some(u64::from(asked.number) << 32 | i << 16 | j),
                         now,
                     );
+                }
+                // Nobody moves: the poses are the plan's.
+                Event::PlanSlot(slot, asked) => {
+                    let places = Places::new(0);
+                    let asked = asked.unwrap_or(AskedSlot { proposal: 0, slot, places });
+                    self.service.slot_planned(&asked, None, now);
                 }
                 // One that it has not made would be a motion of nobody's.
                 Event::TakeUp(number) => {

@@ -60,6 +60,7 @@ impl Flown {
     fn plan(&self) -> PlanTerms {
         let tracks = self.turning.then(|| self.tracks());
         let terms = |slot: u16| SlotTerms {
+            anew: None,
             vehicles: vehicles(if self.turning { 0 } else { slot }),
             tracks: match (&tracks, self.motions) {
                 (Some(tracks), _) => Some(tracks[usize::from(slot)].clone()),

@@ -15,7 +15,7 @@ use veilwing::link::codec::{Decoder, Encoder};
 use veilwing::link::envelope::PAYLOAD_TYPE;
 use veilwing::link::{Counters, Envelope, Form, Rejection};
 use veilwing::pair::wire;
-use veilwing::pair::{self, Places, PlanTerms};
+use veilwing::pair::{self, AskedSlot, Places, PlanTerms, SlotTerms};
 use veilwing::role::{PerVehicle, Role};
 use veilwing::service::{
     Ceilings, Event, Freshness, Outgoing, Settings, Slot, SlotService, Tolerance, Vehicle,
@@ -167,6 +167,14 @@ impl Companion {
             {
                 let found = (asked.number % 5 != 4).then_some(u64::from(asked.number));
                 self.service.motion_planned(asked.number, found, now);
+            }
+            // So are poses: now and then the two find different ones.
+            if let Event::PlanSlot(slot, asked) = event {
+                let places = Places::new(0);
+                let asked = asked.unwrap_or(AskedSlot { proposal: 0, slot, places });
+                let anew = Some([u8::from(asked.proposal % 5 == 4); 8]);
+                let terms = terms::followed().slots.pop().map(|terms| SlotTerms { anew, ..terms });
+                self.service.slot_planned(&asked, terms, now);
             }
         }
         assert!(events <= 3, "{}: {events} events at once", self.role);

@@ -34,6 +34,11 @@ impl Followed {
         }
     }
 
+    /// As told last.
+    pub fn last(&self) -> Option<Flown> {
+        self.told.back().map(|(.., flown)| *flown)
+    }
+
     /// What a vehicle was to do at an instant of a slot: as told last before.
     pub fn reference(&self, slot: usize, vehicle: usize, at: Duration) -> Option<Reference> {
         let of_slot = || self.told.iter().filter(|(_, of, _)| *of == slot);

@@ -19,6 +19,7 @@ pub mod violation;
 
 use std::time::Duration;
 
+use nalgebra::Vector3;
 use serde::Serialize;
 
 use crate::vehicle::autopilot::Mode;
@@ -435,6 +436,18 @@ impl World {
             secrecy_rate_bps: self.secrecy_rate_bps,
             violations: self.monitor.violations.len(),
         }
+    }
+
+    /// What both are meant to do, as told last ([`World::follow`]).
+    #[must_use]
+    pub fn flown(&self) -> Option<Flown> {
+        self.followed.last()
+    }
+
+    /// Where users and eavesdroppers truly are now, metres in mission ENU, in the order in which they were told.
+    #[must_use]
+    pub fn places(&self) -> [Vec<Vector3<f64>>; 2] {
+        [&self.users, &self.eavesdroppers].map(|all| all.iter().map(|one| one.position_enu_m).collect())
     }
 
     /// By how much the truth is off what each vehicle believes, in this flight.

@@ -13,7 +13,7 @@ use crate::desk::simulation::FaultKind;
 
 use super::Quantile;
 use super::coverage::{self, Counts};
-use super::line::{Ending, ExcusedLine, FlightLine, UserLine, ViolationLine};
+use super::line::{Ending, ExcusedLine, FlightLine, FollowingLine, UserLine, ViolationLine};
 
 /// The document's format.
 pub const FORMAT: &str = "veilwing-campaign/1";
@@ -100,6 +100,47 @@ impl UserTotal {
     }
 }
 
+/// What following those that move gave, over the flights in which I radiated.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct FollowingTotal {
+    /// What was lost to a pair that knows all tracks beforehand and begins each slot as this one did, of 1.
+    pub lost: Mean,
+    /// To one that begins each slot where it is best.
+    pub lost_to_best: Mean,
+    /// What one loses to that which stays where the plan has it.
+    pub lost_by_staying: Mean,
+    /// Motions that I asked for, and of them those that both took up.
+    pub motions_asked: u64,
+    /// See `motions_asked`.
+    pub motions_taken_up: u64,
+    /// From I's first word of a motion until J said that it flies it, seconds: median, what 99% keep, the longest.
+    pub agreement_s: Option<[f64; 3]>,
+}
+
+impl FollowingTotal {
+    fn of(flights: &[FlightLine]) -> Option<Self> {
+        let lines: Vec<&FollowingLine> =
+            flights.iter().filter_map(|flight| flight.following.as_ref()).collect();
+        let lost = |had: fn(&FollowingLine) -> f64, of: fn(&FollowingLine) -> f64| {
+            let worth = lines.iter().filter(|line| of(line) > 0.0);
+            Mean::of(&worth.map(|line| 1.0 - had(line) / of(line)).collect::<Vec<_>>())
+        };
+        let took: Vec<f64> = lines.iter().flat_map(|line| line.agreements_s.iter().copied()).collect();
+        let quantile = |share| Quantile::of(&took, share).map(|quantile| quantile.value);
+        (!lines.is_empty()).then(|| Self {
+            lost: lost(|line| line.achieved_secrecy_rate_bps, |line| line.knowing_secrecy_rate_bps),
+            lost_to_best: lost(|line| line.achieved_secrecy_rate_bps, |line| line.best_secrecy_rate_bps),
+            lost_by_staying: lost(|line| line.staying_secrecy_rate_bps, |line| line.best_secrecy_rate_bps),
+            motions_asked: lines.iter().map(|line| line.motions_asked).sum(),
+            motions_taken_up: took.len() as u64,
+            agreement_s: match [0.5, 0.99, 1.0].map(quantile) {
+                [Some(median), Some(most), Some(longest)] => Some([median, most, longest]),
+                _ => None,
+            },
+        })
+    }
+}
+
 /// Faults that take charge which no companion knows of in time: gone at once, or not said.
 const TAKE_CHARGE: [FaultKind; 2] = [FaultKind::BatteryLow, FaultKind::BatteryLies];
 
@@ -165,6 +206,9 @@ pub struct CampaignDocument {
     /// Where the link has imperfections that are drawn once a flight, what they left to each user.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub users: Vec<UserTotal>,
+    /// Where users or eavesdroppers move.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub following: Option<FollowingTotal>,
     /// How often each kind of fault came about.
     pub faults: BTreeMap<String, u64>,
     /// How often the companions came to each of their kinds of state, news and refusal, those never reached included.
@@ -219,6 +263,7 @@ impl CampaignDocument {
             cpu_s: times.cpu_s,
             achieved_over_planned: if ideal { Mean::of(&ratios) } else { Mean::with_quantile(&ratios) },
             users: UserTotal::all(&flights),
+            following: FollowingTotal::of(&flights),
             faults,
             coverage,
             flights,
@@ -264,6 +309,7 @@ impl CampaignDocument {
             )?;
         }
         self.write_users(text)?;
+        self.write_following(text)?;
         for violation in &self.violations {
             let ViolationLine { invariant, seed, at_s, duration_s, detail } = violation;
             writeln!(
@@ -317,6 +363,32 @@ impl CampaignDocument {
             )?;
         }
         Ok(())
+    }
+
+    fn write_following(&self, text: &mut String) -> std::fmt::Result {
+        let Some(total) = &self.following else { return Ok(()) };
+        let of = [
+            ("lost to who knows all tracks", &total.lost),
+            ("  and begins each slot where it is best", &total.lost_to_best),
+            ("  by who stays where the plan has it", &total.lost_by_staying),
+        ];
+        for (what, lost) in of {
+            if let (Some(mean), Some(error)) = (lost.mean, lost.standard_error) {
+                writeln!(text, "{what}: {:.2} +- {:.2}%", 100.0 * mean, 100.0 * error)?;
+            }
+        }
+        write!(
+            text,
+            "motions: {} asked for, {} taken up by both",
+            total.motions_asked, total.motions_taken_up
+        )?;
+        match total.agreement_s {
+            Some([median, most, longest]) => writeln!(
+                text,
+                ", after {median:.3} s in the median, {most:.3} s in 99 of 100, {longest:.3} s at most"
+            ),
+            None => writeln!(text),
+        }
     }
 
     /// The flights that ended with less than the reserve, by the fault that took it; and one by one where there

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::desk::simulation::{Excused, Flown};
+use crate::desk::simulation::{Excused, Flown, Hindsight};
 use crate::role::PerVehicle;
 
 use super::coverage::Counts;
@@ -71,6 +71,43 @@ pub struct UserLine {
     pub achieved_secrecy_rate_bps: f64,
 }
 
+/// What following those that move gave, over the time in which I radiated in slots of the plan.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct FollowingLine {
+    /// Mean rates of the pair that flew; of one that knows all tracks beforehand and begins each slot as that did; of one that begins it
+    /// where it is best; and of one that stays where the plan has it.
+    pub achieved_secrecy_rate_bps: f64,
+    /// See `achieved_secrecy_rate_bps`.
+    pub knowing_secrecy_rate_bps: f64,
+    /// See `achieved_secrecy_rate_bps`.
+    pub best_secrecy_rate_bps: f64,
+    /// See `achieved_secrecy_rate_bps`.
+    pub staying_secrecy_rate_bps: f64,
+    /// Motions that I asked for.
+    pub motions_asked: u64,
+    /// Of those that both took up: from I's first word of it until J said that it flies it, seconds.
+    pub agreements_s: Vec<f64>,
+}
+
+impl FollowingLine {
+    fn of(flown: &Flown) -> Option<Self> {
+        let (slots, agreements) = flown.followed.as_ref()?;
+        let on_air_s = |of: &Hindsight| flown.report.slots[of.slot].radiated_s.i;
+        let sum_s: f64 = slots.iter().map(on_air_s).sum();
+        let mean = |rate: &dyn Fn(&Hindsight) -> f64| {
+            slots.iter().map(|of| on_air_s(of) * rate(of)).sum::<f64>() / sum_s
+        };
+        (sum_s > 0.0).then(|| Self {
+            achieved_secrecy_rate_bps: mean(&|of| flown.report.slots[of.slot].achieved_secrecy_rate_bps),
+            knowing_secrecy_rate_bps: mean(&|of| of.knowing_bps),
+            best_secrecy_rate_bps: mean(&|of| of.best_bps),
+            staying_secrecy_rate_bps: mean(&|of| of.staying_bps),
+            motions_asked: agreements.asked as u64,
+            agreements_s: agreements.took_s.clone(),
+        })
+    }
+}
+
 /// One flight.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FlightLine {
@@ -100,6 +137,9 @@ pub struct FlightLine {
     /// Charge with which each vehicle came to the end, of 1, as it truly is.
     #[serde(default)]
     pub battery_left: Option<PerVehicle<f64>>,
+    /// Where users or eavesdroppers move.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub following: Option<FollowingLine>,
     /// Faults that came about.
     pub faults: Vec<FaultLine>,
     /// How often each kind of state, news and refusal was reached.
@@ -148,6 +188,7 @@ impl FlightLine {
             unprotected_s: flown.report.unprotected_s,
             emitted_out_of_pose_s: out_of_pose.i + out_of_pose.j,
             battery_left: Some(PerVehicle { i: battery.i, j: battery.j }),
+            following: FollowingLine::of(flown),
             faults: faults.collect(),
             coverage,
             violations: flown.report.violations.iter().map(line).collect(),

@@ -441,9 +441,9 @@ impl Flight {
                 process.planning.push_back((at + PLANNING, ticket, question.answer()));
             }
             if process.planning.front().is_some_and(|(made, ..)| *made <= at)
-                && let Some((_, ticket, motion)) = process.planning.pop_front()
+                && let Some((_, ticket, answer)) = process.planning.pop_front()
             {
-                process.executive.handle_motion(ticket, motion, at);
+                process.executive.handle_answer(ticket, answer, at);
                 continue;
             }
             let (deadline, why) = process.executive.poll_timeout();

@@ -8,9 +8,8 @@ use crate::config::{Mission, Vehicle};
 use crate::link::codec::{Decoder, Encoder};
 use crate::link::{Aboard, Envelope, Form};
 use crate::mission::Executive;
-use crate::mission::following::Ticket;
+use crate::mission::following::{Answer, Ticket};
 use crate::pair::Record;
-use crate::planner::following::Motion;
 use crate::planner::slots::Plan;
 use crate::role::Role;
 use crate::service::Standing;
@@ -46,8 +45,8 @@ pub(super) struct Process {
     pub frozen: bool,
     /// Its phase and what its service is doing, as an observer was last told.
     pub stands: Option<(&'static str, Standing)>,
-    /// Motions that it is planning: made at this time of its clock.
-    pub planning: VecDeque<(Instant, Ticket, Option<Motion>)>,
+    /// What it is planning: made at this time of its clock.
+    pub planning: VecDeque<(Instant, Ticket, Answer)>,
     /// The simulation time at which it wants to be called, as it said when it was last called.
     pub wakes_at: Duration,
     role: Role,

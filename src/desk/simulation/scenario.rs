@@ -9,12 +9,14 @@ use crate::autopilot::Actuation;
 use crate::config::{Mission, Vehicle};
 use crate::link::counters::Counters;
 use crate::mission::Outcome;
+use crate::planner::PlanError;
 use crate::planner::slots::Plan;
 use crate::role::{PerVehicle, Role};
 
 use super::excuse::{Excused, judge};
 use super::fault::{Change, Fault, FaultKind, Lengths, RadioFault};
 use super::flight::{Flight, FlightError, Setup};
+use super::hindsight::{Agreements, Hindsight, Seer};
 use super::imperfections::Imperfections;
 use super::observer::Observer;
 use super::path::Path;
@@ -52,6 +54,9 @@ pub enum ScenarioError {
     /// The flight without faults cannot be flown.
     #[error(transparent)]
     Flight(#[from] FlightError),
+    /// What could have been flown cannot be planned.
+    #[error(transparent)]
+    Hindsight(#[from] PlanError),
 }
 
 /// What became of one flight.
@@ -75,6 +80,8 @@ pub struct Flown {
     pub unlogged: PerVehicle<u64>,
     /// What the companions' decoders have turned away.
     pub counters: PerVehicle<Counters>,
+    /// Where users or eavesdroppers move: each slot with hindsight, and what became of the motions that were made anew.
+    pub followed: Option<(Vec<Hindsight>, Agreements)>,
     /// As it was left.
     pub world: World,
 }
@@ -185,8 +192,17 @@ impl Scenario {
         let setup = Setup { given, start_unasked: true, autopilot: Path::GOOD, pair: Path::GOOD, seed };
         let supervisor = Supervisor::new(faults, self.longest());
         let mut run = Run { flight: Flight::new(world, setup), supervisor };
-        run.fly(witness)?;
-        Ok(run.finish())
+        let given = &self.given.i;
+        if given.mission.movers.is_empty() {
+            run.fly(witness)?;
+            return Ok(run.finish());
+        }
+        let mut seer = Seer::default();
+        run.fly(&mut (witness, &mut seer))?;
+        let mut flown = run.finish();
+        let hindsight = seer.hindsight(&given.mission, &given.plan, &flown.world)?;
+        flown.followed = Some((hindsight, seer.agreements()));
+        Ok(flown)
     }
 }
 
@@ -231,6 +247,7 @@ impl Run {
             lost,
             unlogged: PerVehicle::from_fn(|role| self.flight.unlogged(role)),
             counters: PerVehicle::from_fn(|role| self.flight.counters(role).clone()),
+            followed: None,
             world: self.flight.world,
         }
     }

@@ -8,7 +8,7 @@ use crate::time::Instant;
 use super::super::lease::Book;
 use super::super::wire::{self, MavMessage, VeilwingAnswer};
 use super::shared_time::SharedTime;
-use super::terms::{Commitment, PlanTerms, Vouch};
+use super::terms::{AskedSlot, Commitment, Event, Places, PlanTerms, SlotTerms, Vouch};
 
 /// J commits no later than this before its transit begins: time for several statuses, of which I must hear one.
 const CONFIRM: Duration = Duration::from_millis(300);
@@ -26,6 +26,12 @@ pub(super) struct Follower {
     finished: u32,
     /// The slot that I proposed last, since the last one was over.
     pub asked: Option<u16>,
+    /// For whom the poses of the slot of this proposal are made.
+    told: Option<(u32, Places)>,
+    /// The slot that is made anew for a proposal, and whether that is done.
+    anew: Option<(AskedSlot, bool)>,
+    /// The proposal that waits for it.
+    waits: Option<Box<wire::VEILWING_PROPOSE_DATA>>,
     pub vouch: Option<Vouch>,
     pub book: Book,
 }
@@ -41,7 +47,7 @@ impl Follower {
         let over = [commitment, self.accepted.take()].into_iter().flatten().map(|c| c.proposal).max();
         self.finished = self.finished.max(over.unwrap_or(0));
         self.vouch = None;
-        self.asked = None;
+        (self.asked, self.told, self.anew, self.waits) = (None, None, None, None);
     }
 
     /// I restarted: its proposals and its clock begin anew.
@@ -50,7 +56,54 @@ impl Follower {
         self.book.new_boot();
     }
 
-    /// Answers a copy of a proposal; `None` for one that is over.
+    /// For whom the poses of a slot that I proposes are made.
+    pub fn take_places(&mut self, proposal: u32, places: Places) {
+        if proposal > self.finished {
+            self.told = Some((proposal, places));
+        }
+    }
+
+    /// Whether the slot that is asked for is to be made anew still, and for that proposal: then it is done with this. What was
+    /// accepted before is none any more.
+    pub fn made_anew(&mut self, asked: &AskedSlot) -> bool {
+        let awaited = self.anew.as_ref() == Some(&(*asked, false));
+        if awaited {
+            (self.anew, self.accepted) = (Some((*asked, true)), None);
+        }
+        awaited
+    }
+
+    /// The proposal that waited for it, to be judged now.
+    pub fn take_waiting(&mut self) -> Option<Box<wire::VEILWING_PROPOSE_DATA>> {
+        self.waits.take()
+    }
+
+    /// What is to be planned before a proposal can be judged, if that is not under way: a slot whose poses are made anew for it.
+    /// `None`: it can be judged.
+    fn awaits(
+        &mut self,
+        propose: &wire::VEILWING_PROPOSE_DATA,
+        plan: Option<&PlanTerms>,
+    ) -> Option<Option<Event>> {
+        let terms = plan?.slots.get(usize::from(propose.slot)).filter(|terms| terms.follows())?;
+        let as_planned = propose.plan_digest == wire::short(&plan?.digest) && terms.anew.is_none();
+        if self.readiness != Some(propose.slot) || as_planned {
+            return None;
+        }
+        match &self.anew {
+            Some((asked, done)) if asked.proposal == propose.proposal => (!done).then_some(None),
+            _ => {
+                let places = self.told.filter(|(proposal, _)| *proposal == propose.proposal);
+                let (proposal, slot) = (propose.proposal, propose.slot);
+                let asked = places.map(|(_, places)| AskedSlot { proposal, slot, places });
+                self.anew = asked.map(|asked| (asked, false)).or(self.anew);
+                self.waits = asked.map(|_| Box::new(propose.clone()));
+                Some(asked.map(Event::PlanSlot))
+            }
+        }
+    }
+
+    /// Answers a copy of a proposal, or says what is to be planned first; nothing for one that is over.
     pub fn take_proposal(
         &mut self,
         propose: &wire::VEILWING_PROPOSE_DATA,
@@ -58,11 +111,27 @@ impl Follower {
         plan: Option<&PlanTerms>,
         time: &SharedTime,
         now: Instant,
-    ) -> Option<MavMessage> {
+    ) -> (Option<Event>, Option<MavMessage>) {
         if propose.proposal <= self.finished {
-            return None;
+            return (None, None);
         }
         self.asked = Some(propose.slot);
+        if committed.is_none()
+            && let Some(event) = self.awaits(propose, plan)
+        {
+            return (event, None);
+        }
+        (None, self.answer(propose, committed, plan, time, now))
+    }
+
+    fn answer(
+        &mut self,
+        propose: &wire::VEILWING_PROPOSE_DATA,
+        committed: Option<Commitment>,
+        plan: Option<&PlanTerms>,
+        time: &SharedTime,
+        now: Instant,
+    ) -> Option<MavMessage> {
         let answer = match committed {
             Some(commitment) if commitment.proposal == propose.proposal => {
                 VeilwingAnswer::VEILWING_ANSWER_ACCEPTED
@@ -98,11 +167,13 @@ impl Follower {
         let (Some(plan), Some(next)) = (plan, self.readiness) else {
             return Err(VeilwingAnswer::VEILWING_ANSWER_NOT_READY);
         };
-        if propose.plan_digest != wire::short(&plan.digest) {
+        let terms = plan.slots.get(usize::from(propose.slot));
+        let digest = terms.map_or(wire::short(&plan.digest), |terms| plan.digest_of(terms));
+        if propose.plan_digest != digest {
             return Err(VeilwingAnswer::VEILWING_ANSWER_WRONG_PLAN);
         }
         // Only the very next: the transit to any other begins where J is not.
-        let terms = plan.slots.get(usize::from(propose.slot)).filter(|_| plan.can_follow(propose.slot, next));
+        let terms: Option<&SlotTerms> = terms.filter(|_| plan.can_follow(propose.slot, next));
         let terms = terms.ok_or(VeilwingAnswer::VEILWING_ANSWER_WRONG_SLOT)?;
         let vehicles = &terms.vehicles;
         if !same(&propose.i_position_enu_m, &propose.i_euler_rad, propose.i_power_w, &vehicles.i)

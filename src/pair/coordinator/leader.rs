@@ -12,7 +12,7 @@ use crate::time::{Instant, Utc};
 
 use super::super::lease::Holder;
 use super::super::wire::{self, MavMessage, VeilwingAnswer};
-use super::terms::{Commitment, PlanTerms};
+use super::terms::{Commitment, Places, PlanTerms};
 use super::{micros, narrow};
 
 const PROPOSE_EVERY: Duration = Duration::from_millis(200);
@@ -34,6 +34,8 @@ enum Stage {
 #[derive(Debug, Clone, Copy)]
 struct Proposal {
     commitment: Commitment,
+    /// For whom the slot's poses were made anew.
+    places: Option<Places>,
     stage: Stage,
     first_sent: Instant,
     next_send: Instant,
@@ -65,12 +67,13 @@ impl Leader {
         slot: u16,
         opens: Utc,
         (leaves_at, opens_at): (Instant, Instant),
+        places: Option<Places>,
         now: Instant,
     ) {
         self.proposals += 1;
         let commitment = Commitment { proposal: self.proposals, slot, opens_at, opens, leaves_at };
-        self.proposal =
-            Some(Proposal { commitment, stage: Stage::Proposed, first_sent: now, next_send: now });
+        let stage = Stage::Proposed;
+        self.proposal = Some(Proposal { commitment, places, stage, first_sent: now, next_send: now });
     }
 
     pub fn withdraw(&mut self) {
@@ -87,15 +90,16 @@ impl Leader {
     }
 
     /// What is due of the proposal; one that was not agreed on in time is withdrawn.
-    pub fn advance(&mut self, plan: &PlanTerms, now: Instant) -> Result<Option<MavMessage>, Refused> {
-        let Some(proposal) = self.proposal.as_mut() else { return Ok(None) };
+    pub fn advance(&mut self, plan: &PlanTerms, now: Instant) -> Result<[Option<MavMessage>; 2], Refused> {
+        const NOTHING: [Option<MavMessage>; 2] = [None, None];
+        let Some(proposal) = self.proposal.as_mut() else { return Ok(NOTHING) };
         let commitment = proposal.commitment;
         if now >= commitment.leaves_at {
             self.proposal = None;
             return Err((commitment.slot, VeilwingAnswer::VEILWING_ANSWER_TOO_LATE));
         }
         if proposal.next_send > now {
-            return Ok(None);
+            return Ok(NOTHING);
         }
         let every = match proposal.stage {
             Stage::Committing => COMMIT_EVERY,
@@ -104,18 +108,25 @@ impl Leader {
         proposal.next_send = now + every;
         let proposal = *proposal;
         Ok(match proposal.stage {
-            Stage::Committing => Some(MavMessage::VEILWING_COMMIT(wire::VEILWING_COMMIT_DATA {
-                boot_id: self.boot_id,
-                proposal: commitment.proposal,
-                slot: commitment.slot,
-            })),
-            Stage::Proposed => self.in_full(&proposal, plan),
+            Stage::Committing => [
+                Some(MavMessage::VEILWING_COMMIT(wire::VEILWING_COMMIT_DATA {
+                    boot_id: self.boot_id,
+                    proposal: commitment.proposal,
+                    slot: commitment.slot,
+                })),
+                None,
+            ],
+            Stage::Proposed => {
+                let places = proposal.places.map(|places| places.to_wire(self.boot_id, commitment.proposal));
+                [places.map(MavMessage::VEILWING_PLACES), self.in_full(&proposal, plan)]
+            }
         })
     }
 
     fn in_full(&self, proposal: &Proposal, plan: &PlanTerms) -> Option<MavMessage> {
         let slot = proposal.commitment.slot;
-        let vehicles = plan.slots.get(usize::from(slot))?.vehicles;
+        let terms = plan.slots.get(usize::from(slot))?;
+        let vehicles = &terms.vehicles;
         let euler = |pose: &Pose| narrow([pose.roll_rad, pose.pitch_rad, pose.yaw_rad].into());
         Some(MavMessage::VEILWING_PROPOSE(wire::VEILWING_PROPOSE_DATA {
             opens_utc_us: proposal.commitment.opens.unix_us,
@@ -128,7 +139,7 @@ impl Leader {
             j_euler_rad: euler(&vehicles.j.pose),
             j_power_w: vehicles.j.tx_power_w as f32,
             slot,
-            plan_digest: wire::short(&plan.digest),
+            plan_digest: plan.digest_of(terms),
         }))
     }
 

@@ -153,28 +153,35 @@ impl Motions {
     }
 
     fn question(&self, asked: &Asked<Places>) -> MavMessage {
-        let mut message = wire::VEILWING_PLACES_DATA {
-            boot_id: self.boot_id,
-            proposal: self.commitment.proposal,
-            begins_ms: asked.places.begins_ms,
+        MavMessage::VEILWING_PLACES(wire::VEILWING_PLACES_DATA {
             number: asked.number,
             i_flies: asked.from[0],
             j_flies: asked.from[1],
+            ..asked.places.to_wire(self.boot_id, self.commitment.proposal)
+        })
+    }
+}
+
+impl Places {
+    /// Of the poses of a slot that is proposed; of a motion in it with its number.
+    pub(super) fn to_wire(self, boot_id: u32, proposal: u32) -> wire::VEILWING_PLACES_DATA {
+        let mut message = wire::VEILWING_PLACES_DATA {
+            boot_id,
+            proposal,
+            begins_ms: self.begins_ms,
             who: [NOBODY; MOST_MOVERS],
             ..Default::default()
         };
-        for (k, drifting) in asked.places.moving().enumerate() {
+        for (k, drifting) in self.moving().enumerate() {
             message.who[k] = drifting.who;
             message.position_enu_dm[3 * k..3 * k + 3].copy_from_slice(&drifting.position_enu_dm);
             message.velocity_enu_cm_s[3 * k..3 * k + 3].copy_from_slice(&drifting.velocity_enu_cm_s);
             message.std_quarter_m[2 * k..2 * k + 2].copy_from_slice(&drifting.std_quarter_m);
         }
-        MavMessage::VEILWING_PLACES(message)
+        message
     }
-}
 
-impl Places {
-    fn of_wire(message: &wire::VEILWING_PLACES_DATA) -> Self {
+    pub(super) fn of_wire(message: &wire::VEILWING_PLACES_DATA) -> Self {
         let mut places = Self::new(message.begins_ms);
         for (k, who) in message.who.iter().enumerate().filter(|(_, who)| **who != NOBODY) {
             let three = |all: &[i16; 3 * MOST_MOVERS]| [0, 1, 2].map(|axis: usize| all[3 * k + axis]);

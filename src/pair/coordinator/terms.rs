@@ -3,8 +3,8 @@
 use std::time::Duration;
 
 use super::super::orders::{Change, Record};
-use super::super::wire::{VeilwingAnswer, VeilwingFlags, VeilwingSilence};
-use crate::geo::{Enu, EnuVelocity};
+use super::super::wire::{self, ShortDigest, VeilwingAnswer, VeilwingFlags, VeilwingSilence};
+use crate::geo::{Attitude, Enu, EnuVelocity};
 use crate::planner::following::{Belief, Drift, MOST_MOVERS};
 use crate::planner::plan::VehiclePlan;
 use crate::planner::track::Track;
@@ -40,6 +40,11 @@ pub struct PlanTerms {
 }
 
 impl PlanTerms {
+    /// What a proposal of a slot is known by.
+    pub(super) fn digest_of(&self, terms: &SlotTerms) -> ShortDigest {
+        terms.anew.unwrap_or_else(|| wire::short(&self.digest))
+    }
+
     /// Whether `slot` can follow where `next` is to be agreed on: that one, or the one before where it carries on another: the
     /// other side may not have begun it, and both are where it is served, unless they move.
     #[must_use]
@@ -56,6 +61,8 @@ impl PlanTerms {
 /// One slot of the plan, as the slot table has it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SlotTerms {
+    /// Of a slot whose poses were made anew: first bytes of a digest over all that they and the way to them depend on.
+    pub anew: Option<ShortDigest>,
     /// Poses and powers; of a slot that is served through its turns those between two turns.
     pub vehicles: PerVehicle<VehiclePlan>,
     /// How the vehicles turn, and J's power with them, in a slot that is served through its turns.
@@ -159,6 +166,49 @@ impl Places {
     }
 }
 
+/// Where a vehicle rests, as the wire has it: both companions reckon with these numbers.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Rest {
+    /// Its place in metres, ENU.
+    pub position_enu_m: [f32; 3],
+    /// Its attitude as MAVLink has it: body FRD to NED, w, x, y, z.
+    pub wxyz: [f32; 4],
+}
+
+impl Rest {
+    /// Of a vehicle that is to be there.
+    #[must_use]
+    pub fn of(position_enu_m: &Enu, attitude: &Attitude) -> Self {
+        let position_enu_m = [position_enu_m.x, position_enu_m.y, position_enu_m.z].map(|m| m as f32);
+        Self { position_enu_m, wxyz: attitude.to_mavlink().map(|part| part as f32) }
+    }
+
+    /// What is said by wire; `None` of a vehicle that does not rest, and of what has no meaning.
+    pub(in super::super) fn of_wire(position_enu_m: [f32; 3], wxyz: [f32; 4]) -> Option<Self> {
+        let rest = Self { position_enu_m, wxyz };
+        let (place, _) = rest.pose()?;
+        place.iter().all(|m| m.is_finite()).then_some(rest)
+    }
+
+    /// Place and attitude; `None` of one that is none.
+    #[must_use]
+    pub fn pose(&self) -> Option<(Enu, Attitude)> {
+        let attitude = Attitude::from_mavlink(self.wxyz.map(f64::from))?;
+        Some((Enu::from(self.position_enu_m.map(f64::from)), attitude))
+    }
+}
+
+/// A slot whose poses are to be made anew.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AskedSlot {
+    /// The proposal that it is for; 0 where it is not proposed yet.
+    pub proposal: u32,
+    /// Its number over superframes.
+    pub slot: u16,
+    /// For whom, at its opening.
+    pub places: Places,
+}
+
 /// Local facts that the peer is told.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Local {
@@ -166,6 +216,8 @@ pub struct Local {
     pub home_enu_m: Option<Enu>,
     /// Our position.
     pub position_enu_m: Option<Enu>,
+    /// Where we rest, between slots whose poses are made anew.
+    pub rests: Option<Rest>,
     /// No preflight check fails.
     pub preflight_ok: bool,
     /// In the air and in control.
@@ -271,4 +323,7 @@ pub enum Event {
     PlanMotion,
     /// The motion of this number is flown from its beginning on.
     TakeUp(u16),
+    /// J: I proposes a slot whose poses are to be made anew, for those that move, and what is found to be told by
+    /// [`super::Coordinator::slot_planned`].
+    PlanSlot(AskedSlot),
 }

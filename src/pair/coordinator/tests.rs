@@ -4,9 +4,13 @@ mod bounds;
 mod saying;
 
 use super::super::wire::VeilwingAnswer;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
 use super::*;
 use crate::geo::{Enu, Pose};
 use crate::planner::plan::VehiclePlan;
+use crate::planner::track::{Followed, Track};
 use crate::role::PerVehicle;
 
 const NEEDS: Duration = Duration::from_secs(2);
@@ -37,6 +41,7 @@ fn coordinator_of(role: Role, boot_id: u32, mission_digest: [u8; 32], plan_diges
     let vehicle = VehiclePlan { pose, tx_power_w: 0.5 };
     let mut coordinator = Coordinator::new(settings, Instant::ZERO);
     let terms = SlotTerms {
+        anew: None,
         vehicles: PerVehicle { i: vehicle, j: vehicle },
         tracks: None,
         lean_rad: PerVehicle { i: 0.0, j: 0.0 },
@@ -121,7 +126,7 @@ fn spec_a_dead_boot_s_late_hello_changes_nothing_and_a_new_boot_is_believed() {
 #[test]
 fn spec_both_commit_and_i_only_when_j_has_said_so() {
     let (mut i, mut j) = pair();
-    i.propose(0, utc(6000), at(2000));
+    i.propose(0, utc(6000), None, at(2000));
     i.handle_timeout(at(2000));
     sent(&mut i).iter().for_each(|m| j.handle_message(m, at(2000)));
     sent(&mut j).iter().for_each(|m| i.handle_message(m, at(2000)));
@@ -135,7 +140,7 @@ fn spec_both_commit_and_i_only_when_j_has_said_so() {
 #[test]
 fn spec_a_copy_of_a_proposal_does_not_move_what_was_accepted() {
     let (mut i, mut j) = pair();
-    i.propose(0, utc(6000), at(2000));
+    i.propose(0, utc(6000), None, at(2000));
     i.handle_timeout(at(2000));
     let proposal = sent(&mut i);
     proposal.iter().for_each(|m| j.handle_message(m, at(2000)));
@@ -150,7 +155,7 @@ fn spec_a_copy_of_a_proposal_does_not_move_what_was_accepted() {
 #[test]
 fn spec_a_delayed_commit_commits_nobody() {
     let (mut i, mut j) = pair();
-    i.propose(0, utc(6000), at(2000));
+    i.propose(0, utc(6000), None, at(2000));
     i.handle_timeout(at(2000));
     sent(&mut i).iter().for_each(|m| j.handle_message(m, at(2000)));
     sent(&mut j).iter().for_each(|m| i.handle_message(m, at(2000)));
@@ -167,7 +172,7 @@ fn spec_a_delayed_commit_commits_nobody() {
 #[test]
 fn spec_only_the_very_next_slot_is_accepted() {
     let (mut i, mut j) = pair();
-    i.propose(1, utc(6000), at(2000));
+    i.propose(1, utc(6000), None, at(2000));
     run(&mut i, &mut j, 2000);
     assert_eq!(events(&mut i), vec![Event::Refused(1, VeilwingAnswer::VEILWING_ANSWER_WRONG_SLOT)]);
 }
@@ -176,12 +181,12 @@ fn spec_only_the_very_next_slot_is_accepted() {
 fn spec_a_step_of_utc_voids_what_was_compared() {
     let (mut i, mut j) = pair();
     i.set_utc(Some(utc(9000)), at(2000));
-    i.propose(0, utc(13_000), at(2000));
+    i.propose(0, utc(13_000), None, at(2000));
     assert_eq!(events(&mut i), vec![Event::Refused(0, VeilwingAnswer::VEILWING_ANSWER_CLOCK)]);
     // J's steps back between two comparisons.
     let (mut i2, _) = pair();
     j.set_utc(Some(utc(0)), at(2000));
-    i2.propose(0, utc(6000), at(2000));
+    i2.propose(0, utc(6000), None, at(2000));
     i2.handle_timeout(at(2000));
     sent(&mut j);
     sent(&mut i2).iter().for_each(|m| j.handle_message(m, at(2000)));
@@ -194,7 +199,7 @@ fn spec_a_step_of_utc_voids_what_was_compared() {
 #[test]
 fn spec_j_committed_alone_says_so() {
     let (mut i, mut j) = pair();
-    i.propose(0, utc(6000), at(2000));
+    i.propose(0, utc(6000), None, at(2000));
     i.handle_timeout(at(2000));
     sent(&mut i).iter().for_each(|m| j.handle_message(m, at(2000)));
     sent(&mut j).iter().for_each(|m| i.handle_message(m, at(2000)));
@@ -214,7 +219,7 @@ fn spec_j_committed_alone_says_so() {
 fn granted() -> (Coordinator, Coordinator, wire::VEILWING_LEASE_REQUEST_DATA, wire::VEILWING_LEASE_GRANT_DATA)
 {
     let (mut i, mut j) = pair();
-    i.propose(0, utc(6000), at(2000));
+    i.propose(0, utc(6000), None, at(2000));
     for ms in (2000..6100).step_by(50) {
         run(&mut i, &mut j, ms);
     }
@@ -282,7 +287,7 @@ fn spec_a_request_of_which_one_field_is_another_s_is_granted_nothing() {
 #[test]
 fn spec_a_proposal_of_which_one_field_is_another_plan_s_is_refused() {
     let (mut i, j) = pair();
-    i.propose(0, utc(6000), at(2000));
+    i.propose(0, utc(6000), None, at(2000));
     i.handle_timeout(at(2000));
     let propose = sent(&mut i).into_iter().find_map(|m| match m {
         MavMessage::VEILWING_PROPOSE(propose) => Some(propose),
@@ -313,6 +318,147 @@ fn spec_a_proposal_of_which_one_field_is_another_plan_s_is_refused() {
         assert_eq!(answer(other), Some(VeilwingAnswer::VEILWING_ANSWER_WRONG_PLAN), "{k}");
     }
     assert_eq!(answer(wire::VEILWING_PROPOSE_DATA { boot_id: 12, ..propose }), None);
+}
+
+/// In whose slots motions are made anew.
+fn following() -> (Coordinator, Coordinator) {
+    let (mut i, mut j) = pair();
+    for one in [&mut i, &mut j] {
+        let plan = one.plan.as_mut().unwrap();
+        for slot in &mut plan.slots {
+            let track = |role: Role| Track::Followed(Followed::new(role, slot.vehicles[role]));
+            slot.tracks = Some(PerVehicle::from_fn(track));
+        }
+    }
+    (i, j)
+}
+
+/// The first slot with the poses of this number.
+fn anew(of: &Coordinator, number: u8) -> SlotTerms {
+    let mut terms = of.slot_terms(0).unwrap().clone();
+    terms.anew = Some([number; 8]);
+    terms.vehicles.i.pose.position_enu_m.x = f64::from(number);
+    terms
+}
+
+fn asked(proposal: u32, number: u8) -> AskedSlot {
+    AskedSlot { proposal, slot: 0, places: Places::new(number.into()) }
+}
+
+/// I has made the first slot's poses of this number, and proposes it.
+fn propose_anew(i: &mut Coordinator, number: u8, ms: u64) {
+    let asked = asked(0, number);
+    i.slot_planned(&asked, Some(anew(i, number)), at(ms));
+    i.propose(0, utc(ms + 4000), Some(asked.places), at(ms));
+    i.handle_timeout(at(ms));
+}
+
+fn answers(from: &mut Coordinator) -> Vec<VeilwingAnswer> {
+    let answer = |message| match message {
+        MavMessage::VEILWING_ANSWER(answer) => Some(answer.answer),
+        _ => None,
+    };
+    sent(from).into_iter().filter_map(answer).collect()
+}
+
+#[test]
+fn spec_j_makes_a_slot_s_poses_before_it_answers_and_agrees_where_it_finds_the_same() {
+    for (found, expected) in [
+        (Some(3), VeilwingAnswer::VEILWING_ANSWER_ACCEPTED),
+        (Some(4), VeilwingAnswer::VEILWING_ANSWER_WRONG_PLAN),
+        (None, VeilwingAnswer::VEILWING_ANSWER_WRONG_PLAN),
+    ] {
+        let (mut i, mut j) = following();
+        propose_anew(&mut i, 3, 2000);
+        let said: Vec<_> = sent(&mut i);
+        // Without the places nothing is known of it, and nothing said.
+        let propose = |m: &&MavMessage| matches!(m, MavMessage::VEILWING_PROPOSE(_));
+        said.iter().filter(propose).for_each(|m| j.handle_message(m, at(2000)));
+        assert_eq!((events(&mut j), answers(&mut j)), (vec![], vec![]));
+        said.iter().for_each(|m| j.handle_message(m, at(2010)));
+        assert_eq!(events(&mut j), vec![Event::PlanSlot(asked(1, 3))]);
+        // Nor before it is made; and it is asked for once.
+        said.iter().for_each(|m| j.handle_message(m, at(2020)));
+        assert_eq!((events(&mut j), answers(&mut j)), (vec![], vec![]));
+        let terms = found.map(|found| anew(&j, found));
+        // It answers as soon as it is.
+        j.slot_planned(&asked(1, 3), terms, at(2060));
+        assert_eq!(answers(&mut j), vec![expected], "{found:?}");
+        said.iter().for_each(|m| j.handle_message(m, at(2070)));
+        assert_eq!(answers(&mut j), vec![expected], "{found:?}");
+    }
+}
+
+#[test]
+fn spec_who_is_not_ready_for_a_slot_does_not_make_its_poses() {
+    let (mut i, mut j) = following();
+    j.set_readiness(None);
+    propose_anew(&mut i, 3, 2000);
+    sent(&mut i).iter().for_each(|m| j.handle_message(m, at(2010)));
+    assert_eq!(events(&mut j), vec![]);
+    assert_eq!(answers(&mut j), vec![VeilwingAnswer::VEILWING_ANSWER_NOT_READY]);
+}
+
+/// Words are lost, held up and repeated, and I proposes the slot again and again, each time with other poses: what both are
+/// committed to, both serve from the same.
+#[test]
+fn prop_both_are_committed_to_the_same_poses() {
+    let mut rng = ChaCha8Rng::seed_from_u64(5);
+    let mut agreed = 0;
+    for run in 0..400 {
+        let (mut i, mut j) = following();
+        let (lost, twice) = (rng.random_range(0.0..0.5), rng.random_range(0.0..0.3));
+        let mut under_way: Vec<(u64, Role, MavMessage)> = Vec::new();
+        let mut making: Option<(u64, AskedSlot)> = None;
+        for ms in (2000..9000).step_by(10) {
+            if !i.is_proposing() && i.commitment().is_none() && rng.random_bool(0.2)
+                || i.is_proposing() && rng.random_bool(0.01)
+            {
+                if i.is_proposing() {
+                    let Part::I(leader) = &mut i.part else { unreachable!() };
+                    leader.withdraw();
+                }
+                propose_anew(&mut i, rng.random(), ms);
+            }
+            let (due, later) = under_way.into_iter().partition(|(arrives, ..)| *arrives <= ms);
+            under_way = later;
+            let due: Vec<(u64, Role, MavMessage)> = due;
+            for (_, to, message) in due {
+                let to = if to == Role::I { &mut i } else { &mut j };
+                to.handle_message(&message, at(ms));
+            }
+            i.handle_timeout(at(ms));
+            j.handle_timeout(at(ms));
+            if let Some((_, asked)) = making.take_if(|(made, _)| *made <= ms) {
+                let found = asked.places.begins_ms as u8;
+                let terms = anew(&j, if rng.random_bool(0.1) { found.wrapping_add(1) } else { found });
+                j.slot_planned(&asked, Some(terms), at(ms));
+            }
+            for event in events(&mut j) {
+                if let Event::PlanSlot(asked) = event {
+                    making = Some((ms + rng.random_range(0..120), asked));
+                }
+            }
+            events(&mut i);
+            for (to, from) in [(Role::J, &mut i), (Role::I, &mut j)] {
+                for message in sent(from) {
+                    let copies = if rng.random_bool(twice) { 2 } else { 1 };
+                    for _ in 0..copies {
+                        if !rng.random_bool(lost) {
+                            under_way.push((ms + rng.random_range(0..400), to, message.clone()));
+                        }
+                    }
+                }
+            }
+            if let (Some(of_i), Some(of_j)) = (i.commitment(), j.commitment()) {
+                assert_eq!(of_i.proposal, of_j.proposal, "run {run}");
+                assert_eq!(i.slot_terms(0), j.slot_terms(0), "run {run} at {ms} ms");
+                agreed += 1;
+                break;
+            }
+        }
+    }
+    assert!(agreed > 100, "{agreed}");
 }
 
 #[test]

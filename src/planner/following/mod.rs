@@ -17,14 +17,16 @@
 //! make the same one.
 //!
 //! Each vehicle keeps to its side of a plane between the two ([`Side`]): the one may be anywhere on its motion, or back on it, while
-//! the other flies an earlier one, or none, and they are still apart. Both sides are convex, and so is a cell of the airspace: from
-//! anywhere in it the straight way home to where the slot began is free.
+//! the other flies an earlier one, or none, and they are still apart.
+//!
+//! The poses that a slot begins with are made anew as well: [`Opening`].
 
 mod estimate;
 mod flying;
 mod frame;
 mod motion;
 mod mover;
+mod opening;
 mod path;
 mod question;
 mod search;
@@ -36,6 +38,7 @@ pub use estimate::{Belief, Drift, Estimate, Report, Unrest};
 pub use flying::Flying;
 pub use motion::{Motion, State};
 pub use mover::{Gait, Mover, Who};
+pub use opening::Opening;
 pub use path::Path;
 pub use question::Question;
 pub use side::Side;
@@ -121,25 +124,35 @@ impl Scene<'_> {
     /// place well.)
     #[must_use]
     pub fn problem_at(&self, t_s: f64, begins_s: f64) -> Problem {
-        let mut problem = self.problem.clone();
-        let foreseen = |foresight: &dyn Foresight| {
-            let std_m = foresight.at(t_s.min(begins_s + HEARD_S)).std_m[0].max(LEAST_STD_M);
-            (foresight.at(t_s).position_enu_m, Uncertainty::Gaussian { std_m })
-        };
-        if let Some(user) = self.user {
-            (problem.user_enu_m, problem.user_uncertainty) = foreseen(user);
-        }
-        for (eavesdropper, foresight) in problem.eavesdroppers.iter_mut().zip(&self.eavesdroppers) {
-            if let Some(foresight) = foresight {
-                (eavesdropper.position_enu_m, eavesdropper.uncertainty) = foreseen(*foresight);
-            }
-        }
-        problem
+        believed(self.problem, (self.user, &self.eavesdroppers), t_s, begins_s)
     }
 
     fn user_at(&self, t_s: f64) -> Enu {
         self.user.map_or(self.problem.user_enu_m, |user| user.at(t_s).position_enu_m)
     }
+}
+
+/// A question with the user, and the eavesdroppers, where they are believed to be: see [`Scene::problem_at`].
+fn believed(
+    problem: &Problem,
+    (user, eavesdroppers): (Option<&dyn Foresight>, &[Option<&dyn Foresight>]),
+    t_s: f64,
+    begins_s: f64,
+) -> Problem {
+    let mut problem = problem.clone();
+    let foreseen = |foresight: &dyn Foresight| {
+        let std_m = foresight.at(t_s.min(begins_s + HEARD_S)).std_m[0].max(LEAST_STD_M);
+        (foresight.at(t_s).position_enu_m, Uncertainty::Gaussian { std_m })
+    };
+    if let Some(user) = user {
+        (problem.user_enu_m, problem.user_uncertainty) = foreseen(user);
+    }
+    for (eavesdropper, foresight) in problem.eavesdroppers.iter_mut().zip(eavesdroppers) {
+        if let Some(foresight) = foresight {
+            (eavesdropper.position_enu_m, eavesdropper.uncertainty) = foreseen(*foresight);
+        }
+    }
+    problem
 }
 
 /// The pair's motion from `at_s` on; `None` where none is found that keeps all limits, so that what is flown goes on.

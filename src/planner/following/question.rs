@@ -54,7 +54,7 @@ impl Question {
     }
 }
 
-fn foreseen(drift: &Option<Drift>) -> Option<&dyn Foresight> {
+pub(super) fn foreseen(drift: &Option<Drift>) -> Option<&dyn Foresight> {
     drift.as_ref().map(|drift| drift as &dyn Foresight)
 }
 

@@ -1,16 +1,77 @@
-//! Motions that are made anew while a slot is served.
+//! Poses that are made anew before a slot is agreed on, and motions while it is served.
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use super::{SlotService, Stage};
-use crate::pair::Places;
 use crate::pair::adoption::Asked;
+use crate::pair::{AskedSlot, Places, SlotTerms};
 use crate::planner::following::Motion;
 use crate::planner::plan::VehiclePlan;
 use crate::role::PerVehicle;
 use crate::time::Instant;
 
+/// Poses that were made so long ago are made anew once more: those that they are for have moved.
+const MADE_FOR: Duration = Duration::from_millis(1500);
+/// Whoever was asked for them, and has none after so long, is asked again.
+const ASKED_FOR: Duration = Duration::from_secs(3);
+
+/// I: poses of a slot that are made anew.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Anew {
+    /// Nobody was asked for any.
+    No,
+    /// The owner was, then.
+    Asked(u16, Instant),
+    /// They are there since then, for those that move; `None`: as the plan has them.
+    Made(u16, Instant, Option<Places>),
+}
+
+impl Anew {
+    /// For whom they are made; the next slot's are made by themselves.
+    pub fn take(&mut self) -> Option<Places> {
+        match std::mem::replace(self, Self::No) {
+            Self::Made(.., places) => places,
+            Self::No | Self::Asked(..) => None,
+        }
+    }
+}
+
 impl SlotService {
+    /// I: opening and lead of a slot that is to be proposed, once its poses are made; of one whose poses are the plan's, at once.
+    pub(super) fn terms_anew(
+        &mut self,
+        next: u16,
+        planned: (Duration, Duration),
+        now: Instant,
+    ) -> Option<(Duration, Duration)> {
+        if !self.pair.slot_terms(next).is_some_and(SlotTerms::follows) {
+            return Some(planned);
+        }
+        match self.anew {
+            Anew::Made(slot, at, _) if slot == next && now < at + MADE_FOR => {
+                self.pair.slot_terms(next).map(|terms| (terms.opens, terms.lead))
+            }
+            Anew::Asked(slot, at) if slot == next && now < at + ASKED_FOR => None,
+            _ => {
+                self.anew = Anew::Asked(next, now);
+                self.events.push_back(super::Event::PlanSlot(next, None));
+                None
+            }
+        }
+    }
+
+    /// What [`super::Event::PlanSlot`] asked for: the slot's poses and the way to them, from where both rest. `None`: none were
+    /// found; I then proposes the slot as the plan has it, which is for a vehicle that rests where the slot before left it.
+    pub fn slot_planned(&mut self, asked: &AskedSlot, terms: Option<SlotTerms>, now: Instant) {
+        if let Anew::Asked(slot, _) = self.anew
+            && slot == asked.slot
+        {
+            self.anew = Anew::Made(slot, now, terms.is_some().then_some(asked.places));
+        }
+        self.pair.slot_planned(asked, terms, now);
+    }
+
     /// I: whether a motion may be asked for: the slot has opened, is not being ended, and none is under way.
     #[must_use]
     pub fn may_ask_motion(&self, now: Instant) -> bool {

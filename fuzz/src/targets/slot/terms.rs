@@ -31,6 +31,7 @@ fn vehicles(turned_rad: f64) -> PerVehicle<VehiclePlan> {
 
 fn terms(length: Duration, guard: Duration) -> SlotTerms {
     SlotTerms {
+        anew: None,
         vehicles: vehicles(0.0),
         tracks: None,
         lean_rad: PerVehicle { i: 0.0, j: 0.0 },

@@ -24,7 +24,7 @@ fn proposed() -> (Coordinator, Coordinator, wire::VEILWING_PROPOSE_DATA) {
     let (mut i, mut j) = pair();
     sent(&mut i);
     sent(&mut j);
-    i.propose(0, utc(6000), at(2000));
+    i.propose(0, utc(6000), None, at(2000));
     i.handle_timeout(at(2000));
     let propose = proposals(&mut i).pop().unwrap();
     (i, j, propose)
@@ -64,7 +64,7 @@ fn spec_a_proposal_is_repeated_five_times_a_second_and_a_commit_ten_times() {
 #[test]
 fn spec_a_proposal_is_due_at_once_and_void_when_its_transit_begins() {
     let (mut i, _, _) = proposed();
-    i.propose(0, utc(6000), at(2001));
+    i.propose(0, utc(6000), None, at(2001));
     assert_eq!(i.poll_timeout(), (at(2001), Timer::Proposal));
     i.handle_timeout(at(3999));
     assert_eq!(events(&mut i), []);
@@ -111,7 +111,7 @@ fn spec_an_answer_counts_for_its_own_proposal_and_the_first_decides() {
 fn spec_a_proposal_is_withdrawn_when_the_clocks_do_not_agree_any_more() {
     let (mut i, _, _) = proposed();
     i.set_utc(Some(utc(60_000)), at(2010));
-    i.propose(0, utc(66_000), at(2010));
+    i.propose(0, utc(66_000), None, at(2010));
     assert!(!i.is_proposing());
 }
 
@@ -168,7 +168,7 @@ fn spec_another_plan_s_proposal_is_refused() {
 fn spec_the_newest_proposal_counts_in_whatever_order_they_come() {
     for order in [[0, 1], [1, 0]] {
         let (mut i, mut j, first) = proposed();
-        i.propose(0, utc(6100), at(2001));
+        i.propose(0, utc(6100), None, at(2001));
         i.handle_timeout(at(2001));
         let both = [first, proposals(&mut i).remove(0)];
         for k in order {
@@ -249,7 +249,7 @@ fn spec_another_boot_s_first_proposal_is_not_over() {
     }
     assert!(j.peer().is_boot(12) && j.commitment().is_none());
     j.set_readiness(Some(0));
-    reborn.propose(0, utc(13_000), at(9000));
+    reborn.propose(0, utc(13_000), None, at(9000));
     (9000..9100).step_by(10).for_each(|ms| drop(run(&mut reborn, &mut j, ms)));
     assert!(j.commitment().is_some());
 }
@@ -259,7 +259,7 @@ fn spec_a_lease_belongs_to_the_slot_agreed_on() {
     let (mut i, _, _, grant) = granted();
     hear(&mut i, MavMessage::VEILWING_LEASE_GRANT(grant), 6110);
     assert_eq!(i.lease(at(6110)), Some(at(6600)));
-    i.propose(1, utc(12_000), at(6120));
+    i.propose(1, utc(12_000), None, at(6120));
     assert_eq!(i.lease(at(6120)), None);
 }
 

@@ -69,7 +69,7 @@ fn spec_a_status_says_where_the_vehicle_is_and_what_it_is_committed_to() {
     assert!(nothing == (0, 0) && nowhere.iter().all(|x| x.is_nan()), "{nowhere:?}");
     i.set_local(Local { position_enu_m: Some(Enu::new(1.0, -2.0, 80.5)), ..Local::default() }, at(2200));
     j.set_readiness(Some(2));
-    i.propose(2, utc(8000), at(2200));
+    i.propose(2, utc(8000), None, at(2200));
     let (committed, here) = said(&mut i, &mut j, 2200);
     assert_eq!((committed, here), ((i.commitment().unwrap().proposal, 2), [1.0, -2.0, 80.5]));
 }

@@ -1,0 +1,150 @@
+//! The poses that the next slot begins with, where users or eavesdroppers move: made anew for where those will be as it opens, from
+//! where both vehicles rest, by both companions. I proposes the slot with them, and J agrees where it has found the same.
+
+use std::time::Duration;
+
+use super::executive::Executive;
+use super::following::{Question, Ticket, drifts};
+use super::phase::Phase;
+use crate::geo::Pose;
+use crate::pair::{AskedSlot, Places, Rest};
+use crate::planner::following::{Belief, Opening};
+use crate::planner::plan::VehiclePlan;
+use crate::role::{PerVehicle, Role};
+use crate::time::Instant;
+
+/// What planning and agreeing take, about.
+const AGREEING: Duration = Duration::from_secs(1);
+/// How long the way is taken to be before it is known.
+const WAY: Duration = Duration::from_secs(6);
+/// A slot that opens sooner, or later, by more than this than its poses were made for is planned once more.
+const OFF: Duration = Duration::from_secs(1);
+/// Who moves goes straight on for so long, in the mean: it is not taken to be farther than that takes it.
+const STRAIGHT_ON: Duration = Duration::from_secs(15);
+/// Who is heard of goes on being heard of: places are told as known as they will be about then.
+const HEARD: Duration = Duration::from_secs(1);
+
+/// See the module.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Openings {
+    /// The slot whose poses are to be made, and of J for whom.
+    wanted: Option<(u16, Option<AskedSlot>)>,
+    /// What is being planned, and where both rest.
+    asked: Option<(AskedSlot, PerVehicle<Rest>)>,
+    /// I: how long the way to the slot's poses took, as they were planned first.
+    lead: Option<Duration>,
+}
+
+impl Executive {
+    /// Where the vehicle rests, between slots whose poses are made anew.
+    pub(super) fn rests(&self, now: Instant) -> Option<Rest> {
+        self.settings.following.as_ref()?;
+        let Phase::InService { motion, .. } = &self.phase else { return None };
+        let between = self.service.slot().is_none() && motion.is_at_rest(now);
+        let sample = motion.sample(now);
+        between.then(|| Rest::of(&sample.position_enu_m, &sample.attitude))
+    }
+
+    fn both_rest(&self, now: Instant) -> Option<PerVehicle<Rest>> {
+        let (own, peer) = (self.rests(now)?, self.service.peer().rests?);
+        Some(PerVehicle::from_fn(|role| if role == self.settings.role { own } else { peer }))
+    }
+
+    /// The slot's poses are to be made anew; of J for whom.
+    pub(super) fn plan_poses(&mut self, slot: u16, asked: Option<AskedSlot>) {
+        self.followers.openings.wanted = Some((slot, asked));
+    }
+
+    /// Asks for the poses that are wanted, once both vehicles rest.
+    pub(super) fn ask_for_poses(&mut self, now: Instant) {
+        let Some((slot, asked)) = self.followers.openings.wanted else { return };
+        let Some(from) = self.both_rest(now) else { return };
+        let Some((asked, opening)) = self.opening(slot, asked, &from, now) else { return };
+        let ticket = Ticket { proposal: asked.proposal, number: slot };
+        let openings = &mut self.followers.openings;
+        (openings.wanted, openings.asked) = (None, Some((asked, from)));
+        self.followers.question = Some((ticket, Question::Poses(opening)));
+    }
+
+    fn opening(
+        &self,
+        slot: u16,
+        asked: Option<AskedSlot>,
+        from: &PerVehicle<Rest>,
+        now: Instant,
+    ) -> Option<(AskedSlot, Opening)> {
+        let (following, user) = (self.settings.following.as_ref()?, self.user_of(slot)?);
+        let (_, problem) = following.problems.get(user)?;
+        let asked = asked.unwrap_or_else(|| self.foreseen(slot, user, now));
+        let (user, eavesdroppers) = drifts(&asked.places, problem)?;
+        let entry = self.itinerary.as_ref()?.entry(slot)?;
+        let planned = &self.plan.as_ref()?.slots.get(entry.user_index)?.plan;
+        let is_at = |role: Role| {
+            let (position_enu_m, attitude) = from[role].pose()?;
+            let (roll_rad, pitch_rad, yaw_rad) = attitude.euler();
+            let pose = Pose { position_enu_m, roll_rad, pitch_rad, yaw_rad };
+            Some(VehiclePlan { pose, tx_power_w: planned.vehicles[role].tx_power_w })
+        };
+        let opening = Opening {
+            problem: problem.clone(),
+            user,
+            eavesdroppers,
+            options: following.options,
+            from: PerVehicle { i: is_at(Role::I)?, j: is_at(Role::J)? },
+            limits: self.settings.limits.map(|limits| limits.of_motion()),
+            turn_rate_rad_s: self.settings.limits.map(|limits| limits.tilt_rate_rad_s),
+            slot_s: [entry.closes.saturating_sub(entry.opens), self.settings.timing.settle + AGREEING]
+                .map(|time| time.as_secs_f64()),
+        };
+        Some((asked, opening))
+    }
+
+    /// I: those that move, where they will be about when the slot opens.
+    fn foreseen(&self, slot: u16, user: usize, now: Instant) -> AskedSlot {
+        let lead = self.followers.openings.lead.unwrap_or(self.settings.timing.settle + WAY);
+        let opens_s = (now + (AGREEING + lead).min(STRAIGHT_ON)).since_start().as_secs_f64();
+        let known_s = (now + HEARD).since_start().as_secs_f64();
+        let mut places = Places::new(0);
+        self.believe(&mut places, user, |estimate| Belief {
+            std_m: estimate.at(known_s).std_m,
+            ..estimate.at(opens_s)
+        });
+        AskedSlot { proposal: 0, slot, places }
+    }
+
+    /// Poses that were found, if the vehicles still rest where these were made for: the slot is served from them. Where none were found
+    /// it is served from those of the plan.
+    pub(super) fn take_poses(
+        &mut self,
+        ticket: Ticket,
+        vehicles: Option<PerVehicle<VehiclePlan>>,
+        now: Instant,
+    ) {
+        let current =
+            |(asked, _): &(AskedSlot, _)| (asked.proposal, asked.slot) == (ticket.proposal, ticket.number);
+        let Some((asked, from)) = self.followers.openings.asked.take_if(|asked| current(asked)) else {
+            return;
+        };
+        let rest_there = self.both_rest(now) == Some(from);
+        let terms = match (&mut self.itinerary, &self.plan) {
+            (Some(itinerary), Some(plan)) if rest_there => {
+                itinerary.serve_from(asked.slot, &from, vehicles, plan, &self.settings)
+            }
+            _ => None,
+        };
+        if self.settings.role == Role::I
+            && let Some(terms) = &terms
+        {
+            let off = |lead: Duration| lead.abs_diff(terms.lead) > OFF;
+            if self.followers.openings.lead.is_none() && off(self.settings.timing.settle + WAY) {
+                self.followers.openings.lead = Some(terms.lead);
+                return self.plan_poses(asked.slot, None);
+            }
+            self.followers.openings.lead = None;
+        }
+        // I asks again after a while, and J says that it has not found the same.
+        if terms.is_some() || self.settings.role == Role::J {
+            self.service.slot_planned(&asked, terms, now);
+        }
+    }
+}
