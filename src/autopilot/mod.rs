@@ -11,6 +11,7 @@
 
 mod adapter;
 mod alias;
+mod batteries;
 mod boot_clock;
 mod clock;
 mod command;

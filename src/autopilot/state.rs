@@ -60,13 +60,15 @@ pub enum Landed {
     Landing,
 }
 
-/// The battery as SYS_STATUS reports it.
+/// The weakest battery, as SYS_STATUS and BATTERY_STATUS report them.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Battery {
     /// Charge left, in [0, 1].
     pub remaining: Option<f64>,
     /// Voltage in volts.
     pub voltage_v: Option<f64>,
+    /// How long it lasts from now on, as the autopilot forecasts it.
+    pub lasts: Option<Duration>,
 }
 
 /// A firmware's version: major, minor, patch.

@@ -106,6 +106,7 @@ impl Streams {
             ),
             stream(estimator_id, estimator, STATUS_RATE_HZ, false),
             stream(mav::SYS_STATUS_DATA::ID, mav::SYS_STATUS_DATA::NAME, STATUS_RATE_HZ, false),
+            stream(mav::BATTERY_STATUS_DATA::ID, mav::BATTERY_STATUS_DATA::NAME, STATUS_RATE_HZ, false),
             stream(mav::GPS_RAW_INT_DATA::ID, mav::GPS_RAW_INT_DATA::NAME, GPS_RATE_HZ, false),
             stream(mav::SYSTEM_TIME_DATA::ID, mav::SYSTEM_TIME_DATA::NAME, STATUS_RATE_HZ, false),
             stream(

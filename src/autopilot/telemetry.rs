@@ -8,6 +8,7 @@ use mavlink::dialects::ardupilotmega::{
     EkfStatusFlags, EstimatorStatusFlags, GpsFixType, MavLandedState, MavMessage, MavSysStatusSensor,
 };
 
+use super::batteries::{self, Batteries};
 use super::boot_clock::{BootClock, BootTime};
 use super::clock::UtcEstimate;
 use super::event::{EstimatorFault, Event};
@@ -42,6 +43,7 @@ pub(super) struct Telemetry {
     sensors: Option<Result<(), EstimatorFault>>,
     /// By the GPS receiver's own word, once it is heard, and when it was.
     gps: Option<Timed<Result<(), EstimatorFault>>>,
+    batteries: Batteries,
 }
 
 impl Telemetry {
@@ -56,6 +58,7 @@ impl Telemetry {
             estimator_flags: None,
             sensors: None,
             gps: None,
+            batteries: Batteries::default(),
         }
     }
 
@@ -69,6 +72,7 @@ impl Telemetry {
         self.estimator_flags = None;
         self.sensors = None;
         self.gps = None;
+        self.batteries = Batteries::default();
     }
 
     /// Whether this message shows that the autopilot has restarted.
@@ -101,6 +105,10 @@ impl Telemetry {
             MavMessage::SYSTEM_TIME(m) => self.utc.handle_system_time(m.time_unix_usec, now),
             MavMessage::EXTENDED_SYS_STATE(m) => self.landed(m.landed_state, now, out),
             MavMessage::SYS_STATUS(m) => self.sys_status(m, now, out),
+            MavMessage::BATTERY_STATUS(m) => {
+                self.batteries.take(m, now);
+                self.weigh_batteries(now);
+            }
             MavMessage::GPS_RAW_INT(m) => {
                 let fixed = m.fix_type as u32 >= GpsFixType::GPS_FIX_TYPE_3D_FIX as u32;
                 self.receiver((!fixed).then_some("no 3D fix"), now, out);
@@ -217,14 +225,13 @@ impl Telemetry {
             Some(Firmware::ArduPilot) | None => healthy(prearm),
         };
         self.state.prearm_ok = prearm_ok.map(timed);
-        let battery = Battery {
-            remaining: (0..=100)
-                .contains(&m.battery_remaining)
-                .then(|| f64::from(m.battery_remaining) / 100.0),
+        self.batteries.take_all(Battery {
+            remaining: batteries::charge(m.battery_remaining),
             voltage_v: (m.voltage_battery != u16::MAX && m.voltage_battery != 0)
                 .then(|| f64::from(m.voltage_battery) * 1e-3),
-        };
-        self.state.battery = Some(Timed::new(battery, now));
+            lasts: None,
+        });
+        self.weigh_batteries(now);
         let failed = [
             (MavSysStatusSensor::MAV_SYS_STATUS_AHRS, "the attitude and position estimate is unhealthy"),
             (MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_3D_GYRO, "the gyroscope is unhealthy"),
@@ -239,6 +246,10 @@ impl Telemetry {
             fault(out, wrong);
         }
         self.sum_up(now);
+    }
+
+    fn weigh_batteries(&mut self, now: Instant) {
+        self.state.battery = self.batteries.weakest(now).map(|battery| Timed::new(battery, now));
     }
 
     /// Does what is due at `now`.

@@ -4,7 +4,7 @@
 //! *Charge.* The lower of what the autopilot says and of what the endurance of the vehicle file leaves of the charge at
 //! take-off: a gauge that stands still does not hide the time.
 //!
-//! *Rate.* The faster of the file's and of the fall as flown: an old battery, a cold one or a heavy tilt shows in it. A gauge
+//! *Rate.* The fastest of the file's, of the autopilot's own forecast, and of the fall as flown: an old battery, a cold one or a heavy tilt shows in it. A gauge
 //! counts in steps of a percent, so the fall is taken from one step to another; the sag of the first seconds is left out. PX4's
 //! simulated battery loses half of its charge in half a minute and then nothing more: its fall is no rate.
 //!
@@ -57,6 +57,8 @@ pub(super) struct Endurance {
     /// When it took off, and with which charge.
     took_off: Option<(Instant, f64)>,
     said: Option<f64>,
+    /// What empties the battery when the autopilot says that it will be empty, a second, by its last word.
+    forecast_per_s: Option<f64>,
     /// The lowest that was said since the gauge has settled.
     lowest: Option<f64>,
     /// When it was last asked whether it is enough.
@@ -67,7 +69,15 @@ pub(super) struct Endurance {
 
 impl Endurance {
     pub fn new(battery: Battery) -> Self {
-        Self { battery, took_off: None, said: None, lowest: None, asked_at: None, steps: VecDeque::new() }
+        Self {
+            battery,
+            took_off: None,
+            said: None,
+            forecast_per_s: None,
+            lowest: None,
+            asked_at: None,
+            steps: VecDeque::new(),
+        }
     }
 
     /// The charge to land with, of 1.
@@ -75,16 +85,25 @@ impl Endurance {
         self.battery.reserve
     }
 
-    /// What the autopilot says of the charge, of 1. `floor`: of a simulated battery the charge down to which its fall is no
-    /// forecast.
-    pub fn feed(&mut self, said: Option<f64>, floor: Option<f64>, flies: bool, now: Instant) {
-        self.said = said;
-        let Some(said) = said.filter(|_| flies) else {
+    /// What the autopilot says of the charge, of 1, and of how long it lasts. `floor`: of a simulated battery the charge down to
+    /// which its fall is no forecast.
+    pub fn feed(
+        &mut self,
+        said: Option<(f64, Option<Duration>)>,
+        floor: Option<f64>,
+        flies: bool,
+        now: Instant,
+    ) {
+        self.said = said.map(|(charge, _)| charge);
+        self.forecast_per_s = None;
+        let Some((said, lasts)) = said.filter(|_| flies) else {
             (self.took_off, self.lowest) = (None, None);
             return self.steps.clear();
         };
         let (took_off, _) = *self.took_off.get_or_insert((now, said));
         let foretells = floor.is_none_or(|floor| said < floor);
+        let settled = foretells && now >= took_off + SETTLES;
+        self.forecast_per_s = lasts.filter(|_| settled).map(|lasts| said / lasts.as_secs_f64());
         if now < took_off + SETTLES || !foretells || self.lowest.is_some_and(|lowest| said >= lowest) {
             return;
         }
@@ -126,7 +145,12 @@ impl Endurance {
         };
         let flown = self.steps.front().and_then(fall).map(|(_, rate)| rate);
         let of_late = self.steps.iter().rev().filter_map(fall).find(|(fall, _)| *fall >= DEEP);
-        stated.into_iter().chain(flown).chain(of_late.map(|(_, rate)| rate)).reduce(f64::max)
+        stated
+            .into_iter()
+            .chain(self.forecast_per_s)
+            .chain(flown)
+            .chain(of_late.map(|(_, rate)| rate))
+            .reduce(f64::max)
     }
 
     /// How long until the reserve is all that is left; `None` where that is not known.
@@ -189,7 +213,7 @@ mod tests {
     fn flown(endurance: &mut Endurance, charge: f64, true_s: f64, seconds: u32) -> Option<f64> {
         for s in (0..=seconds * 2).map(|s| f64::from(s) / 2.0) {
             let left = charge - s / true_s;
-            endurance.feed(Some((left * 100.0).ceil() / 100.0), None, true, at(s));
+            endurance.feed(Some(((left * 100.0).ceil() / 100.0, None)), None, true, at(s));
         }
         endurance.left(at(f64::from(seconds))).map(|left| left.as_secs_f64())
     }
@@ -218,7 +242,7 @@ mod tests {
         for half_s in 0..=130 {
             let s = f64::from(half_s) / 2.0;
             charge -= 0.5 * if s < 55.0 { 0.001 } else { 0.01 };
-            endurance.feed(Some((charge * 100.0_f64).ceil() / 100.0), None, true, at(s));
+            endurance.feed(Some(((charge * 100.0_f64).ceil() / 100.0, None)), None, true, at(s));
         }
         // Ten seconds later, of a window of sixty.
         let left_s = endurance.left(at(65.0)).unwrap().as_secs_f64();
@@ -229,12 +253,12 @@ mod tests {
     fn spec_what_the_gauge_falls_by_while_it_settles_says_nothing() {
         let mut endurance = of(None);
         for (s, charge) in [(0.0, 0.9), (1.0, 0.87), (3.0, 0.84), (11.0, 0.84), (20.0, 0.83)] {
-            endurance.feed(Some(charge), None, true, at(s));
+            endurance.feed(Some((charge, None)), None, true, at(s));
         }
         assert_eq!(endurance.left(at(20.0)), None, "one step is no rate");
         // At the reserve nothing is left, whatever the rate.
         let mut endurance = of(None);
-        endurance.feed(Some(0.2), None, true, at(0.0));
+        endurance.feed(Some((0.2, None)), None, true, at(0.0));
         assert_eq!(endurance.left(at(0.0)), Some(Duration::ZERO));
         assert_eq!(endurance.reserve(), 0.2);
     }
@@ -243,7 +267,7 @@ mod tests {
     fn spec_from_when_on_and_for_how_long_a_step_of_the_gauge_counts() {
         let left = |floor: Option<f64>, said: &[(f64, f64)]| {
             let mut endurance = of(None);
-            said.iter().for_each(|(s, charge)| endurance.feed(Some(*charge), floor, true, at(*s)));
+            said.iter().for_each(|(s, charge)| endurance.feed(Some((*charge, None)), floor, true, at(*s)));
             endurance.left(at(said.last().unwrap().0)).map(|left| left.as_secs_f64().round())
         };
         // The first is no step, from ten seconds on, and below a floor.
@@ -255,7 +279,7 @@ mod tests {
         assert_eq!(left(None, &minute), Some(1980.0));
         // What takes all that is left fits.
         let mut endurance = of(Some(1000));
-        endurance.feed(Some(0.9), None, false, at(0.0));
+        endurance.feed(Some((0.9, None)), None, false, at(0.0));
         let all = endurance.left(at(0.0)).unwrap();
         assert_eq!(endurance.check(all, at(0.0)).result, Verdict::Pass);
     }
@@ -273,7 +297,7 @@ mod tests {
         let mut charge = 1.0;
         for s in 0..=200 {
             charge -= if (10..30).contains(&s) { 0.01 } else { 0.001 };
-            endurance.feed(Some((charge * 100.0_f64).ceil() / 100.0), None, true, at(f64::from(s)));
+            endurance.feed(Some(((charge * 100.0_f64).ceil() / 100.0, None)), None, true, at(f64::from(s)));
         }
         let left_s = endurance.left(at(200.0)).unwrap().as_secs_f64();
         assert!((left_s / ((charge - 0.2) / 0.001) - 1.0).abs() < 0.05, "{left_s}");
@@ -283,13 +307,13 @@ mod tests {
     fn spec_a_gauge_that_stands_still_does_not_hide_the_time() {
         let mut endurance = of(Some(500));
         for s in 0..=200 {
-            endurance.feed(Some(0.8), None, true, at(f64::from(s)));
+            endurance.feed(Some((0.8, None)), None, true, at(f64::from(s)));
         }
         assert!((endurance.charge(at(200.0)).unwrap() - 0.4).abs() < 1e-9);
         assert!((endurance.left(at(200.0)).unwrap().as_secs_f64() - 100.0).abs() < 1e-6);
         // Nothing shows it where the file does not say how long the battery lasts.
         let mut endurance = of(None);
-        (0..=200).for_each(|s| endurance.feed(Some(0.8), None, true, at(f64::from(s))));
+        (0..=200).for_each(|s| endurance.feed(Some((0.8, None)), None, true, at(f64::from(s))));
         assert_eq!(endurance.left(at(200.0)), None);
     }
 
@@ -297,11 +321,11 @@ mod tests {
     fn spec_the_sag_at_take_off_is_no_rate_and_a_fall_to_the_reserve_is_the_end() {
         let mut endurance = of(None);
         for (s, charge) in [(0.0, 0.9), (1.0, 0.87), (3.0, 0.84), (11.0, 0.84), (60.0, 0.83), (110.0, 0.82)] {
-            endurance.feed(Some(charge), None, true, at(s));
+            endurance.feed(Some((charge, None)), None, true, at(s));
         }
         let left_s = endurance.left(at(110.0)).unwrap().as_secs_f64();
         assert!((left_s - 0.62 * 5000.0).abs() < 1.0, "{left_s}");
-        endurance.feed(Some(0.2), None, true, at(111.0));
+        endurance.feed(Some((0.2, None)), None, true, at(111.0));
         assert_eq!(endurance.left(at(111.0)), Some(Duration::ZERO));
         endurance.feed(None, None, true, at(112.0));
         assert_eq!(endurance.left(at(112.0)), None, "who says nothing is not asked");
@@ -313,25 +337,43 @@ mod tests {
         for (file, left_s) in [(None, None), (Some(1000), Some(300.0))] {
             let mut endurance = of(file);
             for s in (0..=100).map(f64::from) {
-                endurance.feed(Some((px4(s) * 100.0).floor() / 100.0), Some(0.5), true, at(s));
+                endurance.feed(Some(((px4(s) * 100.0).floor() / 100.0, None)), Some(0.5), true, at(s));
             }
             assert_eq!(endurance.left(at(100.0)).map(|left| left.as_secs_f64().round()), left_s);
             for s in (0..=20).map(f64::from) {
-                endurance.feed(Some(0.5 - s / 100.0), Some(0.5), true, at(100.0 + s));
+                endurance.feed(Some((0.5 - s / 100.0, None)), Some(0.5), true, at(100.0 + s));
             }
             let left_s = endurance.left(at(120.0)).unwrap().as_secs_f64();
             assert!((left_s - 10.0).abs() < 1.0, "{left_s}");
         }
         // The same of a real battery is one.
         let mut endurance = of(None);
-        (0..=20).map(f64::from).for_each(|s| endurance.feed(Some(px4(s)), None, true, at(s)));
+        (0..=20).map(f64::from).for_each(|s| endurance.feed(Some((px4(s), None)), None, true, at(s)));
         assert!(endurance.left(at(20.0)).unwrap() < Duration::from_secs(40));
+    }
+
+    #[test]
+    fn spec_the_autopilot_s_own_forecast_counts_where_it_is_the_shorter_one() {
+        let left = |file: Option<u64>, floor: Option<f64>, lasts_s: u64, s: f64| {
+            let mut endurance = of(file);
+            let lasts = Some(Duration::from_secs(lasts_s));
+            endurance.feed(Some((0.8, lasts)), floor, true, at(0.0));
+            endurance.feed(Some((0.8, lasts)), floor, true, at(s));
+            endurance.left(at(s)).map(|left| left.as_secs_f64().round())
+        };
+        // From 80% down to nothing in 400 s: 300 s down to 20%.
+        assert_eq!(left(None, None, 400, 20.0), Some(300.0));
+        assert_eq!(left(Some(10_000), None, 400, 20.0), Some(299.0));
+        assert_eq!(left(Some(100), None, 400, 20.0), Some(40.0));
+        // Not while the voltage sags, nor of a simulated battery above its floor.
+        assert_eq!(left(None, None, 400, 5.0), None);
+        assert_eq!(left(None, Some(0.5), 400, 20.0), None);
     }
 
     #[test]
     fn spec_before_take_off_it_is_said_what_fits() {
         let mut endurance = of(Some(1000));
-        endurance.feed(Some(0.9), None, false, at(0.0));
+        endurance.feed(Some((0.9, None)), None, false, at(0.0));
         let fits = endurance.check(Duration::from_secs(200), at(100.0));
         assert_eq!(fits.result, Verdict::Pass, "time on the ground costs nothing");
         assert!(fits.detail.contains("11.7 min") && fits.detail.contains("fits 3 times"), "{}", fits.detail);

@@ -23,7 +23,8 @@ const LIFTS_OFF: Duration = Duration::from_secs(5);
 impl Executive {
     /// Takes in what the autopilot says of the battery; gives up, once no more is left than the way home takes.
     pub(super) fn watch_battery(&mut self, now: Instant) {
-        let said = self.autopilot.state().battery.and_then(|battery| battery.value.remaining);
+        let battery = self.autopilot.state().battery.map(|battery| battery.value);
+        let said = battery.and_then(|battery| Some((battery.remaining?, battery.lasts)));
         let floor = self.autopilot.simulated_charge_floor();
         self.endurance.feed(said, floor, !self.phase.is_on_the_ground(), now);
         if !self.phase.is_outward() || self.service.is_abandoning() || !self.endurance.is_due(now) {

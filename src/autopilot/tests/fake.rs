@@ -385,6 +385,10 @@ impl Fake {
                 voltage_battery: 22_000,
                 ..Default::default()
             }),
+            147 => MavMessage::BATTERY_STATUS(BATTERY_STATUS_DATA {
+                battery_remaining: 80,
+                ..Default::default()
+            }),
             148 => MavMessage::AUTOPILOT_VERSION(AUTOPILOT_VERSION_DATA {
                 flight_sw_version: self.version,
                 ..Default::default()
