@@ -160,6 +160,7 @@ fn slot_model(bug: model::Bug) -> model::SlotModel {
         step,
         flown,
         before_its_end,
+        from_the_proposal: false,
         copies: 1,
         crashes: 1,
         restarts,
@@ -240,7 +241,7 @@ fn change(losses: Option<u8>) -> model::SlotModel {
         crashes: 0,
         losses,
         slots: 2,
-        flown: Flown { slots: 2, turning: true, length: Duration::from_millis(1300), motions: 0 },
+        flown: Flown { slots: 2, turning: true, length: Duration::from_millis(1300), ..Flown::default() },
         before_its_end: Some(Duration::from_millis(250)),
         // Fewer, or it takes minutes; shorter than a lease all the same.
         step: Duration::from_millis(400),
@@ -292,8 +293,39 @@ fn prop_model_no_restart_has_i_on_in_a_motion_that_j_does_not_fly() {
     holds(model::SlotModel { crashes: 1, restarts: 1, ..following(2, Some(1)) });
 }
 
+/// From the first proposal of a slot whose poses are made anew for each, to its end.
+fn anew(losses: Option<u8>) -> model::SlotModel {
+    model::SlotModel {
+        copies: 0,
+        crashes: 0,
+        losses,
+        flown: Flown { anew: true, ..slot_model(model::Bug::None).flown },
+        from_the_proposal: true,
+        ..slot_model(model::Bug::None)
+    }
+}
+
+#[test]
+fn prop_model_no_loss_has_both_serve_a_slot_from_different_poses() {
+    holds(anew(Some(2)));
+}
+
+#[test]
+fn prop_model_no_copy_has_both_serve_a_slot_from_different_poses() {
+    holds(model::SlotModel { copies: 1, ..anew(Some(1)) });
+}
+
+#[test]
+fn prop_model_no_restart_has_both_serve_a_slot_from_different_poses() {
+    holds(model::SlotModel { crashes: 1, restarts: 1, ..anew(Some(0)) });
+}
+
 #[test]
 fn spec_model_finds_the_bugs_put_in_on_purpose() {
+    let forged = model::SlotModel { bug: model::Bug::PosesNotCompared, ..anew(Some(0)) };
+    let explored = model::explore(forged);
+    println!("{explored}");
+    assert!(explored.broken.contains(&"both serve a slot from the same poses"), "{explored}");
     use model::Bug;
     for bug in [Bug::LeaseNeverExpires, Bug::JOffBeforeI, Bug::GrantCountedFromReceipt] {
         let explored = model::explore(slot_model(bug));

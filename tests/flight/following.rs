@@ -6,6 +6,7 @@ use std::time::Duration;
 use mavlink::dialects::ardupilotmega::MavCmd;
 use nalgebra::Vector2;
 use veilwing::config::{Mission, MovesDraft, Optimise};
+use veilwing::desk::simulation::Scenario;
 use veilwing::mission::Outcome;
 use veilwing::planner::following::Gait;
 use veilwing::role::{PerVehicle, Role};
@@ -89,6 +90,32 @@ fn spec_a_pair_that_is_paused_while_it_follows_comes_to_rest_and_goes_on_from_th
     flight.assert_safe();
     assert_eq!(flight.outcomes.i, Some(Outcome::Completed), "{}", flight.story());
     assert!(rates(&flight)[1] > 1.0, "{:?}", rates(&flight));
+}
+
+/// By the same planner with the tracks as they were.
+#[test]
+fn val_little_is_lost_to_a_pair_that_knows_all_tracks() {
+    let planned = following().given.i;
+    let scenario = Scenario::new(&planned.mission, &planned.plan, None).unwrap();
+    let (mut had, mut knowing, mut staying) = (0.0, 0.0, 0.0);
+    for seed in 1..=2 {
+        let flown = scenario.fly(seed, Vec::new(), &mut ()).unwrap();
+        let (slots, agreements) = flown.followed.unwrap();
+        assert_eq!(slots.len(), 2, "{slots:?}");
+        // One a second, and nearly all of them found.
+        assert!((36..=40).contains(&agreements.asked), "{agreements:?}");
+        assert!(agreements.took_s.len() > 30, "{agreements:?}");
+        // What planning takes on both sides, and the way there and back.
+        assert!(agreements.took_s.iter().all(|s| (0.06..0.08).contains(s)), "{agreements:?}");
+        for slot in slots {
+            had += flown.report.slots[slot.slot].achieved_secrecy_rate_bps;
+            knowing += slot.knowing_bps;
+            staying += slot.staying_bps;
+            assert!(slot.best_bps > 0.97 * slot.knowing_bps, "{slot:?}");
+        }
+    }
+    assert!((0.92..1.01).contains(&(had / knowing)), "{had} {knowing}");
+    assert!(staying < 0.6 * knowing, "{staying} {knowing}");
 }
 
 /// On links that lose, repeat and hold up words the poses of each slot are agreed on all the same, or nothing is served.

@@ -31,6 +31,9 @@ pub struct Companion {
     pub finished: Vec<u16>,
     /// To take part as soon as the peer does not say any more that it has ended.
     pub joining: bool,
+    /// What is flown; I: how often it has made poses anew.
+    flown: Flown,
+    poses_made: u32,
     /// The motion that it flies: its number, when it begins, and what each flew when it was asked for.
     pub flies: (u16, Instant, [u16; 2]),
     /// How many it may ask for yet, and those that it has made.
@@ -42,8 +45,10 @@ pub struct Companion {
 }
 
 impl Companion {
-    pub fn new(role: Role, clocks: Clocks, service: SlotService) -> Self {
+    pub fn new(role: Role, clocks: Clocks, service: SlotService, flown: &Flown) -> Self {
         Self {
+            flown: *flown,
+            poses_made: 0,
             role,
             clocks,
             service,
@@ -155,11 +160,14 @@ impl Companion {
                         now,
                     );
                 }
-                // Nobody moves: the poses are the plan's.
+                // Poses are numbers too, which the places carry: I makes others each time.
                 Event::PlanSlot(slot, asked) => {
-                    let places = Places::new(0);
-                    let asked = asked.unwrap_or(AskedSlot { proposal: 0, slot, places });
-                    self.service.slot_planned(&asked, None, now);
+                    let asked = asked.unwrap_or_else(|| {
+                        self.poses_made += 1;
+                        AskedSlot { proposal: 0, slot, places: Places::new(self.poses_made) }
+                    });
+                    let terms = self.flown.terms_anew(slot, asked.places.begins_ms);
+                    self.service.slot_planned(&asked, terms, now);
                 }
                 // One that it has not made would be a motion of nobody's.
                 Event::TakeUp(number) => {

@@ -22,7 +22,7 @@ use veilwing::transmitter::Kind;
 use super::clocks::Clocks;
 use super::companion::Companion;
 use super::radio::{Radio, Said};
-use super::setup::{Flown, LEASE, NUMBERED, TICK, service};
+use super::setup::{Flown, LEASE, NUMBERED, TICK, powered, service};
 use veilwing::pair::adoption::GRACE;
 
 /// A bug put in on purpose.
@@ -32,6 +32,8 @@ pub enum Bug {
     LeaseNeverExpires,
     JOffBeforeI,
     GrantCountedFromReceipt,
+    /// I says of its poses what makes J take them for its own.
+    PosesNotCompared,
 }
 
 #[derive(Debug, Clone)]
@@ -42,6 +44,8 @@ pub struct SlotModel {
     pub flown: Flown,
     /// Everything that can happen is explored from so long before the first slot's airtime ends; from before it begins, if not given.
     pub before_its_end: Option<Duration>,
+    /// From when I first proposes a slot, instead.
+    pub from_the_proposal: bool,
     pub copies: u8,
     pub crashes: u8,
     /// Companions that come back.
@@ -84,6 +88,9 @@ pub struct State {
     j_flew: u16,
     alike: bool,
     joined: bool,
+    /// Whether both had the same poses whenever both were committed to a proposal, and whether they ever were.
+    same_poses: bool,
+    committed: bool,
 }
 
 impl State {
@@ -134,8 +141,12 @@ impl SlotModel {
                 Role::J => (200_000, 2, LEASE),
             };
             let clocks = Clocks { started: Duration::ZERO, rate: self.rate(role), utc_error_us };
-            let mut companion =
-                Companion::new(role, clocks, service(role, boot, self.radio(), lease, &self.flown));
+            let mut companion = Companion::new(
+                role,
+                clocks,
+                service(role, boot, self.radio(), lease, &self.flown),
+                &self.flown,
+            );
             companion.to_ask = if role == Role::I { self.flown.motions } else { 0 };
             companion.to_ask_from = self.before_its_end.unwrap_or_default();
             Some(companion)
@@ -168,8 +179,15 @@ impl SlotModel {
             j_flew: 0,
             alike: true,
             joined: false,
+            same_poses: true,
+            committed: false,
         };
         let early = |state: &State| {
+            if self.from_the_proposal {
+                let proposed =
+                    |(_, message): &(Role, MavMessage)| matches!(message, MavMessage::VEILWING_PROPOSE(_));
+                return !state.under_way.iter().any(proposed);
+            }
             let slot = state.companions.i.as_ref().and_then(|i| i.service.slot());
             slot.is_none_or(|slot| match self.before_its_end {
                 None => state.t + self.step < slot.radiate_from.since_start(),
@@ -179,7 +197,7 @@ impl SlotModel {
         while early(&state) {
             let to = state.t + Duration::from_millis(5);
             self.pass(&mut state, to, false);
-            while !state.under_way.is_empty() {
+            while early(&state) && !state.under_way.is_empty() {
                 self.deliver(&mut state, 0, false);
             }
         }
@@ -308,6 +326,12 @@ impl SlotModel {
             }
             (MavMessage::VEILWING_LEASE_GRANT(grant), Bug::LeaseNeverExpires) => grant.duration_ms = 60_000,
             (MavMessage::VEILWING_STATUS(status), Bug::JOffBeforeI) => status.released_us = u64::MAX,
+            (MavMessage::VEILWING_PLACES(places), Bug::PosesNotCompared) => places.begins_ms += 1,
+            (MavMessage::VEILWING_PROPOSE(propose), Bug::PosesNotCompared) => {
+                let number = u32::from(propose.plan_digest[0]);
+                propose.plan_digest = propose.plan_digest.map(|byte| byte + 1);
+                propose.i_power_w *= (powered(number + 1) / powered(number)) as f32;
+            }
             _ => {}
         }
         if let Some(companion) = state.companions[to].as_mut() {
@@ -336,6 +360,13 @@ impl SlotModel {
             let nearly = i_flew == j_flew && state.j_flew == j_flew && begun <= GRACE + TICK;
             state.alike &= number == state.j_flew || nearly;
             state.joined |= number == self.flown.motions && number == state.j_flew;
+        }
+        if let (Some(i), Some(j)) = (&state.companions.i, &state.companions.j) {
+            let proposal = |of: &Companion| of.service.slot().map(|slot| slot.commitment.proposal);
+            if proposal(i).is_some() && proposal(i) == proposal(j) {
+                state.committed = true;
+                state.same_poses &= i.service.slot_vehicles() == j.service.slot_vehicles();
+            }
         }
         if on.j.is_some() {
             // A dead companion's radio runs out within its lease, which no slot's end shortens afterwards.
@@ -435,7 +466,7 @@ impl Model for SlotModel {
                 state.restarts -= 1;
                 let clocks = Clocks { started: state.t, rate: self.rate(role), utc_error_us: 0 };
                 let service = service(role, 3, self.radio(), LEASE, &self.flown);
-                let mut born = Companion::new(role, clocks, service);
+                let mut born = Companion::new(role, clocks, service, &self.flown);
                 // In flight it takes nothing over.
                 (born.aborted, born.joining) = (Some("back in the air".into()), false);
                 state.companions[role] = Some(born);
@@ -469,8 +500,15 @@ impl Model for SlotModel {
             }));
             properties.push(Property::<Self>::sometimes("both fly the last motion", |_, state| state.joined));
         }
-        // Not so without the radio's answers.
-        if self.losses.is_some() && self.radio_troubles.is_none() {
+        if self.flown.anew {
+            properties.push(Property::<Self>::always("both serve a slot from the same poses", |_, state| {
+                state.same_poses
+            }));
+            properties.push(Property::<Self>::sometimes("both are committed", |_, state| state.committed));
+        }
+        // Not so without the radio's answers, nor where one may die before it begins.
+        let may_be_left = self.from_the_proposal && self.crashes > 0;
+        if self.losses.is_some() && self.radio_troubles.is_none() && !may_be_left {
             properties.push(Property::<Self>::eventually("the last slot is served", |model, state| {
                 model.crashes > 0 && state.served || model.is_last(state.last_served)
             }));

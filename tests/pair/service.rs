@@ -41,7 +41,8 @@ impl Pair {
             let utc_error_us = if role == Role::J { utc_error_us } else { 0 };
             let clocks = Clocks { started: Duration::ZERO, rate: 1.0, utc_error_us };
             let boot = if role == Role::I { 1 } else { 2 };
-            Companion::new(role, clocks, service(role, boot, NUMBERED, LEASE, &Flown::default()))
+            let flown = Flown::default();
+            Companion::new(role, clocks, service(role, boot, NUMBERED, LEASE, &flown), &flown)
         });
         Self {
             t: Duration::ZERO,

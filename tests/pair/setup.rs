@@ -47,12 +47,14 @@ pub struct Flown {
     pub turning: bool,
     /// Motions are made anew in slots, this many in each.
     pub motions: u16,
+    /// So are the poses of each slot.
+    pub anew: bool,
 }
 
 /// Slots that are each agreed on.
 impl Default for Flown {
     fn default() -> Self {
-        Self { slots: SLOTS, length: SLOT, turning: false, motions: 0 }
+        Self { slots: SLOTS, length: SLOT, turning: false, motions: 0, anew: false }
     }
 }
 
@@ -64,8 +66,8 @@ impl Flown {
             vehicles: vehicles(if self.turning { 0 } else { slot }),
             tracks: match (&tracks, self.motions) {
                 (Some(tracks), _) => Some(tracks[usize::from(slot)].clone()),
-                (None, 0) => None,
-                (None, _) => Some(at_rest(slot)),
+                (None, 0) if !self.anew => None,
+                (None, _) => Some(at_rest(&vehicles(slot))),
             },
             lean_rad: PerVehicle { i: 0.0, j: 0.0 },
             opens: (LEAD + self.length) * u32::from(slot) + LEAD,
@@ -76,6 +78,15 @@ impl Flown {
             length: self.length,
         };
         PlanTerms { digest: [7; 32], slots: (0..self.slots).map(terms).collect() }
+    }
+
+    /// A slot whose poses are made anew: the first, second, ... that are.
+    pub fn terms_anew(&self, slot: u16, number: u32) -> Option<SlotTerms> {
+        let mut terms = self.anew.then(|| self.plan().slots.into_iter().nth(usize::from(slot))).flatten()?;
+        terms.anew = Some([number as u8; 8]);
+        terms.vehicles.i.tx_power_w *= powered(number);
+        terms.tracks = Some(at_rest(&terms.vehicles));
+        Some(terms)
     }
 
     /// Both vehicles turn by 0.1 rad in the last quarter of the airtime, and by half a radian in the silence after it; J's power
@@ -121,9 +132,13 @@ impl Flown {
     }
 }
 
+/// What poses of this number have I's power less by: nobody moves.
+pub fn powered(number: u32) -> f64 {
+    1.0 - 0.01 * f64::from(number)
+}
+
 /// Until a motion is taken up. Those of the model are numbers alone: nobody moves.
-fn at_rest(slot: u16) -> PerVehicle<Track> {
-    let vehicles = vehicles(slot);
+fn at_rest(vehicles: &PerVehicle<VehiclePlan>) -> PerVehicle<Track> {
     PerVehicle::from_fn(|role| Track::Followed(Followed::new(role, vehicles[role])))
 }
 

@@ -159,7 +159,8 @@ pub fn run_with_lease(case: Case, i_lease: Duration, meddle: &mut impl FnMut(u64
     let companions = PerVehicle::from_fn(|role| {
         let boot = if role == Role::I { 1 } else { 2 };
         let lease = if role == Role::I { i_lease } else { LEASE };
-        Some(Companion::new(role, clocks[role], service(role, boot, NUMBERED, lease, &case.flown())))
+        let (flown, clocks) = (case.flown(), clocks[role]);
+        Some(Companion::new(role, clocks, service(role, boot, NUMBERED, lease, &flown), &flown))
     });
     let mut world = World {
         case,
@@ -412,8 +413,9 @@ impl World {
                 if role == Role::J {
                     self.observer.j_fault_at = Some(self.t);
                 }
-                let service = service(role, self.boots, NUMBERED, LEASE, &self.case.flown());
-                let mut born = Companion::new(role, self.clocks[role], service);
+                let flown = self.case.flown();
+                let service = service(role, self.boots, NUMBERED, LEASE, &flown);
+                let mut born = Companion::new(role, self.clocks[role], service, &flown);
                 // In flight it takes nothing over.
                 (born.aborted, born.joining) = (Some("back in the air".into()), false);
                 self.companions[role] = Some(born);

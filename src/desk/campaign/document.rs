@@ -118,9 +118,10 @@ pub struct FollowingTotal {
 }
 
 impl FollowingTotal {
-    fn of(flights: &[FlightLine]) -> Option<Self> {
-        let lines: Vec<&FollowingLine> =
-            flights.iter().filter_map(|flight| flight.following.as_ref()).collect();
+    /// Of the flights that have something to say of it; `None` of none.
+    #[must_use]
+    pub fn of<'a>(lines: impl IntoIterator<Item = &'a FollowingLine>) -> Option<Self> {
+        let lines: Vec<_> = lines.into_iter().collect();
         let lost = |had: fn(&FollowingLine) -> f64, of: fn(&FollowingLine) -> f64| {
             let worth = lines.iter().filter(|line| of(line) > 0.0);
             Mean::of(&worth.map(|line| 1.0 - had(line) / of(line)).collect::<Vec<_>>())
@@ -263,7 +264,7 @@ impl CampaignDocument {
             cpu_s: times.cpu_s,
             achieved_over_planned: if ideal { Mean::of(&ratios) } else { Mean::with_quantile(&ratios) },
             users: UserTotal::all(&flights),
-            following: FollowingTotal::of(&flights),
+            following: FollowingTotal::of(flights.iter().filter_map(|flight| flight.following.as_ref())),
             faults,
             coverage,
             flights,

@@ -90,7 +90,9 @@ pub struct FollowingLine {
 }
 
 impl FollowingLine {
-    fn of(flown: &Flown) -> Option<Self> {
+    /// Of a flight in which I radiated, where that was looked at.
+    #[must_use]
+    pub fn of(flown: &Flown) -> Option<Self> {
         let (slots, agreements) = flown.followed.as_ref()?;
         let on_air_s = |of: &Hindsight| flown.report.slots[of.slot].radiated_s.i;
         let sum_s: f64 = slots.iter().map(on_air_s).sum();
@@ -137,7 +139,7 @@ pub struct FlightLine {
     /// Charge with which each vehicle came to the end, of 1, as it truly is.
     #[serde(default)]
     pub battery_left: Option<PerVehicle<f64>>,
-    /// Where users or eavesdroppers move.
+    /// Where users or eavesdroppers move, of a flight in which nothing went wrong.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub following: Option<FollowingLine>,
     /// Faults that came about.

@@ -80,7 +80,7 @@ pub struct Flown {
     pub unlogged: PerVehicle<u64>,
     /// What the companions' decoders have turned away.
     pub counters: PerVehicle<Counters>,
-    /// Where users or eavesdroppers move: each slot with hindsight, and what became of the motions that were made anew.
+    /// Where users or eavesdroppers move, and nothing goes wrong: each slot with hindsight, and what became of the motions that were made anew.
     pub followed: Option<(Vec<Hindsight>, Agreements)>,
     /// As it was left.
     pub world: World,
@@ -190,10 +190,11 @@ impl Scenario {
         let world = World::new(sim::WorldConfig { seed, ..self.world.clone() })?;
         let given = PerVehicle::from_fn(|role| Arc::clone(&self.given[role]));
         let setup = Setup { given, start_unasked: true, autopilot: Path::GOOD, pair: Path::GOOD, seed };
+        let faulty = !faults.is_empty();
         let supervisor = Supervisor::new(faults, self.longest());
         let mut run = Run { flight: Flight::new(world, setup), supervisor };
         let given = &self.given.i;
-        if given.mission.movers.is_empty() {
+        if given.mission.movers.is_empty() || faulty {
             run.fly(witness)?;
             return Ok(run.finish());
         }
