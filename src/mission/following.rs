@@ -1,7 +1,7 @@
 //! Following those that move while a slot is served: what is reported of them, when a motion is asked for, and the motions.
 //!
 //! I leads: it filters the reports, and asks for a motion every second, to begin half a second later. Both vehicles plan it outside
-//! of the loop; `pair::adoption` says whether it is taken up. Poses that a slot begins with: [`super::opening`].
+//! of the loop; `pair::adoption` says whether it is taken up. Poses that a slot begins with: `opening`.
 
 use std::sync::Arc;
 use std::time::Duration;
