@@ -101,10 +101,9 @@ impl Endurance {
             return self.steps.clear();
         };
         let (took_off, _) = *self.took_off.get_or_insert((now, said));
-        let foretells = floor.is_none_or(|floor| said < floor);
-        let settled = foretells && now >= took_off + SETTLES;
+        let settled = floor.is_none_or(|floor| said < floor) && now >= took_off + SETTLES;
         self.forecast_per_s = lasts.filter(|_| settled).map(|lasts| said / lasts.as_secs_f64());
-        if now < took_off + SETTLES || !foretells || self.lowest.is_some_and(|lowest| said >= lowest) {
+        if !settled || self.lowest.is_some_and(|lowest| said >= lowest) {
             return;
         }
         // The first is no step: nobody knows since when it has been so much.

@@ -11,6 +11,7 @@ use crate::pair::{AskedSlot, Places, Rest};
 use crate::planner::following::{Belief, Opening};
 use crate::planner::plan::VehiclePlan;
 use crate::role::{PerVehicle, Role};
+use crate::schedule::trajectory::Sample;
 use crate::time::Instant;
 
 /// What planning and agreeing take, about.
@@ -41,8 +42,10 @@ impl Executive {
         self.settings.following.as_ref()?;
         let Phase::InService { motion, .. } = &self.phase else { return None };
         let between = self.service.slot().is_none() && motion.is_at_rest(now);
-        let sample = motion.sample(now);
-        between.then(|| Rest::of(&sample.position_enu_m, &sample.attitude))
+        between.then(|| {
+            let Sample { position_enu_m, attitude, .. } = motion.sample(now);
+            Rest::of(&position_enu_m, &attitude)
+        })
     }
 
     fn both_rest(&self, now: Instant) -> Option<PerVehicle<Rest>> {

@@ -30,7 +30,8 @@ use leader::Leader;
 use motions::{Motions, Outcome};
 use shared_time::SharedTime;
 pub use terms::{
-    AskedSlot, Commitment, Drifting, Event, Local, Places, PlanTerms, Rest, Settings, SlotTerms, Vouch,
+    AskedSlot, Commitment, Drifting, Event, Local, OF_POSES, Places, PlanTerms, Rest, Settings, SlotTerms,
+    Vouch,
 };
 pub use timer::Timer;
 
@@ -272,7 +273,7 @@ impl Coordinator {
         if !self.acquaintance.peer().is_boot(places.boot_id) {
             return;
         }
-        if let (0, Part::J(follower)) = (places.number, &mut self.part) {
+        if let (OF_POSES, Part::J(follower)) = (places.number, &mut self.part) {
             follower.take_places(places.proposal, Places::of_wire(places));
         } else {
             let outcome = self.motions.as_mut().map(|motions| motions.take_places(places));

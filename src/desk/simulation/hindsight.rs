@@ -17,6 +17,7 @@ use crate::config::Mission;
 use crate::geo::{Enu, EnuVelocity, Pose};
 use crate::mission::Outgoing;
 use crate::mission::following::TURN_PART;
+use crate::pair::OF_POSES;
 use crate::pair::wire::{MavMessage, VeilwingWord};
 use crate::planner::PlanError;
 use crate::planner::expectation::{EvaluateOptions, evaluate};
@@ -92,7 +93,7 @@ impl Observer for Seer {
     fn sent(&mut self, at: Duration, role: Role, message: &Outgoing) {
         let Outgoing::Pair(message) = message else { return };
         match (role, &**message) {
-            (Role::I, MavMessage::VEILWING_PLACES(m)) => {
+            (Role::I, MavMessage::VEILWING_PLACES(m)) if m.number != OF_POSES => {
                 self.asked.entry((m.boot_id, m.proposal, m.number)).or_insert(at);
             }
             (Role::J, MavMessage::VEILWING_MOTION(m)) if m.word == VeilwingWord::VEILWING_WORD_FOLLOWS => {

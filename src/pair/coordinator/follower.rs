@@ -121,23 +121,12 @@ impl Follower {
         {
             return (event, None);
         }
-        (None, self.answer(propose, committed, plan, time, now))
-    }
-
-    fn answer(
-        &mut self,
-        propose: &wire::VEILWING_PROPOSE_DATA,
-        committed: Option<Commitment>,
-        plan: Option<&PlanTerms>,
-        time: &SharedTime,
-        now: Instant,
-    ) -> Option<MavMessage> {
         let answer = match committed {
             Some(commitment) if commitment.proposal == propose.proposal => {
                 VeilwingAnswer::VEILWING_ANSWER_ACCEPTED
             }
             // A late copy of an earlier proposal must not displace the slot that is being flown.
-            Some(commitment) if commitment.proposal > propose.proposal => return None,
+            Some(commitment) if commitment.proposal > propose.proposal => return (None, None),
             _ => match self.judge(propose, plan, time, now) {
                 Ok(commitment) => {
                     let newer = self.accepted.is_none_or(|known| known.proposal < propose.proposal);
@@ -149,11 +138,9 @@ impl Follower {
                 Err(refusal) => refusal,
             },
         };
-        Some(MavMessage::VEILWING_ANSWER(wire::VEILWING_ANSWER_DATA {
-            boot_id: propose.boot_id,
-            proposal: propose.proposal,
-            answer,
-        }))
+        let answer =
+            wire::VEILWING_ANSWER_DATA { boot_id: propose.boot_id, proposal: propose.proposal, answer };
+        (None, Some(MavMessage::VEILWING_ANSWER(answer)))
     }
 
     /// Judges a proposal by our own plan, readiness and clock.

@@ -5,7 +5,7 @@ use crate::time::Instant;
 
 use super::super::adoption::{Asked, Follower, Leader, Word};
 use super::super::wire::{self, MavMessage, VeilwingWord};
-use super::terms::{Commitment, Drifting, Event, Places};
+use super::terms::{Commitment, Drifting, Event, OF_POSES, Places};
 use crate::planner::following::MOST_MOVERS;
 
 /// See the module. Of one slot.
@@ -169,6 +169,7 @@ impl Places {
             boot_id,
             proposal,
             begins_ms: self.begins_ms,
+            number: OF_POSES,
             who: [NOBODY; MOST_MOVERS],
             ..Default::default()
         };

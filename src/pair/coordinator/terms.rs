@@ -130,6 +130,9 @@ impl Drifting {
     }
 }
 
+/// The number of a motion that VEILWING_PLACES has where it is for the poses of a slot, and for no motion in it.
+pub const OF_POSES: u16 = 0;
+
 /// What is believed of those that move in a slot, at an instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Places {
