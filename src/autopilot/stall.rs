@@ -14,6 +14,9 @@ const OUTLIVES: Duration = Duration::from_millis(950);
 const SILENT: Duration = Duration::from_millis(850);
 /// What came within this of the awakening may have been sent before.
 const AT_THE_DOOR: Duration = Duration::from_millis(100);
+/// So long after the last setpoint that certainly came it has left our mode, if it does: PX4's second, a tenth of one that the
+/// setpoint may have been under way, and one for its own steps. Until then its mode says nothing of what it is about to do.
+const LEFT: Duration = Duration::from_millis(1200);
 
 /// See the module.
 #[derive(Debug, Clone, Default)]
@@ -25,8 +28,9 @@ pub(super) struct Stall {
 /// The mode may be another.
 #[derive(Debug, Clone, Copy)]
 struct Doubt {
-    since: Instant,
-    /// A heartbeat was asked for.
+    /// What a heartbeat shows counts from here on.
+    ends_from: Instant,
+    /// One was asked for.
     asked: bool,
 }
 
@@ -34,25 +38,27 @@ impl Stall {
     /// A setpoint is due, the autopilot is in our hands or not (`held`), and has said nothing for so long; whether the
     /// setpoint may go out.
     pub fn allows(&mut self, held: bool, silent_for: Duration, now: Instant) -> bool {
-        let before = self.set_at.replace(now);
-        let stalled = before.is_some_and(|before| now.saturating_since(before) > OUTLIVES);
+        let stalled = self.set_at.replace(now).filter(|before| now.saturating_since(*before) > OUTLIVES);
+        let silent = (silent_for > SILENT).then(|| now - silent_for);
         if !held {
             self.doubt = None;
-        } else if stalled || silent_for > SILENT {
-            self.doubt = Some(Doubt { since: now, asked: false });
+        } else if let Some(last_came) = stalled.max(silent) {
+            let ends_from = (now + AT_THE_DOOR).max(last_came + LEFT);
+            self.doubt = Some(Doubt { ends_from, asked: false });
         }
         self.doubt.is_none()
     }
 
-    /// Whether to ask the autopilot for a heartbeat: once, when its answer cannot have been sent before the awakening.
+    /// Whether to ask the autopilot for a heartbeat: once, when its answer cannot have been sent before the awakening, nor before
+    /// the mode was left.
     pub fn asks(&mut self, now: Instant) -> bool {
-        let due = self.doubt.as_mut().filter(|doubt| !doubt.asked && now >= doubt.since + AT_THE_DOOR);
+        let due = self.doubt.as_mut().filter(|doubt| !doubt.asked && now >= doubt.ends_from);
         due.map(|doubt| doubt.asked = true).is_some()
     }
 
     /// A heartbeat shows our mode.
     pub fn shown(&mut self, now: Instant) {
-        self.doubt = self.doubt.filter(|doubt| now < doubt.since + AT_THE_DOOR);
+        self.doubt = self.doubt.filter(|doubt| now < doubt.ends_from);
     }
 
     /// Whether the mode may be another by now.
@@ -89,12 +95,16 @@ mod tests {
         );
         assert!(!stall.asks(at(970)));
         assert!(!heard(&mut stall, true, at(1921)) && stall.is_in_doubt());
-        // It waited at the door.
-        stall.shown(at(2020));
-        assert!(!heard(&mut stall, true, at(2020)) && !stall.asks(at(2020)));
-        assert!(stall.asks(at(2021)) && !stall.asks(at(2022)));
-        stall.shown(at(2021));
-        assert!(heard(&mut stall, true, at(2040)) && !stall.is_in_doubt());
+        // It waited at the door, or was sent by an autopilot that has not missed us yet.
+        for early in [2020, 2169] {
+            stall.shown(at(early));
+            assert!(!heard(&mut stall, true, at(early)) && !stall.asks(at(early)));
+        }
+        assert!(stall.asks(at(2170)) && !stall.asks(at(2171)));
+        stall.shown(at(2172));
+        assert!(heard(&mut stall, true, at(2180)) && !stall.is_in_doubt());
+        // Of a long stall it is the door that counts.
+        assert!(!heard(&mut stall, true, at(9000)) && !stall.asks(at(9099)) && stall.asks(at(9100)));
     }
 
     #[test]
@@ -108,9 +118,10 @@ mod tests {
         // What the link held up comes out at once.
         stall.shown(at(985));
         assert!(!stall.allows(true, silent(15), at(1000)));
-        assert!(stall.asks(at(1080)));
-        stall.shown(at(1090));
-        assert!(stall.allows(true, silent(0), at(1100)));
+        // Nothing is known to have come since 0.
+        assert!(!stall.asks(at(1199)) && stall.asks(at(1200)));
+        stall.shown(at(1202));
+        assert!(stall.allows(true, silent(0), at(1220)));
     }
 
     #[test]

@@ -13,7 +13,7 @@ use super::executive::Executive;
 use super::opening::Openings;
 use super::phase::Phase;
 use crate::geo::{Enu, Geodetic};
-use crate::pair::adoption::AT_REST;
+use crate::pair::adoption::{AT_REST, GRACE};
 use crate::pair::{Drifting, Places};
 use crate::planner::Options;
 use crate::planner::following::{self, Belief, Drift, Estimate, Motion, Mover, Opening, Report, Who};
@@ -322,8 +322,8 @@ impl Executive {
         }
     }
 
-    /// The slot that is served, pose and power of both in it as this vehicle's motion has them, and what each may be told to radiate;
-    /// `None` where no motion is made anew.
+    /// The slot that is served, pose and power of both in it as this vehicle's motion has them, and what each may be told to radiate:
+    /// by that motion or, so long as I may be on while J has not taken it up, by the one before. `None` where no motion is made anew.
     #[must_use]
     pub fn followed(&self, now: Instant) -> Option<(u16, PerVehicle<(VehiclePlan, f64)>)> {
         let slot = self.service.slot()?;
@@ -332,8 +332,12 @@ impl Executive {
         let since_s = now.seconds_since(slot.commitment.opens_at);
         let of = |role: Role| {
             let own = track.other(role, rest[role]);
+            let behind = own.as_of(since_s - GRACE.as_secs_f64());
             // The other's clock may be ahead.
-            (own.vehicle(since_s), own.tx_power_w(since_s).max(own.tx_power_w(since_s + APART_S)))
+            let powers_w = [&own, &behind]
+                .into_iter()
+                .flat_map(|track| [0.0, APART_S].map(|s| track.tx_power_w(since_s + s)));
+            (own.vehicle(since_s), powers_w.fold(0.0, f64::max))
         };
         Some((slot.commitment.slot, PerVehicle::from_fn(of)))
     }

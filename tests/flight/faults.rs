@@ -424,3 +424,40 @@ fn spec_a_companion_that_freezes_leaves_nobody_unprotected() {
         }
     }
 }
+
+#[test]
+fn spec_what_a_frozen_pair_link_lets_go_as_it_is_cut_is_heard_and_the_judge_knows() {
+    let mut flight = in_mid_slot(Setup::default());
+    flight.set_pair_path(Role::I, Path::FROZEN);
+    flight.pass(Duration::from_millis(490));
+    flight.set_pair_path(Role::I, Path::CUT);
+    flight.pass(Duration::from_millis(450));
+    assert!(flight.radiating()[1], "{}", flight.story());
+    flight.pass(Duration::from_millis(100));
+    assert!(!flight.radiating()[1], "{}", flight.story());
+    flight.fly_out();
+    flight.assert_safe();
+}
+
+/// PX4 leaves OFFBOARD a second after the last setpoint, and takes it again by itself once setpoints come.
+#[test]
+fn spec_no_length_of_a_cut_link_makes_an_autopilot_that_left_come_back_to_our_mode() {
+    let mut left = 0;
+    for lasts_ms in (800..1200).step_by(10) {
+        let mut flight = in_mid_slot(Setup::default());
+        flight.set_autopilot_path(Role::J, Path::CUT);
+        flight.pass(Duration::from_millis(lasts_ms));
+        flight.set_autopilot_path(Role::J, Path::GOOD);
+        let controlled = |flight: &Flight| flight.world.snapshot().vehicles[1].companion_controlled;
+        let mut gone = !controlled(&flight);
+        for _ in 0..300 {
+            flight.pass(Duration::from_millis(10));
+            assert!(!(gone && controlled(&flight)), "{lasts_ms} ms\n{}", flight.story());
+            gone |= !controlled(&flight);
+        }
+        left += u32::from(gone);
+        flight.pass(Duration::from_secs(15));
+        flight.assert_safe();
+    }
+    assert!((20..40).contains(&left), "{left} of 40");
+}

@@ -252,7 +252,13 @@ impl Flight {
 
     /// Changes the pair link in the direction from `from`, for what is sent from now on.
     pub fn set_pair_path(&mut self, from: Role, path: Path) {
-        self.pair[from].path = path;
+        let thaws = std::mem::replace(&mut self.pair[from].path, path).frozen && !path.frozen;
+        if thaws {
+            // What was held up is heard, though nothing is from now on.
+            self.pair[from].path = Path::GOOD;
+            self.tell(from.peer());
+            self.pair[from].path = path;
+        }
         self.tell(from.peer());
     }
 

@@ -10,8 +10,9 @@ use super::super::expectation::kernel::{ANGLES, POWER, Raw, VEHICLE};
 use super::super::moving::{self, NODES};
 use super::super::powers;
 use super::super::setup::Setup;
+use super::super::turning::Held;
 use super::super::variables::PowerChart;
-use super::motion::{Foreseen, Knot, Motion, Slip};
+use super::motion::{Foreseen, Knot, Motion, Slip, held};
 use super::{Flying, Path, SEGMENT_S, SEGMENTS, SHORTEST_SLIP_S, Scene};
 use crate::geo::Enu;
 use crate::role::{PerVehicle, Role};
@@ -119,8 +120,19 @@ impl<'a> Frame<'a> {
     }
 
     /// Roll and pitch at a knot: I's, or J's beside its null.
-    pub fn given_angles(&self, x: &[f64], knot: usize, v: usize) -> [f64; 2] {
+    fn given_angles(&self, x: &[f64], knot: usize, v: usize) -> [f64; 2] {
         self.angle(knot, v).map_or(self.angles[v], |at| [UNIT_RAD * x[at], UNIT_RAD * x[at + 1]])
+    }
+
+    /// I's roll and pitch at a knot, within its tilt: what runs straight from one to the next is within it all the way, at one
+    /// rate. (Drawn in from beyond it at each instant instead, a straight run hurries along the limit.)
+    pub fn i_held(&self, x: &[f64], knot: usize) -> Held {
+        held(self.given_angles(x, knot, 0), self.setups[0].tilt_rad[0])
+    }
+
+    /// J's roll and pitch beside its null at a knot.
+    pub fn j_beside(&self, x: &[f64], knot: usize) -> [f64; 2] {
+        self.given_angles(x, knot, 1)
     }
 
     /// J's power at a knot in W.
@@ -209,8 +221,8 @@ impl<'a> Frame<'a> {
         };
         let knot = |knot: usize| Knot {
             at_s: self.begins_s + SEGMENT_S * knot as f64,
-            i: self.given_angles(x, knot, 0),
-            j: self.given_angles(x, knot, 1),
+            i: self.i_held(x, knot).at,
+            j: self.j_beside(x, knot),
             j_power_w: self.power_w(x, knot),
         };
         let [i, j] = self.setups[0].tilt_rad;

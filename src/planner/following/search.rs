@@ -55,12 +55,15 @@ impl Spot {
     }
 }
 
-/// Where both are at an instant, their angles, and what those depend on.
+/// Where both are at an instant, their roll and pitch, and what those depend on: I's on those of the knots about it, J's on what
+/// they would be without a limit of its tilt, and through its null on where it is.
 #[derive(Clone, Copy)]
 struct Posed {
     spot: Spot,
     positions: [Enu; 2],
-    held: [Held; 2],
+    angles: [[f64; 2]; 2],
+    i_knots: [Held; 2],
+    j: Held,
     by_position: [[f64; 3]; 2],
 }
 
@@ -114,16 +117,17 @@ impl<'a> Objective<'a> {
         if !self.frame.moves[v] {
             return;
         }
-        let by = posed.held[v].pull(by);
-        for (knot, weight) in posed.spot.knots() {
+        let j = posed.j.pull(by);
+        for (k, (knot, weight)) in posed.spot.knots().into_iter().enumerate() {
             if let Some(at) = self.frame.angle(knot, v) {
+                let by = if v == 0 { posed.i_knots[k].pull(by) } else { j };
                 gradient[at] += UNIT_RAD * weight * by[0];
                 gradient[at + 1] += UNIT_RAD * weight * by[1];
             }
         }
         if v == 1 {
             let [roll, pitch] = posed.by_position;
-            let by = Vector3::from_fn(|k, _| by[0] * roll[k] + by[1] * pitch[k]);
+            let by = Vector3::from_fn(|k, _| j[0] * roll[k] + j[1] * pitch[k]);
             self.push(1, posed.spot.segment, weights(posed.spot.share), &by, gradient);
         }
     }
@@ -132,15 +136,15 @@ impl<'a> Objective<'a> {
         let frame = self.frame;
         let Spot { segment, share } = spot;
         let positions = [0, 1].map(|v: usize| frame.sum(x, v, segment, weights(share)));
-        let given = [0, 1].map(|v: usize| {
-            let [a, b] = [segment, segment + 1].map(|knot| frame.given_angles(x, knot, v));
-            [0, 1].map(|k: usize| a[k] + share * (b[k] - a[k]))
-        });
+        let between = |[a, b]: [[f64; 2]; 2]| [0, 1].map(|k: usize| a[k] + share * (b[k] - a[k]));
+        let knots = [segment, segment + 1];
+        let i_knots = knots.map(|knot| frame.i_held(x, knot));
+        let beside = between(knots.map(|knot| frame.j_beside(x, knot)));
         let t_s = frame.begins_s + SEGMENT_S * (segment as f64 + share);
         let (null, by_position) = frame.null(t_s, &positions[1]);
-        let j = [null[0] + given[1][0], null[1] + given[1][1]];
-        let [i_rad, j_rad] = frame.setups[0].tilt_rad;
-        Posed { spot, positions, held: [held(given[0], i_rad), held(j, j_rad)], by_position }
+        let j = held([null[0] + beside[0], null[1] + beside[1]], frame.setups[0].tilt_rad[1]);
+        let angles = [between(i_knots.map(|held| held.at)), j.at];
+        Posed { spot, positions, angles, i_knots, j, by_position }
     }
 
     /// The configuration of a node, and what it depends on.
@@ -151,7 +155,7 @@ impl<'a> Objective<'a> {
         for v in 0..2 {
             let at = v * VEHICLE;
             raw[at..at + 3].copy_from_slice(posed.positions[v].as_slice());
-            raw[at + ANGLES..at + ANGLES + 2].copy_from_slice(&posed.held[v].at);
+            raw[at + ANGLES..at + ANGLES + 2].copy_from_slice(&posed.angles[v]);
         }
         raw[VEHICLE + POWER] =
             spot.knots().into_iter().map(|(knot, weight)| weight * self.frame.power_w(x, knot)).sum();
@@ -208,7 +212,7 @@ impl<'a> Objective<'a> {
         for look in 1..=SEGMENTS * LOOKS {
             let now = self.posed(x, Spot::of(look, LOOKS));
             for (v, role) in Role::BOTH.into_iter().enumerate() {
-                let way = [0, 1].map(|k: usize| now.held[v].at[k] - before.held[v].at[k]);
+                let way = [0, 1].map(|k: usize| now.angles[v][k] - before.angles[v][k]);
                 let angle = libm::hypot(way[0], way[1]);
                 let may = self.frame.scene.turn_rate_rad_s[role] * SEGMENT_S / LOOKS as f64;
                 let (square, slope) = hinge(angle / may, PART);

@@ -43,6 +43,13 @@ impl Followed {
         self.motions.drain(..old);
     }
 
+    /// The track of one that has taken up no motion which begins later than this.
+    #[must_use]
+    pub fn as_of(&self, since_opening_s: f64) -> Self {
+        let motions = self.motions.iter().filter(|motion| motion.begins_s() <= since_opening_s);
+        Self { motions: motions.cloned().collect(), ..self.clone() }
+    }
+
     /// What is flown at a time since the opening; `None`: the vehicle rests as the slot has it.
     fn flown(&self, since_opening_s: f64) -> Option<&Motion> {
         let begun = self.motions.iter().rfind(|motion| motion.begins_s() <= since_opening_s);
@@ -210,6 +217,10 @@ mod tests {
                     < 1e-12
             );
             assert_eq!(track.place(4.0), motions[1].ways[role].at(4.0));
+            // Who has not taken it up goes on as before.
+            let behind = track.as_of(2.4);
+            assert_eq!(behind.place(4.0), motions[0].ways[role].at(4.0));
+            assert_eq!((track.as_of(2.5), behind.as_of(0.9).place(4.0)), (track.clone(), track.place(0.5)));
             // Taken up anew from there, the later one is none any more.
             track.take_up(Arc::clone(&motions[0]));
             assert_eq!(track.place(4.0), motions[0].ways[role].at(4.0));
