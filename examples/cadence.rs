@@ -96,6 +96,8 @@ fn fly(role: &str, seconds: f64, links: &str) {
         orders: None,
         computer: Some(std::env::temp_dir()),
         manager: Manager::none(),
+        flown: None,
+        edited: tokio::sync::mpsc::unbounded_channel().1,
         planner: Box::new(move || Ok(plan(&mission))),
     };
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");

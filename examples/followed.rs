@@ -40,9 +40,9 @@ fn main() -> Result<(), Box<dyn Error>> {
                 m.tdma.slot_s = SLOT_S;
                 m.pointing.position_std_m = None;
                 if users {
-                    m.users.iter_mut().zip(51..).for_each(|(user, system)| user.moves = moves(system));
+                    m.users.iter_mut().zip(51..).for_each(|(user, system)| user.moves = moves(Some(system)));
                 } else {
-                    m.eavesdroppers[0].moves = moves(61);
+                    m.eavesdroppers[0].moves = moves(None);
                 }
             };
             let mission = file.changed(change).map_err(|errors| errors.to_string())?;

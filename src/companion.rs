@@ -12,12 +12,15 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use mavlink::dialects::ardupilotmega::MavSeverity;
-use tokio::sync::oneshot;
+use tokio::sync::mpsc::UnboundedReceiver;
+use tokio::sync::{oneshot, watch};
 use tracing::{debug, error, info, warn};
 
 use crate::link::clock::Hold;
 use crate::link::{Aboard, Clock, Form, Frame, Link, LinkAddress, LinkConfig, LinkError, PairLink};
+use crate::mission::following::Flown;
 use crate::mission::{Executive, Notice, Outcome, Outgoing, Settings};
+use crate::planner::following::Moved;
 use crate::planner::slots::Plan;
 use crate::role::Role;
 use crate::systemd::Manager;
@@ -47,6 +50,10 @@ pub struct Companion {
     pub computer: Option<PathBuf>,
     /// Who started this process, and its watchdog.
     pub manager: Manager,
+    /// Where those that move are in the mission file, each time that it was edited and is to be looked at.
+    pub edited: UnboundedReceiver<Result<Vec<Moved>, String>>,
+    /// Is told what both fly, and of I whether J flies the same, where motions are made anew; `None`: nobody wants to know.
+    pub flown: Option<watch::Sender<Option<(Flown, bool)>>>,
     /// Makes the plan; runs on a thread of its own.
     pub planner: Box<dyn FnOnce() -> Result<Plan, String> + Send>,
 }
@@ -85,7 +92,7 @@ impl Companion {
             let watch = health::Watch::begin(directory);
             watch.map_err(|error| warn!(%error, "the ground hears nothing of this computer")).ok()
         });
-        let mut manager = self.manager;
+        let (mut manager, mut edited) = (self.manager, self.edited);
         let (answer, mut answers) = tokio::sync::mpsc::unbounded_channel();
         let mut standing = Standing::default();
         loop {
@@ -106,9 +113,13 @@ impl Companion {
                 }
             }
             while let Some((ticket, question)) = executive.poll_question() {
-                let answer = answer.clone();
-                // Nobody waits for it once the companion ends.
-                tokio::task::spawn_blocking(move || answer.send((ticket, question.answer())).ok());
+                let (answer, hold) = (answer.clone(), clock.hold());
+                tokio::task::spawn_blocking(move || {
+                    // Nobody waits for it once the companion ends.
+                    let _ = answer.send((ticket, question.answer()));
+                    // Where time is given out, a motion takes none of it.
+                    drop(hold);
+                });
             }
             while let Some(notice) = executive.poll_notice() {
                 log(role, executive.phase_name(), &notice);
@@ -116,6 +127,10 @@ impl Companion {
             }
             if let Some(text) = standing.news(role, executive.phase_name()) {
                 manager.status(&text);
+            }
+            if let Some(flown) = &self.flown {
+                let alike = executive.flies_alike(clock.now());
+                flown.send_replace(executive.flown().map(|flown| (flown, alike)));
             }
             let (deadline, why) = executive.poll_timeout();
             if executive.outcome().is_some() {
@@ -152,6 +167,7 @@ impl Companion {
                 frame = Link::recv_of(&mut radio) => hear_radio(&mut executive, &frame, &clock),
                 Some((ticket, answer)) = answers.recv() => executive.handle_answer(ticket, answer, clock.now()),
                 frame = pair.recv() => executive.handle_pair(&frame.message, clock.now()),
+                Some(edited) = edited.recv() => executive.handle_file(edited, clock.now()),
                 look = health::next(&mut health) => {
                     let status = health::message(&look, clock.utc());
                     autopilot.send(executive.own(), &Aboard::Common(status));

@@ -147,6 +147,7 @@ const ELSEWHERE: &[(&str, &[&str], &str)] = &[
         &["NotAnswered", "NotHeard", "NotTaken", "Unsupported"],
         "the preflight waits for them; src/transmitter/numbered/tests",
     ),
+    ("notice", &["FileTaken", "FileRefused"], "of a signal to a process; tests/stranger/sightings.py"),
     ("notice", &["ArmingRefused"], "no simulated autopilot asks; tests/flight/face.rs"),
     ("notice", &["OrderUnconfirmed"], "of a link that is deaf one way; tests/flight/orders.rs"),
     ("notice", &["SlotPutOff"], "of slots that carry each other on; tests/flight/turning.rs"),

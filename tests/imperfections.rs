@@ -135,6 +135,7 @@ fn spec_a_campaign_over_a_real_link_states_its_quantile_and_an_ideal_one_does_no
             mission_digest: mission.digest_hex(),
             plan_digest: String::new(),
             actuation: None,
+            tracks_digest: None,
             faults_digest: None,
             seed: seeds.start,
             campaign_runs: seeds.end - seeds.start,

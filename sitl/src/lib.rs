@@ -44,7 +44,7 @@ pub use world::fault::Fault;
 pub use world::followed::Flown;
 pub use world::record::{Heard, Record, Recorder};
 pub use world::report::{FlightReport, PerVehicle, SlotReport};
-pub use world::roaming::Roams;
+pub use world::roaming::{Fix, Reporter, Roams};
 pub use world::scattering::{Fading, Rician};
 pub use world::turning::{PLACES_S, PlannedKnot, PlannedTurns};
 pub use world::violation::{Breach, Invariant, Violation};

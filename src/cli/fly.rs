@@ -4,10 +4,12 @@
 mod in_step;
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use rustix::process::Signal;
 use tokio::runtime::Runtime;
 use tokio::signal::unix::{self, SignalKind};
+use tokio::sync::mpsc::{UnboundedReceiver, unbounded_channel};
 
 use crate::companion::Companion;
 use crate::companion::orders_file::{self, OrdersFile};
@@ -19,6 +21,7 @@ use crate::link::clock::Clock;
 use crate::link::signing::RADIO_STATUS_ID;
 use crate::link::{Form, Key, LinkAddress, LinkConfig, SigningConfig};
 use crate::mission::Outcome;
+use crate::planner::following::Moved;
 use crate::planner::slots::Plan;
 use crate::planning;
 use crate::systemd::Manager;
@@ -88,6 +91,7 @@ fn fly(args: &Args, mission: Mission, vehicle: &Vehicle) -> Result<Exit, String>
     let clock = Clock::start(args.clock_rate).map_err(|error| error.to_string())?;
     let (runtime, _handled) = runtime()?;
     let recording = recording(args, &mission, vehicle, &clock)?;
+    let _inside = runtime.enter();
     let companion = match companion(args, mission, vehicle, &clock, &recording) {
         Ok(companion) => companion,
         Err(error) => return Err(recording.failed(error, &clock)),
@@ -161,8 +165,34 @@ fn companion(
         computer: has_own_time(args).then(|| vehicle.log_dir.clone()),
         manager: manager(args)?,
         settings,
+        flown: None,
+        edited: edited(args.mission.clone(), mission.clone())?,
         planner: planner(mission, clock.clone(), recording.clone()),
     })
+}
+
+/// Where those that move are in the mission file each time that SIGUSR1 asks for it.
+fn edited(path: PathBuf, flown: Mission) -> Result<UnboundedReceiver<Result<Vec<Moved>, String>>, String> {
+    let asked = unix::signal(SignalKind::user_defined1());
+    let mut asked = asked.map_err(|error| format!("a signal cannot be handled: {error}"))?;
+    let (sender, receiver) = unbounded_channel();
+    let flown = Arc::new(flown);
+    tokio::spawn(async move {
+        while asked.recv().await.is_some() {
+            let (path, flown) = (path.clone(), Arc::clone(&flown));
+            let read = tokio::task::spawn_blocking(move || {
+                let edited = Mission::load(&path).map_err(|errors| {
+                    eprint!("{errors}");
+                    format!("it has errors: veilwing check {}", path.display())
+                });
+                edited.and_then(|edited| flown.moved(&edited))
+            });
+            if read.await.is_ok_and(|read| sender.send(read).is_err()) {
+                break;
+            }
+        }
+    });
+    Ok(receiver)
 }
 
 /// By this machine's clock, and not by one that a simulation gives out: there nothing may depend on how the machine fares.

@@ -10,12 +10,15 @@
 //! | `go FROM TO` | world | it is FROM; go on to TO. FROM is the last TO, or later if the companion was stopped |
 //! | `stop` | world | as SIGTERM; heeded at the next `go` |
 //! | `done TO` | companion | all that is due until TO has happened |
+//! | `done TO SLOT ALIKE I.. J..` | companion | the same, in a slot whose motions are made anew: what both fly at TO, as it knows it; ALIKE 1 where J flies the same. Of each east, north, up, roll, pitch, yaw, the power that protects and the most that may be told |
 //!
 //! All in microseconds, of the companion's clock and since 1970.
 
 use std::fmt;
 use std::str::FromStr;
 use std::time::Duration;
+
+use veilwing_sitl as sim;
 
 use crate::time::{Instant, Utc};
 
@@ -67,22 +70,66 @@ impl FromStr for Order {
 }
 
 /// A companion's answer.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Done {
     /// All that is due until then has happened.
     pub to: Instant,
+    /// In a slot whose motions are made anew.
+    pub flown: Option<Flies>,
+}
+
+/// What both vehicles fly, as a companion knows it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Flies {
+    pub slot: u16,
+    /// Of I: J flies the same. J goes by itself.
+    pub alike: bool,
+    pub both: sim::Flown,
 }
 
 impl fmt::Display for Done {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "done {}", micros(self.to))
+        write!(f, "done {}", micros(self.to))?;
+        let Some(Flies { slot, alike, both }) = &self.flown else { return Ok(()) };
+        write!(f, " {slot} {}", u8::from(*alike))?;
+        for (pose, most_w) in both.poses.iter().zip(both.most_w) {
+            let [east, north, up] = pose.position_enu_m;
+            let numbers =
+                [east, north, up, pose.roll_rad, pose.pitch_rad, pose.yaw_rad, pose.tx_power_w, most_w];
+            numbers.iter().try_for_each(|number| write!(f, " {number}"))?;
+        }
+        Ok(())
     }
 }
 
 impl Done {
     /// The answer in a line of a companion's, if it is one.
     pub fn read(line: &str) -> Option<Self> {
-        Some(Self { to: instant(line.strip_prefix("done ")?)? })
+        let mut words = line.strip_prefix("done ")?.split(' ');
+        let to = instant(words.next()?)?;
+        let flown = match words.next() {
+            Some(slot) => Some(Flies::read(slot, words)?),
+            None => None,
+        };
+        Some(Self { to, flown })
+    }
+}
+
+impl Flies {
+    fn read<'a>(slot: &str, mut words: impl Iterator<Item = &'a str>) -> Option<Self> {
+        let (slot, alike) = (slot.parse().ok()?, words.next()? == "1");
+        let numbers = words.map(|word| word.parse().ok()).collect::<Option<Vec<f64>>>()?;
+        let numbers: [f64; 16] = numbers.try_into().ok()?;
+        let pose = |v: usize| sim::PlannedPose {
+            position_enu_m: [0, 1, 2].map(|k: usize| numbers[8 * v + k]),
+            roll_rad: numbers[8 * v + 3],
+            pitch_rad: numbers[8 * v + 4],
+            yaw_rad: numbers[8 * v + 5],
+            tx_power_w: numbers[8 * v + 6],
+            lean_deg: 0.0,
+        };
+        let both = sim::Flown { poses: [pose(0), pose(1)], most_w: [numbers[7], numbers[15]] };
+        Some(Self { slot, alike, both })
     }
 }
 
@@ -112,8 +159,22 @@ mod tests {
         for line in ["", "veilwing-step/2 0 0", "veilwing-step/1 0", "go 1", "go 1 -2", "go 1 2 3", "stop "] {
             assert_eq!(line.parse::<Order>(), Err(NoOrder(line.to_owned())));
         }
-        assert_eq!(Done::read(&Done { to: at(3) }.to_string()), Some(Done { to: at(3) }));
-        for line in ["done", "done x", "{\"level\":\"INFO\"}"] {
+        let pose = |east_m: f64| sim::PlannedPose {
+            position_enu_m: [east_m, -2.5, 30.0 + 1e-9],
+            roll_rad: 0.1,
+            pitch_rad: -1.0 / 3.0,
+            yaw_rad: 0.0,
+            tx_power_w: 1e-7,
+            lean_deg: 0.0,
+        };
+        let both = sim::Flown { poses: [pose(1.0), pose(-7.0)], most_w: [0.5, 2e-7] };
+        for flown in
+            [None, Some(Flies { slot: 3, alike: true, both }), Some(Flies { slot: 0, alike: false, both })]
+        {
+            let done = Done { to: at(3), flown };
+            assert_eq!(Done::read(&done.to_string()), Some(done), "{done}");
+        }
+        for line in ["done", "done x", "done 3 1", "done 3 1 1 2", "done 3 x 1", "{\"level\":\"INFO\"}"] {
             assert_eq!(Done::read(line), None);
         }
     }

@@ -492,8 +492,8 @@ pub struct NodeDraft {
 /// How a user or an eavesdropper moves, and who says where it is.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MovesDraft {
-    /// MAVLink system whose GLOBAL_POSITION_INT or FOLLOW_TARGET says where it is.
-    pub system_id: u8,
+    /// MAVLink system whose GLOBAL_POSITION_INT or FOLLOW_TARGET says where it is; `None`: operators alone do.
+    pub system_id: Option<u8>,
     /// How it moves.
     pub gait: Gait,
     /// Standard deviation of a reported position in metres, where the report does not say.
@@ -502,7 +502,7 @@ pub struct MovesDraft {
 
 impl Default for MovesDraft {
     fn default() -> Self {
-        Self { system_id: 0, gait: Gait::Walks, std_m: 3.0 }
+        Self { system_id: None, gait: Gait::Walks, std_m: 3.0 }
     }
 }
 

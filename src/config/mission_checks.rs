@@ -429,7 +429,7 @@ fn tdma(draft: &MissionDraft, file: &mut Document) {
 /// What following asks of other settings.
 fn following(draft: &MissionDraft, file: &mut Document) {
     let nodes = [("user", &draft.users), ("eavesdropper", &draft.eavesdroppers)];
-    let movers: Vec<(String, u8)> = nodes
+    let movers: Vec<(String, Option<u8>)> = nodes
         .into_iter()
         .flat_map(|(kind, nodes)| nodes.iter().enumerate().map(move |(index, node)| (kind, index, node)))
         .filter_map(|(kind, index, node)| Some((format!("{kind}[{index}].moves"), node.moves?.system_id)))
@@ -449,7 +449,9 @@ fn following(draft: &MissionDraft, file: &mut Document) {
         refuse(file, &first, message, "leave `moves` out for those farthest away");
     }
     for (k, (path, system_id)) in movers.iter().enumerate() {
-        if movers[..k].iter().any(|(_, other)| other == system_id) {
+        if let Some(system_id) = system_id
+            && movers[..k].iter().any(|(_, other)| *other == Some(*system_id))
+        {
             let message = format!("MAVLink system {system_id} says where two are");
             refuse(file, path, message, "give each a system_id of its own");
         }

@@ -496,14 +496,14 @@ fn node(s: &mut Section<'_, '_>, node: &mut NodeDraft) {
 }
 
 fn moves(s: &mut Section<'_, '_>, moves: &mut MovesDraft) {
-    let mut system = u64::from(moves.system_id);
-    s.set_required(
+    let mut system = moves.system_id.map(u64::from);
+    s.set_optional(
         "system_id",
-        "MAVLink system on the autopilot's link whose GLOBAL_POSITION_INT or FOLLOW_TARGET says where it is.",
+        "MAVLink system on the autopilot's link whose GLOBAL_POSITION_INT or FOLLOW_TARGET says where it is; else an operator does.",
         ID,
         &mut system,
     );
-    moves.system_id = byte(system);
+    moves.system_id = system.map(byte);
     let gaits = Choice(&[("walks", Gait::Walks), ("drives", Gait::Drives)]);
     s.set("gait", "\"walks\", some 1.5 m/s; \"drives\", some 8 m/s.", gaits, &mut moves.gait);
     s.set(

@@ -16,6 +16,7 @@ mod mission;
 mod mission_checks;
 mod mission_file;
 mod mission_warnings;
+mod moved;
 mod permission;
 mod plan_file;
 mod radio;

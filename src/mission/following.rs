@@ -1,4 +1,4 @@
-//! Following those that move while a slot is served: what is reported of them, when a motion is asked for, and the motions.
+//! Following those that move while a slot is served: when a motion is asked for, and the motions. What is reported of them: `reported`.
 //!
 //! I leads: it filters the reports, and asks for a motion every second, to begin half a second later. Both vehicles plan it outside
 //! of the loop; `pair::adoption` says whether it is taken up. Poses that a slot begins with: `opening`.
@@ -6,20 +6,17 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use mavlink::MavHeader;
-use mavlink::dialects::ardupilotmega::MavMessage;
-
 use super::executive::Executive;
 use super::opening::Openings;
 use super::phase::Phase;
-use crate::geo::{Enu, Geodetic};
+use super::reported::Heard;
 use crate::pair::adoption::{AT_REST, GRACE};
 use crate::pair::{Drifting, Places};
 use crate::planner::Options;
-use crate::planner::following::{self, Belief, Drift, Estimate, Motion, Mover, Opening, Report, Who};
+use crate::planner::following::{self, Belief, Drift, Estimate, Motion, Mover, Opening, Who};
 use crate::planner::plan::VehiclePlan;
 use crate::planner::problem::Problem;
-use crate::planner::track::{APART_S, Track};
+use crate::planner::track::{APART_S, Followed, Track};
 use crate::role::{PerVehicle, Role};
 use crate::schedule::separation::clearance_m;
 use crate::time::Instant;
@@ -30,12 +27,6 @@ const EVERY: Duration = Duration::from_secs(1);
 const LEAD: Duration = Duration::from_millis(500);
 /// The part of what they may turn that motions ask of them: the rest is for what has to be caught up with.
 pub const TURN_PART: f64 = 0.5;
-/// A report from farther away than this is none, in metres.
-const FARTHEST_M: f64 = 20_000.0;
-/// No report is overtaken by more than so many seconds: a clock that goes back by more has started anew.
-const OVERTAKEN_S: f64 = 10.0;
-/// How well a height is known, over how well a place is.
-const UP: f64 = 2.0;
 
 /// What does not change while the companion runs.
 #[derive(Debug, Clone)]
@@ -48,6 +39,22 @@ pub struct Following {
     pub options: Options,
 }
 
+impl Following {
+    /// How high somebody is, as the mission has it, in metres of its frame.
+    pub(super) fn height_m(&self, who: Who) -> f64 {
+        let user = |index: usize| self.problems.get(index).map(|(_, problem)| problem.user_enu_m);
+        let eavesdropper = |index: usize| {
+            let (_, problem) = self.problems.first()?;
+            problem.eavesdroppers.get(index).map(|eavesdropper| eavesdropper.position_enu_m)
+        };
+        let place = match who {
+            Who::User(index) => user(index),
+            Who::Eavesdropper(index) => eavesdropper(index),
+        };
+        place.map_or(0.0, |place| place.z)
+    }
+}
+
 /// Which motion an answer is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Ticket {
@@ -55,6 +62,32 @@ pub struct Ticket {
     pub(super) proposal: u32,
     /// The motion's number, or the slot's.
     pub(super) number: u16,
+}
+
+/// What both vehicles fly in a slot whose motions are made anew, as one companion knows it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Flown {
+    /// The slot.
+    pub slot: u16,
+    opens_at: Instant,
+    tracks: PerVehicle<Followed>,
+}
+
+impl Flown {
+    /// Pose and power of both at an instant, and what each may be told to radiate in W: by the motion that it is on or, so long as I
+    /// may be on while J has not taken that up, by the one before.
+    #[must_use]
+    pub fn at(&self, now: Instant) -> PerVehicle<(VehiclePlan, f64)> {
+        let since_s = now.seconds_since(self.opens_at);
+        self.tracks.as_ref().map(|track| {
+            let behind = track.as_of(since_s - GRACE.as_secs_f64());
+            // The other's clock may be ahead.
+            let powers_w = [track, &behind]
+                .into_iter()
+                .flat_map(|track| [0.0, APART_S].map(|s| track.tx_power_w(since_s + s)));
+            (track.vehicle(since_s), powers_w.fold(0.0, f64::max))
+        })
+    }
 }
 
 /// What is to be planned, outside of the loop.
@@ -86,45 +119,10 @@ impl Question {
     }
 }
 
-/// What has been heard of one that moves.
-#[derive(Debug, Clone, Copy, Default)]
-struct Heard {
-    estimate: Option<Estimate>,
-    /// Our clock less the sender's, by the report that was fastest, in seconds.
-    less_s: Option<f64>,
-    /// The sender's clock in the last report, in seconds, and the place.
-    last: Option<(f64, Enu)>,
-}
-
-impl Heard {
-    /// A place that is reported, when by the sender's clock and received when by ours, and how well it is known across. What is
-    /// overtaken on its way, and copies, say nothing.
-    fn take(&mut self, position_enu_m: Enu, (sent_s, received_s): (f64, f64), std_m: f64, mover: &Mover) {
-        let back_s = self.last.map(|(last_s, _)| last_s - sent_s);
-        let overtaken = back_s.is_some_and(|back_s| back_s > 0.0 && back_s < OVERTAKEN_S);
-        if overtaken || self.last == Some((sent_s, position_enu_m)) {
-            return;
-        }
-        self.last = Some((sent_s, position_enu_m));
-        // A clock that does not go on has started anew, or is none.
-        let goes_on = back_s.is_some_and(|back_s| back_s < 0.0);
-        let by_receipt_s = received_s - sent_s;
-        let less_s = self.less_s.filter(|_| goes_on).map_or(by_receipt_s, |less_s| less_s.min(by_receipt_s));
-        self.less_s = Some(less_s);
-        let report = Report { at_s: sent_s + less_s, position_enu_m, std_m: [std_m, UP * std_m] };
-        match &mut self.estimate {
-            Some(estimate) => {
-                estimate.take(&report);
-            }
-            None => self.estimate = Some(Estimate::new(&report, mover.gait.unrest())),
-        }
-    }
-}
-
 /// See the module.
 #[derive(Debug, Clone)]
 pub(super) struct Followers {
-    heard: Vec<Heard>,
+    pub(super) heard: Vec<Heard>,
     ask_at: Instant,
     /// Of the slot of this proposal: numbers, and motions that were found.
     proposal: u32,
@@ -151,45 +149,11 @@ impl Followers {
     }
 }
 
-/// A report's position, the sender's clock in seconds, and how well the place is known across, if it says so.
-fn report(message: &MavMessage) -> Option<(Geodetic, f64, Option<f64>)> {
-    match message {
-        MavMessage::GLOBAL_POSITION_INT(m) => {
-            Some((Geodetic::of_wire(m.lat, m.lon, m.alt), f64::from(m.time_boot_ms) * 1e-3, None))
-        }
-        MavMessage::FOLLOW_TARGET(m) => {
-            let place = Geodetic { alt_m: f64::from(m.alt), ..Geodetic::of_wire(m.lat, m.lon, 0) };
-            let variance = f64::from(m.position_cov[0].max(m.position_cov[1]));
-            let std_m = (variance.is_finite() && variance > 0.0).then(|| variance.sqrt());
-            Some((place, m.timestamp as f64 * 1e-3, std_m))
-        }
-        _ => None,
-    }
-}
-
-fn seconds(at: Instant) -> f64 {
+pub(super) fn seconds(at: Instant) -> f64 {
     at.since_start().as_secs_f64()
 }
 
 impl Executive {
-    /// A message of whoever is on the autopilot's link, if it says where one is that moves.
-    pub(super) fn hear_of_movers(&mut self, header: MavHeader, message: &MavMessage, now: Instant) {
-        let Some(following) = &self.settings.following else { return };
-        // Its own vehicle's place is nobody else's.
-        if self.autopilot.state().system.is_some_and(|own| u32::from(own) == header.system_id) {
-            return;
-        }
-        let of = following.movers.iter().position(|mover| header.system_id == u32::from(mover.system_id));
-        let Some((index, (place, sent_s, std_m))) = of.zip(report(message)) else { return };
-        let mover = &following.movers[index];
-        let std_m = std_m.unwrap_or(mover.std_m);
-        let position_enu_m = place.to_enu(self.settings.autopilot.mission_origin);
-        // What is no number is not nearer either.
-        if position_enu_m.norm() <= FARTHEST_M {
-            self.followers.heard[index].take(position_enu_m, (sent_s, seconds(now)), std_m, mover);
-        }
-    }
-
     /// Puts down what is believed of this user, and of the eavesdroppers, of those that move.
     pub(super) fn believe(&self, places: &mut Places, user: usize, of: impl Fn(&Estimate) -> Belief) {
         let Some(following) = &self.settings.following else { return };
@@ -322,24 +286,14 @@ impl Executive {
         }
     }
 
-    /// The slot that is served, pose and power of both in it as this vehicle's motion has them, and what each may be told to radiate:
-    /// by that motion or, so long as I may be on while J has not taken it up, by the one before. `None` where no motion is made anew.
+    /// What both fly in the slot that is served, as far as is known here; `None` where no motion is made anew.
     #[must_use]
-    pub fn followed(&self, now: Instant) -> Option<(u16, PerVehicle<(VehiclePlan, f64)>)> {
+    pub fn flown(&self) -> Option<Flown> {
         let slot = self.service.slot()?;
         let track = slot.track.as_ref().and_then(Track::followed)?;
         let rest = self.service.slot_vehicles()?;
-        let since_s = now.seconds_since(slot.commitment.opens_at);
-        let of = |role: Role| {
-            let own = track.other(role, rest[role]);
-            let behind = own.as_of(since_s - GRACE.as_secs_f64());
-            // The other's clock may be ahead.
-            let powers_w = [&own, &behind]
-                .into_iter()
-                .flat_map(|track| [0.0, APART_S].map(|s| track.tx_power_w(since_s + s)));
-            (own.vehicle(since_s), powers_w.fold(0.0, f64::max))
-        };
-        Some((slot.commitment.slot, PerVehicle::from_fn(of)))
+        let tracks = PerVehicle::from_fn(|role| track.other(role, rest[role]));
+        Some(Flown { slot: slot.commitment.slot, opens_at: slot.commitment.opens_at, tracks })
     }
 
     /// I: whether J flies the same, as far as is known here. J goes by itself.
@@ -373,94 +327,4 @@ pub(super) fn drifts(places: &Places, problem: &Problem) -> Option<(Option<Drift
         }
     }
     Some((user, eavesdroppers))
-}
-
-#[cfg(test)]
-mod tests {
-    use mavlink::dialects::ardupilotmega::{FOLLOW_TARGET_DATA, GLOBAL_POSITION_INT_DATA};
-
-    use super::*;
-    use crate::planner::following::Gait;
-
-    const MOVER: Mover = Mover { who: Who::User(0), system_id: 51, gait: Gait::Drives, std_m: 3.0 };
-
-    fn east(heard: &Heard, at_s: f64) -> f64 {
-        heard.estimate.unwrap().at(at_s).position_enu_m.x
-    }
-
-    /// Eight metres a second to the east, told once a second; a report takes a tenth of a second or more.
-    fn driven(delays_s: &[f64]) -> Heard {
-        let mut heard = Heard::default();
-        for (k, delay_s) in delays_s.iter().enumerate() {
-            let (sent_s, at_s) = (500.0 + k as f64, 100.0 + k as f64);
-            heard.take(Enu::new(8.0 * k as f64, 0.0, 0.0), (sent_s, at_s + delay_s), 0.5, &MOVER);
-        }
-        heard
-    }
-
-    #[test]
-    fn spec_a_report_is_of_its_senders_time_however_late_it_comes() {
-        let even = driven(&[0.1; 10]);
-        let uneven = driven(&[0.1, 0.9, 0.1, 0.4, 0.8, 0.1, 0.7, 0.3, 0.9, 0.6]);
-        assert_eq!(even.estimate, uneven.estimate);
-        // By the fastest of them it is as late as that.
-        assert!((east(&even, 109.1) - 72.0).abs() < 0.5, "{}", east(&even, 109.1));
-    }
-
-    #[test]
-    fn spec_copies_and_what_was_overtaken_say_nothing() {
-        let mut heard = driven(&[0.1; 5]);
-        let before = heard.estimate;
-        heard.take(Enu::new(32.0, 0.0, 0.0), (504.0, 104.9), 0.5, &MOVER);
-        heard.take(Enu::new(24.0, 0.0, 0.0), (503.0, 104.95), 0.5, &MOVER);
-        assert_eq!(heard.estimate, before);
-    }
-
-    #[test]
-    fn spec_a_sender_that_starts_anew_or_has_no_clock_is_taken_by_receipt() {
-        let mut heard = driven(&[0.1; 5]);
-        for k in 5..9 {
-            heard.take(
-                Enu::new(8.0 * f64::from(k), 0.0, 0.0),
-                (f64::from(k) - 4.0, 100.1 + f64::from(k)),
-                0.5,
-                &MOVER,
-            );
-        }
-        assert!((east(&heard, 108.1) - 64.0).abs() < 0.5, "{}", east(&heard, 108.1));
-        let mut heard = Heard::default();
-        for k in 0..9 {
-            heard.take(Enu::new(8.0 * f64::from(k), 0.0, 0.0), (0.0, 100.0 + f64::from(k)), 0.5, &MOVER);
-        }
-        assert!((east(&heard, 108.0) - 64.0).abs() < 0.5, "{}", east(&heard, 108.0));
-    }
-
-    #[test]
-    fn spec_places_are_read_of_both_messages_and_of_no_other() {
-        let (lat, lon) = (500_000_000, 140_000_000);
-        let own = MavMessage::GLOBAL_POSITION_INT(GLOBAL_POSITION_INT_DATA {
-            time_boot_ms: 1500,
-            lat,
-            lon,
-            alt: 200_500,
-            ..Default::default()
-        });
-        let place = Geodetic { lat_deg: 50.0, lon_deg: 14.0, alt_m: 200.5 };
-        assert_eq!(report(&own), Some((place, 1.5, None)));
-        let target = |position_cov: [f32; 3]| {
-            MavMessage::FOLLOW_TARGET(FOLLOW_TARGET_DATA {
-                timestamp: 1500,
-                lat,
-                lon,
-                alt: 200.5,
-                position_cov,
-                ..Default::default()
-            })
-        };
-        assert_eq!(report(&target([4.0, 1.0, 9.0])), Some((place, 1.5, Some(2.0))));
-        for unknown in [[0.0; 3], [f32::NAN; 3], [-1.0, -2.0, 0.0]] {
-            assert_eq!(report(&target(unknown)), Some((place, 1.5, None)));
-        }
-        assert_eq!(report(&MavMessage::HEARTBEAT(Default::default())), None);
-    }
 }

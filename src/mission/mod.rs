@@ -20,6 +20,7 @@ mod permission;
 mod phase;
 mod reaction;
 pub mod refusal;
+mod reported;
 mod reserve;
 mod scene;
 mod settings;

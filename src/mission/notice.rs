@@ -233,6 +233,12 @@ pub enum Notice {
     /// Another order that cannot be obeyed, and why.
     #[error("{0} refused: {1}")]
     OrderRefused(&'static str, &'static str),
+    /// Of an edited mission file, so many of those that move are taken to be where it has them.
+    #[error("mission file: {0} of those that move are elsewhere")]
+    FileTaken(usize),
+    /// Nothing of it is taken, and why.
+    #[error("mission file: nothing of it is taken: {0}")]
+    FileRefused(String),
     /// The autopilot asks whether it may be armed, and it may not.
     #[error("arming refused: {0}")]
     ArmingRefused(String),
@@ -307,6 +313,7 @@ impl Notice {
             | Self::SentHome
             | Self::GoingOn
             | Self::ParameterSet(..)
+            | Self::FileTaken(_)
             | Self::KillLifted
             | Self::KillLiftedHere(_)
             | Self::PutRight { .. }
@@ -329,6 +336,7 @@ impl Notice {
             | Self::ParameterRefused(_)
             | Self::StartRefused(_)
             | Self::OrderRefused(..)
+            | Self::FileRefused(_)
             | Self::ArmingRefused(_)
             | Self::OrderUnconfirmed { .. }
             | Self::StartExpired { .. }

@@ -15,6 +15,7 @@ use super::cause::Cause;
 use super::executive::Executive;
 use super::notice::Notice;
 use super::phase::Phase;
+use super::reported::SIGHTING;
 use super::start::Void;
 
 /// What a command asks for.
@@ -23,6 +24,8 @@ enum Wanted {
     Order(Order),
     /// The radio kill lifted at this vehicle.
     Lift,
+    /// Somebody that moves was seen.
+    Sighting,
     /// A message.
     Information(f32),
     Unknown,
@@ -37,6 +40,7 @@ impl Wanted {
             MavCmd::MAV_CMD_NAV_RETURN_TO_LAUNCH => Self::Order(Order::Recall),
             MavCmd::MAV_CMD_USER_2 if param1 == 1.0 => Self::Lift,
             MavCmd::MAV_CMD_USER_2 => Self::Order(Order::Kill),
+            SIGHTING => Self::Sighting,
             MavCmd::MAV_CMD_REQUEST_MESSAGE => Self::Information(param1),
             _ => Self::Unknown,
         }
@@ -92,6 +96,16 @@ impl Executive {
                 self.notice(Notice::OrderRefused("lifting the kill", "only on the ground, disarmed"));
                 MavResult::MAV_RESULT_DENIED
             }
+            Wanted::Sighting => match message {
+                MavMessage::COMMAND_INT(seen) => match self.take_sighting(seen, now) {
+                    Ok(()) => MavResult::MAV_RESULT_ACCEPTED,
+                    Err(why) => {
+                        self.notice(Notice::OrderRefused("a sighting", why));
+                        MavResult::MAV_RESULT_DENIED
+                    }
+                },
+                _ => MavResult::MAV_RESULT_COMMAND_INT_ONLY,
+            },
             Wanted::Information(id) => {
                 information = self.information(id, now);
                 information

@@ -13,7 +13,8 @@ use veilwing::role::{PerVehicle, Role};
 
 use crate::harness::*;
 
-/// The demonstration's mission over twice the area, with users that walk or drive, and an eavesdropper that walks.
+/// The demonstration's mission over twice the area, with users that walk or drive, and an eavesdropper that walks, of
+/// whom an operator tells.
 fn following() -> Setup {
     static PLANNED: OnceLock<Planned> = OnceLock::new();
     let planned = PLANNED.get_or_init(|| {
@@ -25,9 +26,9 @@ fn following() -> Setup {
             m.tdma.slot_s = 20.0;
             m.pointing.position_std_m = None;
             let moves = |system_id, gait| Some(MovesDraft { system_id, gait, std_m: 3.0 });
-            m.users[0].moves = moves(51, Gait::Walks);
-            m.users[1].moves = moves(52, Gait::Drives);
-            m.eavesdroppers[0].moves = moves(53, Gait::Walks);
+            m.users[0].moves = moves(Some(51), Gait::Walks);
+            m.users[1].moves = moves(Some(52), Gait::Drives);
+            m.eavesdroppers[0].moves = moves(None, Gait::Walks);
         });
         Planned::new(mission.unwrap())
     });

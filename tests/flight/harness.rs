@@ -17,7 +17,7 @@ use veilwing::mission::{Notice, Outgoing};
 use veilwing::planner::slots::Plan;
 use veilwing::planning;
 use veilwing::role::{PerVehicle, Role};
-use veilwing_sitl::{Firmware, FlightReport, RadioDevice, RadioPlace, Slip, Traps, World};
+use veilwing_sitl::{Firmware, FlightReport, RadioDevice, RadioPlace, Reporter, Slip, Traps, World};
 
 /// No flight of the small mission takes longer, faults included.
 pub const LONGEST: Duration = Duration::from_secs(300);
@@ -181,7 +181,8 @@ impl Flight {
         }
         if setup.unheard {
             let all = config.users.iter_mut().chain(&mut config.eavesdroppers);
-            all.filter_map(|node| node.roams.as_mut()).for_each(|roams| roams.system_id = 99);
+            all.filter_map(|node| node.roams.as_mut())
+                .for_each(|roams| roams.reporter = Reporter::Handset(99));
         }
         if let Some(role) = setup.bridged {
             let vehicle = &mut config.vehicles[index(role)];

@@ -59,6 +59,8 @@ fn companion(role: Role, ports: [u16; 2], directory: &Path, clock: &Clock, manag
         orders: None,
         computer: None,
         manager,
+        flown: None,
+        edited: tokio::sync::mpsc::unbounded_channel().1,
         planner: Box::new(move || Ok(plan)),
     }
 }

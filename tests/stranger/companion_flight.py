@@ -10,13 +10,13 @@ from check import check
 from mavproxy_driver import MavProxy
 
 COMPANION = 191
-ACCEPTED, DENIED, UNSUPPORTED, IN_PROGRESS = 0, 2, 3, 5
+ACCEPTED, DENIED, UNSUPPORTED, IN_PROGRESS, INT_ONLY = 0, 2, 3, 5, 8
 # The system that the vehicle file has for an operator.
 OPERATOR = 255
 MISSION_START, PAUSE_CONTINUE, RETURN, RADIO_KILL, UNKNOWN = 300, 193, 20, 31011, 31012
 REQUEST_MESSAGE, AUTOPILOT_VERSION, COMPONENT_INFORMATION_BASIC = 512, 148, 396
 # Answers of MAVProxy's own words.
-WORDS = {ACCEPTED: "ACCEPTED", DENIED: "DENIED", UNSUPPORTED: "UNSUPPORTED"}
+WORDS = {ACCEPTED: "ACCEPTED", DENIED: "DENIED", UNSUPPORTED: "UNSUPPORTED", INT_ONLY: "COMMAND_INT_ONLY"}
 
 
 class Flight:
@@ -149,6 +149,6 @@ def ended(flight, why):
     """Home and down, nothing broken."""
     summary = flight.summary(60.0)
     check(summary["result"] == "aborted", f"the flight is told as aborted: {why}")
-    broken = [f"{v['invariant']} at {v['t_s']} s: {v}" for v in summary["violations"]]
+    broken = [f"{v['invariant']} at {v['at_s']} s: {v}" for v in summary["violations"]]
     check(broken == [], "no invariant is violated" + "".join(f"; {text}" for text in broken))
     check(flight.process.returncode == 1, "the program exits with 1")

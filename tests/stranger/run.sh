@@ -1,15 +1,16 @@
 #!/bin/sh
 # Programs written by others meet ours. pymavlink, MAVSDK and MAVProxy each fly a software vehicle with both firmware
 # faces; QGroundControl's connection sequence is replayed; MAVProxy and MAVSDK watch and command the companions of two
-# simulated flights, and of two more by our module for MAVProxy and QGroundControl's actions; pymavlink and MAVProxy's
+# simulated flights, and of two more by our module for MAVProxy and QGroundControl's actions; MAVProxy tells where one was seen
+# that moves; pymavlink and MAVProxy's
 # tools read the logs of a signed flight; pymavlink commands a radio host, signed, and forges, replays and does not sign;
 # pymavlink, MAVSDK and MAVProxy read what companions say of their parameters, and jsonschema judges it;
 # taplo and tombi judge the shipped files as editors do; geojson, pykml, fastkml and MAVSDK read the maps of a plan and of
 # a flight; mcap and protobuf read the MCAP file of a flight, and Node.js runs the replay of its report.
 #
-#     tests/stranger/run.sh [flown] [companion] [buttons] [metadata] [logs] [radio] [editors] [maps] [flights]
+#     tests/stranger/run.sh [flown] [companion] [buttons] [sightings] [metadata] [logs] [radio] [editors] [maps] [flights]
 #
-# All nine without arguments.
+# All ten without arguments.
 #
 # Needs cargo and python3 (3.11 to 3.14, on x86_64 or aarch64 Linux: for these there are wheels). SPEED (default 5) is
 # simulated seconds per second, PORT (default 14560) the first of four free UDP ports on this machine, VENV where the
@@ -21,7 +22,7 @@ speed=${SPEED:-5}
 port=${PORT:-14560}
 venv=${VENV:-$root/target/stranger-venv}
 python=$venv/bin/python
-[ $# -gt 0 ] || set -- flown companion buttons metadata logs radio editors maps flights
+[ $# -gt 0 ] || set -- flown companion buttons sightings metadata logs radio editors maps flights
 
 # The profile of the tests: optimised, and built already where the tests have run.
 cargo build --profile test --manifest-path "$root/Cargo.toml" --package veilwing-sitl --bin veilwing-sitl \
@@ -85,6 +86,13 @@ buttons() {
     "$python" "$here/buttons.py" --program "$programs/veilwing" --mission "$root/tests/flight/yard.toml" \
         --port "$port" --speed "$steadily"
     echo "both companions ordered by MAVProxy with our module and by QGroundControl's actions"
+}
+
+sightings() {
+    echo "== sightings.py"
+    "$python" "$here/sightings.py" --program "$programs/veilwing" --mission "$root/tests/flight/yard.toml" \
+        --port "$port" --speed "$steadily"
+    echo "companions told by MAVProxy and by an edited file where somebody is that moves"
 }
 
 # The schemas come with the MAVLink crate, of the revision that the messages are of.
@@ -153,8 +161,8 @@ flights() {
 started=$(date +%s)
 for part in "$@"; do
     case $part in
-        flown | companion | buttons | metadata | logs | radio | editors | maps | flights) "$part" ;;
-        *) echo "there is no part \"$part\": flown, companion, buttons, metadata, logs, radio, editors, maps, flights" >&2; exit 2 ;;
+        flown | companion | buttons | sightings | metadata | logs | radio | editors | maps | flights) "$part" ;;
+        *) echo "there is no part \"$part\": flown, companion, buttons, sightings, metadata, logs, radio, editors, maps, flights" >&2; exit 2 ;;
     esac
 done
 echo "strangers: $* in $(($(date +%s) - started)) s"

@@ -26,7 +26,6 @@ use crate::vehicle::autopilot::Mode;
 use crate::vehicle::bias::Bias;
 use crate::vehicle::transmitter::DevicePower;
 use crate::vehicle::{TICKS_PER_SAMPLE, Vehicle, VehicleCounters, VehicleSnapshot, tick_time};
-use crate::wire;
 use circumstances::{Circumstances, Passage};
 use config::{Error, Off, Reference, WorldConfig};
 use excuse::Cause;
@@ -39,9 +38,6 @@ use report::FlightReport;
 use score::{PoseError, SlotScore};
 use trail::Trail;
 use turning::Openings;
-
-/// The component of a user's handset, or of who sees an eavesdropper.
-const HANDSET: u8 = 1;
 
 /// Relative difference from the planned power that still protects (INTERFACES: "at its planned power").
 const PLANNED_POWER_MARGIN: f64 = 0.01;
@@ -380,8 +376,8 @@ impl World {
         }
         for receiver in self.users.iter_mut().chain(&mut self.eavesdroppers) {
             receiver.advance(self.now);
-            if let Some((system, sequence, message)) = receiver.report(self.config.origin, self.now) {
-                self.vehicles[0].relay(wire::encode(sequence, system, HANDSET, &message));
+            if let Some(frame) = receiver.report(self.config.origin, self.now) {
+                self.vehicles[0].relay(frame);
             }
         }
         let seen = self.watch();

@@ -2,7 +2,6 @@
 
 use std::time::Duration;
 
-use mavlink::dialects::ardupilotmega::MavMessage;
 use nalgebra::Vector3;
 
 use super::config::{Node, Uncertainty};
@@ -54,7 +53,7 @@ impl Receiver {
     pub fn all(nodes: &[Node], kind: Kind, fading: Option<Rician>, seed: u64) -> Vec<Self> {
         let of = |(index, node): (usize, &Node)| Self {
             position_enu_m: true_position(node, Noise::new(seed, kind.places(), index)),
-            roamer: node.roams.map(|roams| {
+            roamer: node.roams.clone().map(|roams| {
                 let of_all = 2 * index + usize::from(kind == Kind::Eavesdropper);
                 Roamer::new(roams, Vector3::from(node.position_enu_m), seed, of_all)
             }),
@@ -73,8 +72,8 @@ impl Receiver {
         }
     }
 
-    /// What its handset says of it at this instant.
-    pub fn report(&mut self, origin: Origin, now: Duration) -> Option<(u8, u8, MavMessage)> {
+    /// What is said of it at this instant: the frame.
+    pub fn report(&mut self, origin: Origin, now: Duration) -> Option<Vec<u8>> {
         self.roamer.as_mut()?.report(&self.position_enu_m, origin, now)
     }
 

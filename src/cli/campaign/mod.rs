@@ -13,7 +13,7 @@ use crate::desk::campaign::coverage::{self, Tally};
 use crate::desk::campaign::{
     CampaignDocument, Done, FlightLine, Identity, Times, ViolationLine, fly_all, merge,
 };
-use crate::desk::simulation::{Faults, Scenario, ScenarioError, draw};
+use crate::desk::simulation::{Faults, Scenario, ScenarioError, Tracks, draw};
 use crate::link::clock::Clock;
 use crate::planner::slots::hex;
 
@@ -48,6 +48,9 @@ pub(super) struct Args {
     /// for if not given.
     #[arg(long, value_parser = actuation)]
     actuation: Option<Actuation>,
+    /// Where those go that move, a CSV file: name,t_s,east_m,north_m and, where wanted, up_m. Without it they wander.
+    #[arg(long, value_name = "FILE")]
+    tracks: Option<PathBuf>,
     /// Fly the I-th of K parts only.
     #[arg(long, value_name = "I/K")]
     shard: Option<Shard>,
@@ -124,12 +127,15 @@ fn fly(args: &Args, (mission, file): (&Mission, &Path), faults: &Faults) -> Resu
     let timed = plan_mission(mission, &options).map_err(|error| error.to_string())?;
     let plan = plan_document(mission, &options, &timed);
     let scenario = Scenario::new(mission, &timed.plan, args.actuation).map_err(|error| error.to_string())?;
+    let tracks = args.tracks.as_deref().map(|path| Tracks::load(path, mission)).transpose()?;
+    let scenario = tracks.iter().fold(scenario, Scenario::along);
     let seed = args.seed.unwrap_or(mission.seed);
     let identity = Identity {
         mission: mission.name.clone(),
         mission_digest: mission.digest_hex(),
         plan_digest: plan.plan_digest.clone(),
         actuation: args.actuation.map(|actuation| actuation.to_string()),
+        tracks_digest: tracks.as_ref().map(Tracks::digest),
         faults_digest: args.faults.as_ref().map(|_| hex(&Sha256::digest(&faults.canonical))),
         seed,
         campaign_runs: args.runs,
@@ -209,9 +215,13 @@ fn show(args: &Args, document: &CampaignDocument) -> Exit {
     };
     let actuation = document.identity.actuation.as_ref();
     let actuation = actuation.map_or(String::new(), |actuation| format!(" --actuation {actuation}"));
+    let tracks = match &document.identity.tracks_digest {
+        Some(_) => format!(" --tracks {}", name(&args.tracks, "TRACKS")),
+        None => String::new(),
+    };
     let mission = name(&args.mission, "MISSION");
     let replay =
-        format!("veilwing campaign {mission} --runs 1 --seed SEED{faults}{actuation} --out run-SEED");
+        format!("veilwing campaign {mission} --runs 1 --seed SEED{faults}{actuation}{tracks} --out run-SEED");
     let table = || {
         let coverage = if args.coverage { coverage::table(&document.coverage) } else { String::new() };
         coverage + &document.table(&replay)

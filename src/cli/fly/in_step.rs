@@ -7,16 +7,18 @@ use std::net::IpAddr;
 use std::pin::Pin;
 
 use tokio::runtime::Runtime;
-use tokio::sync::Notify;
+use tokio::sync::{Notify, watch};
 
 use super::{Args, companion, end, recording, runtime};
-use crate::cli::step::{Done, Order};
+use crate::cli::step::{Done, Flies, Order};
 use crate::cli::{Exit, interrupt};
 use crate::companion::CompanionError;
 use crate::config::{Mission, Vehicle};
+use crate::desk::simulation;
 use crate::link::clock::{Clock, Hand};
 use crate::link::{HostPort, LinkAddress};
 use crate::mission::Outcome;
+use crate::mission::following::Flown;
 
 /// Flies as [`super::fly`] does, by the time that whoever started this program says.
 pub(super) fn fly(args: &Args, mission: Mission, vehicle: &Vehicle) -> Result<Exit, String> {
@@ -25,10 +27,13 @@ pub(super) fn fly(args: &Args, mission: Mission, vehicle: &Vehicle) -> Result<Ex
     let (clock, hand) = begin(&mut orders)?;
     let (runtime, _handled) = runtime()?;
     let recording = recording(args, &mission, vehicle, &clock)?;
-    let companion = match companion(args, mission, vehicle, &clock, &recording) {
+    let _inside = runtime.enter();
+    let mut companion = match companion(args, mission, vehicle, &clock, &recording) {
         Ok(companion) => companion,
         Err(error) => return Err(recording.failed(error, &clock)),
     };
+    let (sender, flown) = watch::channel(None);
+    companion.flown = Some(sender);
     let asked = Notify::new();
     let stop = async {
         tokio::select! {
@@ -38,7 +43,7 @@ pub(super) fn fly(args: &Args, mission: Mission, vehicle: &Vehicle) -> Result<Ex
     };
     let run = std::pin::pin!(companion.run(clock.clone(), stop));
     // Where nobody gives out time any more, nobody's time runs.
-    let outcome = follow(orders, &hand, &runtime, run, &asked);
+    let outcome = follow(orders, (&hand, &flown), &runtime, run, &asked);
     recording.end(&clock, outcome.map(|outcome| outcome.unwrap_or(Outcome::Interrupted))).map(end)
 }
 
@@ -76,7 +81,7 @@ fn begin(orders: &mut StdinLock<'_>) -> Result<(Clock, Hand), String> {
 /// Lets `run` go as far as it is told, each time, until it ends or the world does.
 fn follow(
     mut orders: StdinLock<'_>,
-    hand: &Hand,
+    (hand, flown): (&Hand, &watch::Receiver<Option<(Flown, bool)>>),
     runtime: &Runtime,
     mut run: Pin<&mut impl Future<Output = Result<Outcome, CompanionError>>>,
     asked: &Notify,
@@ -90,7 +95,12 @@ fn follow(
                     return outcome.map(Some).map_err(|error| error.to_string());
                 }
                 // In one piece, so that it is read in one.
-                let answer = format!("{}\n", Done { to });
+                let flown = flown.borrow().as_ref().map(|(flown, alike)| Flies {
+                    slot: flown.slot,
+                    alike: *alike,
+                    both: simulation::flown(&flown.at(to)),
+                });
+                let answer = format!("{}\n", Done { to, flown });
                 eprint!("{answer}");
             }
         }

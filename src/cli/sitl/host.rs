@@ -235,7 +235,10 @@ impl Host<'_> {
             let PerVehicle { i, j } = &mut self.companions;
             let round = Round::begin(Step { from, to, utc: utc_start + from }, [i, j]).await;
             let mut lines = Vec::new();
-            round.end(log, |role, line| lines.push((role, line))).await?;
+            let flown = round.end(log, |role, line| lines.push((role, line))).await?;
+            if let Some(flies) = flown {
+                self.setup.world.follow(usize::from(flies.slot), flies.both);
+            }
             self.advance(to);
             // By vehicle, and not by who was quicker.
             lines.sort_by_key(|(role, _)| index(*role));

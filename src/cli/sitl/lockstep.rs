@@ -9,9 +9,9 @@ use tokio::sync::mpsc;
 use tokio::time::timeout;
 use veilwing_sitl::vehicle::TICK;
 
-use crate::cli::step::Order;
+use crate::cli::step::{Flies, Order};
 use crate::desk::simulation::{index, reads_at_start};
-use crate::role::Role;
+use crate::role::{PerVehicle, Role};
 use crate::time::{Instant, Utc};
 
 use super::process::{Companion, Line, Said};
@@ -92,7 +92,8 @@ impl<'a> Round<'a> {
         Self { step, awaited }
     }
 
-    /// Waits until all are done or gone. What they say meanwhile goes to `hear`.
+    /// Waits until all are done or gone, and says what both vehicles fly where motions are made anew. What companions say meanwhile
+    /// goes to `hear`.
     ///
     /// # Errors
     /// A companion hangs; in words.
@@ -100,11 +101,15 @@ impl<'a> Round<'a> {
         mut self,
         said: &mut mpsc::UnboundedReceiver<(Role, Said)>,
         mut hear: impl FnMut(Role, Line),
-    ) -> Result<(), String> {
+    ) -> Result<Option<Flies>, String> {
+        let mut flown: PerVehicle<Option<Flies>> = PerVehicle::default();
         while !self.awaited.is_empty() {
             match timeout(HANGS_AFTER, said.recv()).await.map_err(|_| self.hangs())? {
                 Some((role, Said::Line(line))) => hear(role, line),
-                Some((role, Said::Done)) => self.awaited.retain(|companion| companion.role != role),
+                Some((role, Said::Done(flies))) => {
+                    flown[role] = flies;
+                    self.awaited.retain(|companion| companion.role != role);
+                }
                 Some((role, Said::Gone)) => {
                     if let Some(k) = self.awaited.iter().position(|companion| companion.role == role) {
                         // Whoever closes its pipe has all but ended; how, is asked later.
@@ -115,10 +120,11 @@ impl<'a> Round<'a> {
                         self.awaited.swap_remove(k);
                     }
                 }
-                None => return Ok(()),
+                None => break,
             }
         }
-        Ok(())
+        // By I's, as long as J flies the same.
+        Ok(flown.i.filter(|flies| flies.alike).or(flown.j))
     }
 
     fn hangs(&self) -> String {

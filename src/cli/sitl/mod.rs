@@ -20,7 +20,7 @@ use veilwing_sitl::RadioPlace;
 use crate::companion::settings::scheduling_allowance;
 use crate::config::Mission;
 use crate::desk::report;
-use crate::desk::simulation::{self, Faults, LONGEST, Scenario, draw};
+use crate::desk::simulation::{self, Faults, LONGEST, Scenario, Tracks, draw};
 use crate::link::HostPort;
 use crate::link::clock::Clock;
 use crate::role::{PerVehicle, Role};
@@ -62,6 +62,9 @@ pub(super) struct Args {
     /// What goes wrong, a TOML file (config/faults.toml); what it leaves open is drawn by the mission's seed.
     #[arg(long, value_name = "FILE")]
     faults: Option<PathBuf>,
+    /// Where those go that move, a CSV file: name,t_s,east_m,north_m and, where wanted, up_m. Without it they wander.
+    #[arg(long, value_name = "FILE")]
+    tracks: Option<PathBuf>,
     /// Give each radio a link of its own, as a radio host beside the companion has, instead of the way through the autopilot.
     #[arg(long)]
     own_radio_links: bool,
@@ -141,6 +144,13 @@ pub(super) fn run(args: &Args) -> Exit {
         eprintln!("error: {kind} befalls radio hosts, and there are none: give --radio-hosts KIND");
         return Exit::Unusable;
     }
+    if !mission.movers.is_empty() && (args.wall_clock || args.radio_hosts.is_some()) {
+        eprintln!(
+            "error: somebody `moves` in this mission, and what both vehicles fly then is known to the simulated world in step alone; leave \
+             --wall-clock and --radio-hosts out"
+        );
+        return Exit::Unusable;
+    }
     if args.watch
         && let Err(message) = view::is_possible()
     {
@@ -163,6 +173,9 @@ fn fly(args: &Args, mission: &Mission, faults: &Faults) -> Result<Exit, String> 
         return Ok(Exit::Unusable);
     }
     let mut config = simulation::world_config(mission, &timed.plan)?;
+    if let Some(path) = &args.tracks {
+        Tracks::load(path, mission)?.lay(&mut config);
+    }
     if args.own_radio_links || args.radio_hosts.is_some() {
         config.vehicles.iter_mut().for_each(|vehicle| vehicle.radio_place = RadioPlace::OnItsOwn);
     }

@@ -11,7 +11,7 @@ use tokio::process::{Child, ChildStderr, Command};
 use tokio::sync::mpsc;
 
 use crate::cli::progress;
-use crate::cli::step::Done;
+use crate::cli::step::{Done, Flies};
 use crate::desk::report::Severity;
 use crate::role::Role;
 
@@ -184,12 +184,12 @@ pub(super) fn spawn(
 }
 
 /// What has been read of a companion.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub(super) enum Said {
     /// A line of its log.
     Line(Line),
     /// It has gone on as far as it was told.
-    Done,
+    Done(Option<Flies>),
     /// Nothing more will come: it has ended.
     Gone,
 }
@@ -203,8 +203,8 @@ pub(super) async fn listen(
 ) {
     let mut stderr = BufReader::new(stderr).lines();
     while let Ok(Some(line)) = stderr.next_line().await {
-        let heard = if Done::read(&line).is_some() {
-            Some(Said::Done)
+        let heard = if let Some(done) = Done::read(&line) {
+            Some(Said::Done(done.flown))
         } else {
             // A full disk costs the log, not the flight.
             let _ = file.write_all(format!("{line}\n").as_bytes());

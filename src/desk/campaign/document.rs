@@ -31,6 +31,9 @@ pub struct Identity {
     pub actuation: Option<String>,
     /// Of the fault file in canonical form; absent without one.
     pub faults_digest: Option<String>,
+    /// Of the tracks of those that move; absent where they wander.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tracks_digest: Option<String>,
     /// Of flight 0; flight k has this plus k.
     pub seed: u64,
     /// Flights of the whole campaign.

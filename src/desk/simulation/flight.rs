@@ -354,9 +354,8 @@ impl Flight {
         let told = Role::BOTH.into_iter().find_map(|role| {
             let process = self.processes[role].as_ref()?;
             let at = process.instant(self.now);
-            let (slot, flown) =
-                process.executive.followed(at).filter(|_| process.executive.flies_alike(at))?;
-            Some((slot, flown))
+            let flown = process.executive.flown().filter(|_| process.executive.flies_alike(at))?;
+            Some((flown.slot, flown.at(at)))
         });
         if let Some((slot, flown)) = told {
             self.world.follow(usize::from(slot), world::flown(&flown));

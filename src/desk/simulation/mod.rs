@@ -19,6 +19,7 @@ mod process;
 mod scenario;
 mod station;
 mod supervisor;
+mod tracks;
 mod turning;
 mod vehicle;
 mod world;
@@ -36,9 +37,10 @@ pub use process::Given;
 pub use scenario::{Flown, LONGEST, Scenario, ScenarioError, Witness};
 pub use station::STATION_LINK;
 pub use supervisor::{Host, Supervisor};
+pub use tracks::Tracks;
 pub use turning::Proposals;
 pub use vehicle::{on_this_machine, vehicle, vehicle_draft};
-pub use world::world_config;
+pub use world::{flown, world_config};
 
 use std::time::Duration;
 

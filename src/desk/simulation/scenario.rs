@@ -22,6 +22,7 @@ use super::observer::Observer;
 use super::path::Path;
 use super::process::Given;
 use super::supervisor::{Host, Supervisor};
+use super::tracks::Tracks;
 use super::world::world_over;
 use super::{index, vehicle_draft};
 
@@ -127,6 +128,13 @@ impl Scenario {
     /// A plan that cannot be flown.
     pub fn new(mission: &Mission, plan: &Plan, actuation: Option<Actuation>) -> Result<Self, ScenarioError> {
         Self::over(&Imperfections::of(mission), mission, plan, actuation)
+    }
+
+    /// The same world, in which those that move go along these tracks.
+    #[must_use]
+    pub fn along(mut self, tracks: &Tracks) -> Self {
+        tracks.lay(&mut self.world);
+        self
     }
 
     /// The same over a link with other imperfections than the mission states: a plan in a world that it does not know.

@@ -15,6 +15,11 @@ const STATION: (u8, u8) = (255, 190);
 /// The companion's component.
 const COMPANION: u8 = 191;
 
+/// A companion's MAVLink system and component.
+pub(super) fn companion(role: Role) -> (u8, u8) {
+    (1 + index(role) as u8, COMPANION)
+}
+
 /// Gives orders in frames of its own.
 #[derive(Debug, Default)]
 pub(super) struct Station {
@@ -25,11 +30,12 @@ impl Station {
     /// The frame of an order to a companion, by its own address or as one of all components aboard.
     pub fn order(&mut self, order: Order, role: Role, to_all: bool) -> Vec<u8> {
         let (command, param1) = order.command();
+        let (target_system, component) = companion(role);
         let message = MavMessage::COMMAND_LONG(COMMAND_LONG_DATA {
             command,
             param1,
-            target_system: 1 + index(role) as u8,
-            target_component: if to_all { 0 } else { COMPANION },
+            target_system,
+            target_component: if to_all { 0 } else { component },
             ..COMMAND_LONG_DATA::DEFAULT
         });
         self.encoder.encode(STATION, &message).raw_bytes().to_vec()

@@ -16,6 +16,7 @@ use crate::schedule::transit::Router;
 use crate::units::{Dbm, Watts};
 
 use super::imperfections::{Imperfections, uncertainty};
+use super::station::companion;
 use super::turning;
 
 /// The air where nothing is said of it: its mean velocity, and the wind at 6 m that its turbulence belongs to.
@@ -104,7 +105,8 @@ pub(super) fn world_over(
 }
 
 /// What both fly, with what each may be told to radiate.
-pub(super) fn flown(both: &PerVehicle<(VehiclePlan, f64)>) -> sim::Flown {
+#[must_use]
+pub fn flown(both: &PerVehicle<(VehiclePlan, f64)>) -> sim::Flown {
     let pose = |role: Role| {
         let (VehiclePlan { pose, tx_power_w }, _) = both[role];
         sim::PlannedPose {
@@ -122,7 +124,14 @@ pub(super) fn flown(both: &PerVehicle<(VehiclePlan, f64)>) -> sim::Flown {
 /// How somebody moves, if it does.
 fn roams(mission: &Mission, who: Who) -> Option<sim::Roams> {
     let mover = mission.movers.iter().find(|mover| mover.who == who)?;
-    Some(sim::Roams { speed_m_s: mover.gait.speed_m_s(), system_id: mover.system_id })
+    let (index, eavesdrops) = match who {
+        Who::User(index) => (index, false),
+        Who::Eavesdropper(index) => (index, true),
+    };
+    let number = u16::try_from(index + 1).unwrap_or(u16::MAX);
+    let operator = sim::Reporter::Operator { to: companion(Role::I), number, eavesdrops };
+    let reporter = mover.system_id.map_or(operator, sim::Reporter::Handset);
+    Some(sim::Roams { speed_m_s: mover.gait.speed_m_s(), track: Vec::new(), reporter })
 }
 
 fn no_fly(area: &NoFly) -> sim::NoFlyConfig {

@@ -37,7 +37,7 @@ mod tests;
 pub use estimate::{Belief, Drift, Estimate, Report, Unrest};
 pub use flying::Flying;
 pub use motion::{Motion, State};
-pub use mover::{Gait, Mover, Who};
+pub use mover::{Gait, Moved, Mover, Who};
 pub use opening::Opening;
 pub use path::Path;
 pub use question::Question;

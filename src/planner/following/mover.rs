@@ -1,6 +1,7 @@
 //! Who moves, and who says where it is.
 
 use super::Unrest;
+use crate::geo::Enu;
 
 /// A user or an eavesdropper, by its number in the mission's list.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -42,10 +43,21 @@ impl Gait {
 pub struct Mover {
     /// Who it is.
     pub who: Who,
-    /// MAVLink system that says where it is.
-    pub system_id: u8,
+    /// MAVLink system that says where it is; `None`: an operator does.
+    pub system_id: Option<u8>,
     /// How it moves.
     pub gait: Gait,
     /// Standard deviation of a reported position in metres, where the report does not say.
+    pub std_m: f64,
+}
+
+/// Somebody that moves, as an edited mission file has it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Moved {
+    /// Who.
+    pub who: Who,
+    /// Where, ENU, metres.
+    pub position_enu_m: Enu,
+    /// How well that is known in east and in north, standard deviation in metres.
     pub std_m: f64,
 }

@@ -214,7 +214,9 @@ impl Monitor {
         // J jams on while I may rest on it (S3), on state that is not old (S2): until it can have heard that I is off.
         let word = STEPS + side.peer_way.longest(now);
         let rested_on = self.protection.i_on_last.is_some_and(|on| now <= on + word);
-        let owed = v == 1 && (rested_on || side.told.from_peer != Passage::Good);
+        // Nor can it hear that where I itself does not know what its radio does.
+        let unknown = side.told.from_peer != Passage::Good || self.sides[0].radio_hop_is_troubled(now);
+        let owed = v == 1 && (rested_on || unknown);
         let state_reaction = if owed { self.allowance + STATE_LIMIT + WIRE } else { reaction }.max(reaction);
         let reached = side.reached_since.unwrap_or_default();
         let state = traces.state_due().filter(|_| !side.unreached).map(|due| due.max(reached));
