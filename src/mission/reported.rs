@@ -193,10 +193,8 @@ impl Sighting {
             position_enu_m.z = following.height_m(who);
         }
         // What is no number is not nearer either.
-        if !(position_enu_m.norm() <= FARTHEST_M) {
-            return Err("that is farther than 20 km away");
-        }
-        Ok(Self { index, position_enu_m, age_s, std_m })
+        let near = position_enu_m.norm() <= FARTHEST_M;
+        near.then_some(Self { index, position_enu_m, age_s, std_m }).ok_or("that is farther than 20 km away")
     }
 }
 
