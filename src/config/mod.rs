@@ -38,6 +38,7 @@ pub use draft::{
 };
 pub use mission::{Difference, Mission, NamedEavesdropper, Settled, User, VehicleSettings};
 pub use mission_file::METHODS;
+pub use moved::Node;
 pub use plan_file::plan_of_text;
 pub use radio::RadioFile;
 pub use radio_draft::{

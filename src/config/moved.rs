@@ -1,5 +1,6 @@
 //! A mission file that was edited in flight: where those are that move, and nothing else of it.
 
+use crate::geo::Enu;
 use crate::planner::following::{Moved, Who};
 use crate::planner::problem::Uncertainty;
 
@@ -8,7 +9,35 @@ use super::mission::{Difference, Mission};
 /// What may differ of one that moves.
 const KEYS: [&str; 6] = ["enu_m", "lat_deg", "lon_deg", "alt_m", "radius_m", "std_m"];
 
+/// A user or an eavesdropper, as a mission has it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Node<'a> {
+    /// Its name.
+    pub name: &'a str,
+    /// Where, ENU, metres.
+    pub position_enu_m: Enu,
+    /// How far it may be from there.
+    pub uncertainty: Uncertainty,
+}
+
 impl Mission {
+    /// The one of this number of its kind, if there is one.
+    #[must_use]
+    pub fn node(&self, who: Who) -> Option<Node<'_>> {
+        match who {
+            Who::User(index) => self.users.get(index).map(|user| Node {
+                name: &user.name,
+                position_enu_m: user.position_enu_m,
+                uncertainty: user.uncertainty,
+            }),
+            Who::Eavesdropper(index) => self.eavesdroppers.get(index).map(|eavesdropper| Node {
+                name: &eavesdropper.name,
+                position_enu_m: eavesdropper.node.position_enu_m,
+                uncertainty: eavesdropper.node.uncertainty,
+            }),
+        }
+    }
+
     /// Those that move and are elsewhere in `edited`, this mission's file as it is now.
     ///
     /// # Errors
@@ -31,16 +60,7 @@ impl Mission {
         }
         let moved = |who: &Who| differences.iter().any(|difference| of(difference) == Some(*who));
         let known = |who: Who| {
-            let (position_enu_m, uncertainty) = match who {
-                Who::User(index) => {
-                    let user = edited.users.get(index)?;
-                    (user.position_enu_m, user.uncertainty)
-                }
-                Who::Eavesdropper(index) => {
-                    let node = &edited.eavesdroppers.get(index)?.node;
-                    (node.position_enu_m, node.uncertainty)
-                }
-            };
+            let Node { position_enu_m, uncertainty, .. } = edited.node(who)?;
             let mover = edited.movers.iter().find(|mover| mover.who == who)?;
             let std_m = match uncertainty {
                 Uncertainty::None => mover.std_m,

@@ -119,9 +119,7 @@ impl Executive {
         let news = heard.see(seen.position_enu_m, seconds(now) - seen.age_s, seen.std_m, mover);
         news.then_some(()).ok_or("a later report is known")
     }
-}
 
-impl Executive {
     /// The mission file was edited, and whoever did asks for it to be looked at: where those are that move, or why nothing of it
     /// counts.
     pub fn handle_file(&mut self, edited: Result<Vec<Moved>, String>, now: Instant) {

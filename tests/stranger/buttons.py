@@ -10,7 +10,6 @@ COMMAND_LONG to component 191 of a vehicle, and then what makes vehicles quieter
 Exits 0 if every check holds, 1 otherwise.
 """
 
-import argparse
 import csv
 import json
 import os
@@ -20,7 +19,7 @@ import sys
 import tempfile
 
 from check import check, run
-from companion_flight import ACCEPTED, COMPANION, Flight, Operator, ended
+from companion_flight import ACCEPTED, COMPANION, Flight, Operator, ended, parser
 
 
 def install(arguments):
@@ -131,10 +130,5 @@ def main(arguments):
     pressed_flight(arguments, actions)
 
 
-parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-parser.add_argument("--program", required=True, help="the veilwing program")
-parser.add_argument("--mission", required=True, help="mission file")
-parser.add_argument("--port", type=int, default=14570, help="two UDP ports of this machine, from this one on")
-parser.add_argument("--speed", type=float, default=2.0, help="simulated seconds per second")
-ARGUMENTS = parser.parse_args()
+ARGUMENTS = parser(__doc__).parse_args()
 run(lambda: main(ARGUMENTS), 60.0 + 600.0 / ARGUMENTS.speed)

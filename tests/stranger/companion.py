@@ -10,7 +10,6 @@ MAVProxy kills the radios while both are on. Every answer must be truthful, also
 Exits 0 if every check holds, 1 otherwise.
 """
 
-import argparse
 import json
 import time
 
@@ -30,6 +29,7 @@ from companion_flight import (
     Flight,
     Operator,
     ended,
+    parser,
 )
 from mavsdk import ComponentType, Configuration, Mavsdk
 from mavsdk.plugins.mavlink_direct import MavlinkDirect, MavlinkMessage
@@ -161,10 +161,5 @@ def main(arguments):
     second_flight(arguments)
 
 
-parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-parser.add_argument("--program", required=True, help="the veilwing program")
-parser.add_argument("--mission", required=True, help="mission file")
-parser.add_argument("--port", type=int, default=14570, help="three UDP ports of this machine, from this one on")
-parser.add_argument("--speed", type=float, default=3.0, help="simulated seconds per second")
-ARGUMENTS = parser.parse_args()
+ARGUMENTS = parser(__doc__, ports="three", speed=3.0).parse_args()
 run(lambda: main(ARGUMENTS), 60.0 + 600.0 / ARGUMENTS.speed)

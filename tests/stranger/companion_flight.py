@@ -1,5 +1,6 @@
 """Flights of both companions that a ground station watches, and MAVProxy as their operator."""
 
+import argparse
 import json
 import pathlib
 import subprocess
@@ -17,6 +18,16 @@ MISSION_START, PAUSE_CONTINUE, RETURN, RADIO_KILL, UNKNOWN = 300, 193, 20, 31011
 REQUEST_MESSAGE, AUTOPILOT_VERSION, COMPONENT_INFORMATION_BASIC = 512, 148, 396
 # Answers of MAVProxy's own words.
 WORDS = {ACCEPTED: "ACCEPTED", DENIED: "DENIED", UNSUPPORTED: "UNSUPPORTED", INT_ONLY: "COMMAND_INT_ONLY"}
+
+
+def parser(description, ports="two", speed=2.0):
+    """What every program takes that flies so."""
+    told = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+    told.add_argument("--program", required=True, help="the veilwing program")
+    told.add_argument("--mission", required=True, help="mission file")
+    told.add_argument("--port", type=int, default=14570, help=f"{ports} UDP ports of this machine, from this one on")
+    told.add_argument("--speed", type=float, default=speed, help="simulated seconds per second")
+    return told
 
 
 class Flight:

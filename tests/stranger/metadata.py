@@ -11,7 +11,6 @@ metadata plugin reads the same by itself. MAVProxy lists and fetches the files, 
 Exits 0 if every check holds, 1 otherwise.
 """
 
-import argparse
 import json
 import os
 import pathlib
@@ -25,7 +24,7 @@ import zlib
 os.environ["MAVLINK20"] = "1"
 import jsonschema  # noqa: E402
 from check import check, run  # noqa: E402
-from companion_flight import COMPANION, OPERATOR, REQUEST_MESSAGE, Flight, Operator  # noqa: E402
+from companion_flight import COMPANION, OPERATOR, REQUEST_MESSAGE, Flight, Operator, parser  # noqa: E402
 from mavsdk import ComponentType, Configuration, Mavsdk  # noqa: E402
 from mavsdk.plugins.component_metadata import (  # noqa: E402
     ComponentMetadata,
@@ -239,11 +238,7 @@ def main(arguments):
         by_mavproxy(arguments)
 
 
-parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-parser.add_argument("--program", required=True, help="the veilwing program")
-parser.add_argument("--mission", required=True, help="mission file")
-parser.add_argument("--schemas", required=True, help="directory of the published schemas")
-parser.add_argument("--port", type=int, default=14570, help="two UDP ports of this machine, from this one on")
-parser.add_argument("--speed", type=float, default=2.0, help="simulated seconds per second")
-ARGUMENTS = parser.parse_args()
+told = parser(__doc__)
+told.add_argument("--schemas", required=True, help="directory of the published schemas")
+ARGUMENTS = told.parse_args()
 run(lambda: main(ARGUMENTS), 420.0)

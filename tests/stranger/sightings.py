@@ -10,7 +10,6 @@ answer must be truthful.
 Exits 0 if every check holds, 1 otherwise.
 """
 
-import argparse
 import os
 import pathlib
 import signal
@@ -27,6 +26,7 @@ from companion_flight import (
     Flight,
     Operator,
     ended,
+    parser,
 )
 
 SIGHTING = 31014
@@ -105,10 +105,5 @@ def edit(operator, processes, mission):
     operator.says("taken: vehicle I's", 10, (2,))
 
 
-parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-parser.add_argument("--program", required=True, help="the veilwing program")
-parser.add_argument("--mission", required=True, help="mission file")
-parser.add_argument("--port", type=int, default=14570, help="two UDP ports of this machine, from this one on")
-parser.add_argument("--speed", type=float, default=2.0, help="simulated seconds per second")
-ARGUMENTS = parser.parse_args()
+ARGUMENTS = parser(__doc__).parse_args()
 run(lambda: fly(ARGUMENTS), 60.0 + 300.0 / ARGUMENTS.speed)

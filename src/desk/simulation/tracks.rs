@@ -46,13 +46,24 @@ impl Tracks {
     fn parse(text: &str, mission: &Mission) -> Result<Self, (u64, String)> {
         let mut tracks: Vec<(Who, Vec<sim::Fix>)> = Vec::new();
         let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(text.as_bytes());
-        for row in reader.deserialize() {
-            let wrong = |error: csv::Error| {
-                let line = error.position().map_or(1, csv::Position::line);
-                (line, format!("{error}; rows are name,t_s,east_m,north_m and, where wanted, up_m"))
-            };
-            let Row { name, t_s, east_m, north_m, up_m } = row.map_err(wrong)?;
-            let line = tracks.iter().map(|(_, fixes)| fixes.len() as u64).sum::<u64>() + 2;
+        let wrong = |line: u64, error: csv::Error| {
+            (line, format!("{error}; rows are name,t_s,east_m,north_m and, where wanted, up_m"))
+        };
+        // A row's position is before the empty lines above it.
+        let line_of = |position: Option<&csv::Position>| {
+            let begins =
+                position.and_then(|at| Some((at.line(), text.get(usize::try_from(at.byte()).ok()?..)?)));
+            begins.map_or(1, |(line, rest)| {
+                let empty = &rest[..rest.len() - rest.trim_start().len()];
+                line + empty.matches('\n').count() as u64
+            })
+        };
+        let headers = reader.headers().map_err(|error| wrong(1, error))?.clone();
+        for record in reader.records() {
+            let record = record.map_err(|error| wrong(line_of(error.position()), error))?;
+            let line = line_of(record.position());
+            let row: Row = record.deserialize(Some(&headers)).map_err(|error| wrong(line, error))?;
+            let Row { name, t_s, east_m, north_m, up_m } = row;
             let (who, z) = named(&name, mission).map_err(|what| (line, what))?;
             let position_enu_m = [east_m, north_m, up_m.unwrap_or(z)];
             if !position_enu_m.iter().chain([&t_s]).all(|number| number.is_finite()) {
@@ -99,22 +110,15 @@ impl Tracks {
 
 /// The one that moves and has this name, and how high the mission has it.
 fn named(name: &str, mission: &Mission) -> Result<(Who, f64), String> {
-    let node = |who: Who| match who {
-        Who::User(index) => (&mission.users[index].name, mission.users[index].position_enu_m.z),
-        Who::Eavesdropper(index) => {
-            let eavesdropper = &mission.eavesdroppers[index];
-            (&eavesdropper.name, eavesdropper.node.position_enu_m.z)
-        }
-    };
-    let movers = || mission.movers.iter().map(|mover| (mover.who, node(mover.who)));
-    let mut found = movers().filter(|(_, (known, _))| *known == name);
+    let movers = || mission.movers.iter().filter_map(|mover| Some((mover.who, mission.node(mover.who)?)));
+    let mut found = movers().filter(|(_, node)| node.name == name);
     match (found.next(), found.next()) {
-        (Some((who, (_, z))), None) => Ok((who, z)),
+        (Some((who, node)), None) => Ok((who, node.position_enu_m.z)),
         (Some(_), Some(_)) => {
             Err(format!("a user and an eavesdropper are called `{name}`; rename one in the mission"))
         }
         (None, _) => {
-            let known: Vec<&str> = movers().map(|(_, (known, _))| known.as_str()).collect();
+            let known: Vec<&str> = movers().map(|(_, node)| node.name).collect();
             let known = if known.is_empty() { "nobody".into() } else { known.join(", ") };
             Err(format!(
                 "`{name}` does not move in the mission ({known}); give it `moves`, or leave its rows out"
@@ -171,6 +175,7 @@ mod tests {
                 "`alpha` does not move in the mission (bravo, hill)",
             ),
             ("name,t_s,east_m,north_m\nhill,NaN,1,2\n", 2, "a number that is none"),
+            ("name,t_s,east_m,north_m\n\nhill,0,1,2\n\nhill,NaN,1,2\n", 5, "a number that is none"),
         ] {
             let (at, what) = Tracks::parse(text, &mission).unwrap_err();
             assert!(at == line && what.contains(says), "{text}: {at}: {what}");
