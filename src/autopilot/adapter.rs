@@ -311,6 +311,12 @@ impl Autopilot {
         self.telemetry.clock.taken_from(taken, now)
     }
 
+    /// When the autopilot counts as lost, if nothing more is heard of it; `None` while it does.
+    #[must_use]
+    pub fn lost_at(&self) -> Option<Instant> {
+        self.link.timeout()
+    }
+
     /// Time between two messages of position or attitude, whichever is longer, as granted and as they come.
     #[must_use]
     pub fn state_period(&self) -> Duration {

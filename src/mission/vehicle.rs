@@ -39,6 +39,7 @@ impl Executive {
             position: self.autopilot.position(now),
             attitude: self.autopilot.attitude(),
             in_control: self.autopilot.in_control() && !self.is_stopping(),
+            lost_at: self.autopilot.lost_at(),
             estimator_ok: self.estimator_ok(),
             arrived: in_service.is_some_and(|motion| motion.is_over(now)),
             at_rest: in_service.is_some_and(|motion| motion.is_at_rest(now)),

@@ -21,6 +21,8 @@ pub struct Vehicle {
     pub attitude: Option<(Attitude, Instant)>,
     /// Armed and in the companion's mode.
     pub in_control: bool,
+    /// When its autopilot counts as lost, and control ends, if it goes on being unheard; `None`: not foreseen.
+    pub lost_at: Option<Instant>,
     /// The autopilot has nothing to say against its own estimate.
     pub estimator_ok: bool,
     /// The transit to the slot's pose is flown to its end.

@@ -493,10 +493,13 @@ impl SlotService {
                 let on = on && slot.monitor.serves();
                 let confirmed = self.interlock.transmitter().on_until_at_least(now);
                 let confirmed = confirmed.filter(|vouched| on && vouched.slot == slot.commitment.slot);
-                // What is as good as the full power suffices for as long as that does.
+                // What is as good as the full power suffices for as long as that does, and no longer than the vehicle's loss
+                // is foreseen: who has lost control is off at once.
                 let vouch = confirmed.and_then(|vouched| {
-                    let suffices_until = slot.suffices_until(vouched.power_w / FULL_POWER, now);
-                    Some(Vouch { until: vouched.until, closes_at: suffices_until? })
+                    let suffices_until = slot.suffices_until(vouched.power_w / FULL_POWER, now)?;
+                    let closes_at =
+                        self.vehicle.lost_at.map_or(suffices_until, |lost| lost.min(suffices_until));
+                    Some(Vouch { until: vouched.until, closes_at })
                 });
                 if let Some(vouched) = confirmed {
                     let (given_w, planned_w) = (vouched.power_w, slot.power_w(now));

@@ -190,6 +190,26 @@ fn spec_j_grants_nothing_in_a_slot_that_it_closes_though_it_still_jams() {
     assert_eq!(pair.told(Role::J, grants), granted);
 }
 
+/// A J that has lost control is off at once, and nothing of I's rests on it then.
+#[test]
+fn spec_j_grants_nothing_past_the_instant_at_which_it_would_lose_its_autopilot() {
+    let longest_ms = |amiss: fn(&mut Vehicle)| {
+        let mut pair = Pair::on_air();
+        pair.companions.j.amiss = amiss;
+        let said = pair.said.len();
+        pair.run(Duration::from_millis(400));
+        let granted = pair.said[said..].iter().filter_map(|(_, message)| match message {
+            MavMessage::VEILWING_LEASE_GRANT(grant) => Some(grant.duration_ms),
+            _ => None,
+        });
+        granted.max()
+    };
+    let soon = longest_ms(|vehicle| vehicle.lost_at = vehicle.state_received_at.map(|at| at + LEASE / 5));
+    assert!(soon.is_some_and(|soon| (50..=100).contains(&soon)), "{soon:?}");
+    let late = longest_ms(|vehicle| vehicle.lost_at = vehicle.state_received_at.map(|at| at + 10 * LEASE));
+    assert!(late == longest_ms(|_| {}) && late > soon, "{late:?}");
+}
+
 #[test]
 fn spec_j_grants_nothing_past_its_airtime_to_an_i_whose_clock_is_late() {
     let mut pair = Pair::apart(200_000);
