@@ -71,6 +71,13 @@ impl EnuAcceleration {
     }
 }
 
+/// Whether what was said is a place at all, or a velocity: finite, and within [`MAX_COORDINATE_M`](polygon::MAX_COORDINATE_M). The way
+/// to what is farther takes longer than a clock can count.
+#[must_use]
+pub fn has_meaning(said: &Vector3<f64>) -> bool {
+    said.iter().all(|c| c.abs() <= polygon::MAX_COORDINATE_M)
+}
+
 /// A point on or above the WGS 84 ellipsoid.
 ///
 /// Altitudes are used as differences only, so above mean sea level serves as well as above the ellipsoid as long

@@ -37,7 +37,7 @@ pub enum EstimatorFault {
 impl fmt::Display for EstimatorFault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::NotFinite { message } => write!(f, "{message} is not finite"),
+            Self::NotFinite { message } => write!(f, "{message} is not finite, or absurd"),
             Self::Jump { distance_m } => write!(f, "position jumped by {distance_m:.1} m"),
             Self::OriginMoved { distance_m } => {
                 write!(f, "local origin moved by {distance_m:.1} m in flight")

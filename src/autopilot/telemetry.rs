@@ -15,7 +15,7 @@ use super::event::{EstimatorFault, Event};
 use super::firmware::Firmware;
 use super::outbox::Outbox;
 use super::state::{Battery, Landed, Sampled, Timed, VehicleState};
-use crate::geo::{Attitude, Enu, EnuVelocity, Geodetic, LocalFrame, Ned, NedVelocity};
+use crate::geo::{Attitude, Enu, EnuVelocity, Geodetic, LocalFrame, Ned, NedVelocity, has_meaning};
 use crate::time::Instant;
 
 /// The origin may be refined by this much on the ground or in flight without being another one.
@@ -136,7 +136,7 @@ impl Telemetry {
     ) {
         let local = Ned::new(m.x.into(), m.y.into(), m.z.into());
         let velocity = NedVelocity::new(m.vx.into(), m.vy.into(), m.vz.into());
-        if !local.vector().iter().chain(velocity.vector().iter()).all(|c| c.is_finite()) {
+        if !(has_meaning(&local.vector()) && has_meaning(&velocity.vector())) {
             fault(out, EstimatorFault::NotFinite { message: mav::LOCAL_POSITION_NED_DATA::NAME });
             return;
         }

@@ -26,7 +26,7 @@ const LONGEST_ROUND_TRIP: PerVehicle<Duration> =
     PerVehicle { i: Duration::from_millis(250), j: Duration::from_millis(150) };
 /// How late a busy machine may run a process that is due.
 const SCHEDULING_DELAY: Duration = Duration::from_millis(25);
-/// Without a word for this long the other vehicle is lost and the mission is given up.
+/// Without a word for this long the other vehicle is not heard any more, and unless the mission waits longer for it, given up.
 pub const PEER_TIMEOUT: Duration = Duration::from_secs(3);
 
 /// What the executive of `vehicle` is told. `boot_id` differs at each start of a companion; `start_unasked` begins
@@ -65,6 +65,7 @@ pub fn settings(mission: &Mission, vehicle: &Vehicle, boot_id: u32, start_unaske
             mission_digest: mission.digest(),
             lease: LEASE,
             peer_timeout: PEER_TIMEOUT,
+            lost_after: mission.tdma.wait_for_peer_s.map_or(PEER_TIMEOUT, Duration::from_secs_f64),
             clock_tolerance: Duration::from_secs_f64(mission.tdma.guard_s / 4.0),
             orders: Record::default(),
         },

@@ -399,6 +399,8 @@ pub struct Tdma {
     pub order: Order,
     /// How often the whole list of users is served.
     pub superframes: u16,
+    /// How long a vehicle in the air that does not hear the other waits for it, silent, before it goes home, in seconds; `None`: 3.
+    pub wait_for_peer_s: Option<f64>,
     /// When the transit to the first slot begins; `None`: when the operator says so.
     pub start_utc: Option<Utc>,
 }
@@ -413,6 +415,7 @@ impl Default for Tdma {
             slot_max_s: None,
             order: Order::Listed,
             superframes: 1,
+            wait_for_peer_s: None,
             start_utc: None,
         }
     }

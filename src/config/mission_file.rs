@@ -441,6 +441,12 @@ fn tdma(s: &mut Section<'_, '_>, tdma: &mut Tdma) {
     );
     s.set("order", "\"listed\": users as listed; \"shortest\": least transit.", orders, &mut tdma.order);
     s.set_optional(
+        "wait_for_peer_s",
+        "How long a vehicle in the air that does not hear the other waits for it, silent, before it goes home. By default 3.",
+        Number::within("s", 3.0, 60.0),
+        &mut tdma.wait_for_peer_s,
+    );
+    s.set_optional(
         "start_utc",
         "When the transit to the first slot begins; the vehicles take off by themselves in time. Unset: on MISSION_START.",
         Moment,

@@ -42,7 +42,7 @@ impl Executive {
 
     /// After an abort the two must not cross. I goes home first; J when I is down, or is not coming, or took too
     /// long, or J's battery does not bear the wait: its way keeps clear of I's. If nothing is heard of I, its companion may
-    /// still be flying it home by the same rule: J gives it time.
+    /// still be flying it home by the same rule, though it lost us later: J gives it time.
     pub(super) fn may_return(&mut self, waited: Duration, now: Instant) -> bool {
         if self.settings.role == Role::I || waited > LAND_FIRST {
             return true;
@@ -50,13 +50,14 @@ impl Executive {
         if self.endurance.is_due(now) && !self.may_wait(now) {
             return true;
         }
-        let peer = self.service.peer();
-        if peer.heard_within(self.settings.pair.peer_timeout, now) {
+        let (peer, settings) = (self.service.peer(), &self.settings.pair);
+        if peer.heard_within(settings.peer_timeout, now) {
             return peer.says(VeilwingFlags::VEILWING_FLAGS_LANDED)
                 || !peer.says(VeilwingFlags::VEILWING_FLAGS_RETURNING);
         }
         let way = peer.position_enu_m.and_then(|at| self.way_home(Role::I, at, Attitude::level()));
-        waited > HOLD + LAND_UNHEARD + way.unwrap_or(LAND_FIRST)
+        let later = settings.lost_after.saturating_sub(settings.peer_timeout);
+        waited > HOLD + later + LAND_UNHEARD + way.unwrap_or(LAND_FIRST)
     }
 
     fn router(&self) -> Result<Router, TransitError> {

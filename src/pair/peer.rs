@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use nalgebra::Vector3;
 
-use crate::geo::Enu;
+use crate::geo::{Enu, has_meaning};
 use crate::time::Instant;
 
 use super::age::Ages;
@@ -160,7 +160,7 @@ impl Peer {
         self.plan_digest = says(VeilwingFlags::VEILWING_FLAGS_PLANNED).then_some(hello.plan_digest);
         self.home_enu_m = says(VeilwingFlags::VEILWING_FLAGS_HOME)
             .then(|| Vector3::from(hello.home_enu_m))
-            .filter(|home| home.iter().all(|x| x.is_finite()));
+            .filter(has_meaning);
         // In flight the status, sent more often, is the fresher word on the flags.
         if self.status_sequence.is_none() {
             self.flags = hello.flags;
@@ -185,7 +185,7 @@ impl Peer {
         self.flags = status.flags;
         self.committed = self.says(VeilwingFlags::VEILWING_FLAGS_COMMITTED).then_some(status.proposal);
         let position = Vector3::from(status.position_enu_m).map(f64::from);
-        if position.iter().all(|x| x.is_finite()) {
+        if has_meaning(&position) {
             self.position_enu_m = Some(position);
         }
         self.rests = Rest::of_wire(status.rests_enu_m, status.rests_wxyz);

@@ -50,6 +50,7 @@ mod tests {
             mission_digest: [0; 32],
             lease: Duration::from_millis(500),
             peer_timeout: Duration::from_secs(3),
+            lost_after: Duration::from_secs(3),
             clock_tolerance: Duration::from_millis(250),
             orders: crate::pair::orders::Record::default(),
         };

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use mavlink::dialects::ardupilotmega::{EstimatorStatusFlags, MavCmd, MavMessage, MavSysStatusSensor};
 use veilwing::mission::Outcome;
-use veilwing::role::Role;
+use veilwing::role::{PerVehicle, Role};
 use veilwing_sitl::Fault;
 
 use crate::harness::*;
@@ -277,6 +277,26 @@ fn spec_loss_of_the_pair_link_silences_both() {
         }
         let after = flight.silent_after(Role::I, at);
         assert!(after <= LEASE_AND_MARGIN, "{cut:?}: I after {after:?}\n{}", flight.story());
+    }
+}
+
+#[test]
+fn spec_a_pair_whose_link_comes_back_in_time_goes_on_with_the_table() {
+    let patient = yard().under(|m| m.tdma.wait_for_peer_s = Some(15.0));
+    let given = PerVehicle { i: patient.clone(), j: patient };
+    for lasts in [Duration::from_secs(10), Duration::from_secs(20)] {
+        let mut flight = in_mid_slot(Setup { given: given.clone(), ..Setup::default() });
+        Role::BOTH.into_iter().for_each(|role| flight.set_pair_path(role, Path::CUT));
+        flight.pass(lasts);
+        assert_eq!(flight.radiating(), [false, false], "{}", flight.story());
+        Role::BOTH.into_iter().for_each(|role| flight.set_pair_path(role, Path::GOOD));
+        flight.fly_out();
+        flight.assert_safe();
+        let served = flight.report().slots[1].radiated_s.i > 0.0;
+        let completed = Role::BOTH.map(|role| flight.outcomes[role] == Some(Outcome::Completed));
+        let in_time = lasts < Duration::from_secs(15);
+        assert_eq!((served, completed), (in_time, [in_time; 2]), "{lasts:?}\n{}", flight.story());
+        assert_eq!(flight.report().unprotected_s, 0.0);
     }
 }
 

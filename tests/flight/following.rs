@@ -72,6 +72,28 @@ fn val_users_that_move_are_served_through_and_far_better_than_from_where_the_pla
     }
 }
 
+/// The link of the pair is cut for ten seconds in the first slot: what is left of it then is served, and the second one in full.
+#[test]
+fn spec_a_pair_that_loses_its_link_while_it_follows_and_waits_for_each_other_goes_on_following() {
+    let patient = following().given.i.under(|m| m.tdma.wait_for_peer_s = Some(15.0));
+    let given = PerVehicle { i: patient.clone(), j: patient };
+    let mut flight = on_the_air(Setup { given, ..following() }, 0);
+    flight.pass(Duration::from_secs(5));
+    Role::BOTH.into_iter().for_each(|role| flight.set_pair_path(role, Path::CUT));
+    flight.pass(Duration::from_secs(10));
+    assert_eq!(flight.radiating(), [false, false], "{}", flight.story());
+    Role::BOTH.into_iter().for_each(|role| flight.set_pair_path(role, Path::GOOD));
+    flight.fly_out();
+    flight.assert_safe();
+    let report = flight.report();
+    assert!((8.5..9.7).contains(&report.slots[0].radiated_s.i), "{report:#?}");
+    assert!(report.slots[1].radiated_s.i > 18.7, "{report:#?}\n{}", flight.story());
+    for role in Role::BOTH {
+        assert_eq!(flight.outcomes[role], Some(Outcome::Completed), "{}", flight.story());
+    }
+    assert_eq!(report.unprotected_s, 0.0);
+}
+
 /// The next slot is served from where its user is by then, on the way from where they have come to rest.
 #[test]
 fn spec_a_pair_that_is_paused_while_it_follows_comes_to_rest_and_goes_on_from_there() {

@@ -190,6 +190,7 @@ pub fn service(role: Role, boot_id: u32, kind: Kind, lease: Duration, flown: &Fl
         mission_digest: [3; 32],
         lease,
         peer_timeout: Duration::from_secs(3),
+        lost_after: Duration::from_secs(3),
         clock_tolerance: GUARD / 4,
         orders: pair::Record::default(),
     };

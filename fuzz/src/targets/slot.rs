@@ -112,6 +112,7 @@ impl Companion {
             mission_digest: [1; 32],
             lease: LEASE,
             peer_timeout: Duration::from_secs(3),
+            lost_after: Duration::from_secs(3),
             clock_tolerance: Duration::from_millis(250),
             orders: pair::Record::default(),
         };
@@ -157,9 +158,9 @@ impl Companion {
 
     fn react(&mut self, now: Instant) {
         self.service.advance(Some(utc(now)), now);
-        let mut events = 0;
+        let mut events = Vec::new();
         while let Some(event) = self.service.poll_event() {
-            events += 1;
+            events.push(event);
             self.reached.sentence("event", &format!("{} {event:?}", self.role));
             // Motions are numbers here: nobody moves.
             if event == Event::PlanMotion
@@ -177,7 +178,7 @@ impl Companion {
                 self.service.slot_planned(&asked, terms, now);
             }
         }
-        assert!(events <= 3, "{}: {events} events at once", self.role);
+        assert!(events.len() <= 5, "{} at once: {events:?}", self.role);
         if self.follows && self.service.may_ask_motion(now) {
             let opens_at = self.service.slot().map_or(now, |slot| slot.commitment.opens_at);
             let begins = (now + BEGINS).saturating_since(opens_at);
@@ -445,8 +446,8 @@ impl Pair {
                     self.taken += 1;
                     companion.service.handle_pair(&message, self.now);
                     companion.react(self.now);
-                    let answers = companion.say().len();
-                    assert!(answers <= 4, "{answers} answers to {message:?}");
+                    let answers = companion.say();
+                    assert!(answers.len() <= 4, "{answers:?} to {message:?}");
                 }
                 Err(reason) => {
                     self.counters.rejected.count(reason);

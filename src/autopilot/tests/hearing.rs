@@ -178,13 +178,15 @@ fn spec_estimator_faults_are_reported_once_from_each_kind_of_evidence() {
     assert_eq!(jumps(&world), 1);
     let time_boot_ms = world.now.since_start().as_millis() as u32;
     let odd = LOCAL_POSITION_NED_DATA { time_boot_ms, x: f32::NAN, ..Default::default() };
+    let far = LOCAL_POSITION_NED_DATA { time_boot_ms, z: 1e30, ..Default::default() };
     let zero = ATTITUDE_QUATERNION_DATA { time_boot_ms, ..Default::default() };
     world.inject((1, 1), &MavMessage::LOCAL_POSITION_NED(odd));
+    world.inject((1, 1), &MavMessage::LOCAL_POSITION_NED(far));
     world.inject((1, 1), &MavMessage::ATTITUDE_QUATERNION(zero));
     world.run(0.1);
     assert_eq!(
         world.count(|event| matches!(event, Event::EstimatorFailure(EstimatorFault::NotFinite { .. }))),
-        2
+        3
     );
     assert!(world.autopilot.state().position_enu_m.unwrap().value.iter().all(|c| c.is_finite()));
     let moved = GPS_GLOBAL_ORIGIN_DATA {

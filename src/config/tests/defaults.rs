@@ -44,6 +44,7 @@ fn spec_defaults_are_those_of_the_interface() {
             slot_max_s: None,
             order: Order::Listed,
             superframes: 1,
+            wait_for_peer_s: None,
             start_utc: None
         }
     );

@@ -35,7 +35,7 @@ pub(super) struct Acquaintance {
     role: Role,
     boot_id: u32,
     mission_digest: [u8; 32],
-    timeout: Duration,
+    lost_after: Duration,
     peer: Peer,
     sent: Option<Instant>,
     /// When the next hello is due.
@@ -50,7 +50,7 @@ impl Acquaintance {
             role: settings.role,
             boot_id: settings.boot_id,
             mission_digest: settings.mission_digest,
-            timeout: settings.peer_timeout,
+            lost_after: settings.lost_after,
             peer: Peer::default(),
             sent: None,
             due: now,
@@ -169,7 +169,7 @@ impl Acquaintance {
     /// When the peer will be lost, if it is not heard.
     pub fn lost_due(&self) -> Option<Instant> {
         let heard = self.peer.last_heard.filter(|_| !self.lost_told);
-        heard.map(|at| at + self.timeout + Duration::from_nanos(1))
+        heard.map(|at| at + self.lost_after + Duration::from_nanos(1))
     }
 
     /// For how long the peer has been silent, once that is too long.

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use super::super::orders::{Change, Record};
 use super::super::wire::{self, ShortDigest, VeilwingAnswer, VeilwingFlags, VeilwingSilence};
-use crate::geo::{Attitude, Enu, EnuVelocity};
+use crate::geo::{Attitude, Enu, EnuVelocity, has_meaning};
 use crate::planner::following::{Belief, Drift, MOST_MOVERS};
 use crate::planner::plan::VehiclePlan;
 use crate::planner::track::Track;
@@ -22,8 +22,10 @@ pub struct Settings {
     pub mission_digest: [u8; 32],
     /// The longest lease J grants, and the longest silence of the peer that J jams through.
     pub lease: Duration,
-    /// After this long without a message the peer is lost.
+    /// After this long without a message the peer is not heard any more.
     pub peer_timeout: Duration,
+    /// After this long it is lost, no sooner than that.
+    pub lost_after: Duration,
     /// The largest difference between the two UTC clocks that the guard time covers.
     pub clock_tolerance: Duration,
     /// What an earlier process kept of the operator's orders.
@@ -190,7 +192,7 @@ impl Rest {
     pub(in super::super) fn of_wire(position_enu_m: [f32; 3], wxyz: [f32; 4]) -> Option<Self> {
         let rest = Self { position_enu_m, wxyz };
         let (place, _) = rest.pose()?;
-        place.iter().all(|m| m.is_finite()).then_some(rest)
+        has_meaning(&place).then_some(rest)
     }
 
     /// Place and attitude; `None` of one that is none.

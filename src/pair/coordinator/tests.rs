@@ -34,6 +34,7 @@ fn coordinator_of(role: Role, boot_id: u32, mission_digest: [u8; 32], plan_diges
         mission_digest,
         lease: Duration::from_millis(500),
         peer_timeout: Duration::from_secs(3),
+        lost_after: Duration::from_secs(3),
         clock_tolerance: Duration::from_millis(250),
         orders: super::super::orders::Record::default(),
     };

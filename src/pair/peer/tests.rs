@@ -108,3 +108,24 @@ fn val_a_peer_is_silent_since_its_last_word() {
     assert_eq!(Peer::default().silent_for(at(300)), None);
     assert_eq!(known().silent_for(at(300)), Some(Duration::from_micros(100)));
 }
+
+#[test]
+fn spec_a_place_beyond_the_earth_is_none() {
+    let mut peer = known();
+    let said = |x: f64| VEILWING_HELLO_DATA {
+        flags: VeilwingFlags::VEILWING_FLAGS_HOME,
+        home_enu_m: [x, 2.0, 3.0],
+        ..hello(7, 150, 60)
+    };
+    for x in [f64::NAN, f64::INFINITY, 1e30, -2e7] {
+        assert_eq!(take(&mut peer, &said(x), 400), Boot::Known);
+        assert_eq!(peer.home_enu_m, None, "{x}");
+    }
+    assert_eq!(take(&mut peer, &said(-9e6), 400), Boot::Known);
+    assert_eq!(peer.home_enu_m, Some(Enu::new(-9e6, 2.0, 3.0)));
+    for (sequence, x) in [(1, -9e6), (2, 1e30), (3, f32::NAN)] {
+        let status = VEILWING_STATUS_DATA { sequence, position_enu_m: [x, 0.0, 0.0], ..Default::default() };
+        assert!(peer.take_status(&status, at(500)));
+        assert_eq!(peer.position_enu_m, Some(Enu::new(-9e6, 0.0, 0.0)), "{x}");
+    }
+}
