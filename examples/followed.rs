@@ -15,7 +15,7 @@ use std::error::Error;
 use std::path::Path;
 
 use nalgebra::{Vector2, Vector3};
-use veilwing::config::{Mission, MissionDraft, MovesDraft, Optimise};
+use veilwing::config::{Mission, MissionDraft, MovesDraft, Optimise, PointingDraft};
 use veilwing::desk::campaign::{FollowingLine, FollowingTotal, Mean};
 use veilwing::desk::simulation::{Scenario, ScenarioError};
 use veilwing::geo::Enu;
@@ -72,7 +72,8 @@ fn moving(m: &mut MissionDraft, over: &Over, users: bool, gait: Gait) {
     m.airspace.altitude_m = over.altitude_m;
     m.planner.optimise = Optimise::Rate;
     m.tdma.slot_s = SLOT_S;
-    m.pointing.position_std_m = None;
+    // What a flight's own compass costs is no part of what is lost by not knowing.
+    m.pointing = PointingDraft::default();
     let farther = |place: &mut Option<Enu>| {
         if let Some(place) = place {
             *place = place.component_mul(&Vector3::new(over.spread, over.spread, 1.0));

@@ -447,7 +447,8 @@ impl Pair {
                     companion.service.handle_pair(&message, self.now);
                     companion.react(self.now);
                     let answers = companion.say();
-                    assert!(answers.len() <= 4, "{answers:?} to {message:?}");
+                    // A silence is said three times; beside it a status, an answer, and a word on the motion.
+                    assert!(answers.len() <= 6, "{answers:?} to {message:?}");
                 }
                 Err(reason) => {
                     self.counters.rejected.count(reason);
