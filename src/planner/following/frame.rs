@@ -25,6 +25,8 @@ pub const UNIT_LOG: f64 = 0.5;
 pub const FREE: usize = SEGMENTS - 2;
 /// How far inside the band the free control points are, in metres: what rounding may take off.
 const INSIDE_M: f64 = 1e-3;
+/// The part of its speed at which a vehicle sets out elsewhere, to begin a search with.
+pub const FAST: f64 = 0.8;
 
 /// A motion to be found.
 pub struct Frame<'a> {
@@ -211,6 +213,28 @@ impl<'a> Frame<'a> {
             let [i, j] =
                 Role::BOTH.map(|role| from[role].on().map_or(rests, |motion| motion.knot_at(at_s(knot))));
             Knot { i: i.i, ..j }
+        })
+    }
+
+    /// Straight to poses: as fast as both may fly but for [`FAST`], all else evenly by an instant.
+    pub fn towards(&self, to: &Raw, by_s: f64) -> Vec<f64> {
+        let place = |v: usize| Enu::new(to[v * VEHICLE], to[v * VEHICLE + 1], to[v * VEHICLE + 2]);
+        let points = |v: usize, control: usize| {
+            let from = self.given[v][2];
+            let (way, limits) = (place(v) - from, &self.scene.limits[Role::BOTH[v]]);
+            let takes_s = (way.xy().norm() / limits.speed_m_s).max(way.z.abs() / limits.climb_m_s);
+            let flown_s = FAST * SEGMENT_S * (control - 2) as f64;
+            from + way * if flown_s < takes_s { flown_s / takes_s } else { 1.0 }
+        };
+        let (null, _) = self.null(by_s, &place(1));
+        let angles = |v: usize| [0, 1].map(|k: usize| to[v * VEHICLE + ANGLES + k]);
+        let meant = [angles(0), [0, 1].map(|k: usize| angles(1)[k] - null[k])];
+        let now_w = self.standing[VEHICLE + POWER];
+        self.encode(points, |knot| {
+            let share = (SEGMENT_S * knot as f64 / (by_s - self.begins_s)).min(1.0);
+            let mixed = |a: f64, b: f64| a + share * (b - a);
+            let [i, j] = [0, 1].map(|v: usize| [0, 1].map(|k: usize| mixed(self.angles[v][k], meant[v][k])));
+            Knot { at_s: 0.0, i, j, j_power_w: mixed(now_w, to[VEHICLE + POWER]) }
         })
     }
 

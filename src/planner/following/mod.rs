@@ -13,7 +13,8 @@
 //! motion only comes to rest. J's attitude is its null on the user's foreseen place and what is beside that, so that between knots
 //! the null follows the user; where the user is foreseen elsewhere than in the last motion, J turns there at once, as fast as it
 //! may. Limits are penalties in the search (`search`), and what is found is verified on its curves: a motion that breaks one is
-//! not given out, and the one before goes on. Deterministic in its inputs: two companions with the same beliefs and the same motion
+//! not given out, and the one before goes on. Where nothing is carried at all, both make for the best poses that are found in all of the
+//! airspace (`elsewhere`). Deterministic in its inputs: two companions with the same beliefs and the same motion
 //! make the same one.
 //!
 //! Each vehicle keeps to its side of a plane between the two ([`Side`]): the one may be anywhere on its motion, or back on it, while
@@ -21,6 +22,7 @@
 //!
 //! The poses that a slot begins with are made anew as well: [`Opening`].
 
+mod elsewhere;
 mod estimate;
 mod flying;
 mod frame;
@@ -79,6 +81,8 @@ const LEAST_STD_M: f64 = 0.1;
 /// 80 a motion lags behind what could be flown, by 6% of the rate and more: what is not done now is late a second from now.
 const AGAIN: Settings = Settings { iterations: 80, tolerance: 1e-6, first_step: 0.1 };
 const FIRST: Settings = Settings { iterations: 150, tolerance: 1e-6, first_step: 0.3 };
+/// A motion of which no more is expected, bit/s/Hz, leads nowhere.
+const NOTHING_BPS_HZ: f64 = 0.01;
 /// What a limit counts, and then, where it was not met.
 const STIFFNESS: [f64; 3] = [100.0, 1_000.0, 10_000.0];
 
@@ -179,16 +183,23 @@ pub fn plan(
     let settings = if rests { FIRST } else { AGAIN };
     let objective = Objective::new(&frame, seed);
     let (bounds, mut memory) = (frame.bounds(), Memory::default());
-    let mut x = frame.going_on(from);
-    for stiffness in STIFFNESS {
-        let mut cost = |x: &[f64], gradient: &mut [f64]| objective.cost(x, stiffness, &mut memory, gradient);
-        x = boxed::minimise(&mut cost, &bounds, &x, &settings).x;
-        let motion = frame.motion(&x);
-        if let Some(motion) = kept(scene, &setups[0], motion) {
-            return Ok(Some(Motion { expected_bps_hz: objective.rate_bps_hz(&x, &mut memory), ..motion }));
-        }
+    let mut found = |start: Vec<f64>| {
+        let mut x = start;
+        STIFFNESS.iter().find_map(|stiffness| {
+            let mut cost =
+                |x: &[f64], gradient: &mut [f64]| objective.cost(x, *stiffness, &mut memory, gradient);
+            x = boxed::minimise(&mut cost, &bounds, &x, &settings).x;
+            let motion = kept(scene, &setups[0], frame.motion(&x))?;
+            Some(Motion { expected_bps_hz: objective.rate_bps_hz(&x, &mut memory), ..motion })
+        })
+    };
+    let best = found(frame.going_on(from));
+    if best.as_ref().is_some_and(|motion| motion.expected_bps_hz > NOTHING_BPS_HZ) {
+        return Ok(best);
     }
-    Ok(None)
+    let goal = elsewhere::goal(&frame, &setups[setups.len() - 1], seed);
+    let other = goal.and_then(|(to, turns_s)| found(frame.towards(&to, at_s + turns_s.max(SEGMENT_S))));
+    Ok(other.or(best))
 }
 
 /// A motion with its slip made good as soon as may be, if it keeps every limit.

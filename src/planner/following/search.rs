@@ -23,7 +23,7 @@ use crate::role::Role;
 /// The part of each limit that the search keeps to.
 const PART: f64 = 0.95;
 /// How far from the airspace's sides and their own, in metres, the search keeps vehicles.
-const ASIDE_M: f64 = 0.3;
+pub const ASIDE_M: f64 = 0.3;
 /// What a metre beyond a side counts, over a limit that is exceeded by all of it.
 const BY_METRE: f64 = 0.1;
 /// Instants of a segment at which turns and places are looked at.

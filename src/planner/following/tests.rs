@@ -6,6 +6,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::*;
+use crate::geo::EnuVelocity;
 use crate::planner::expectation::{EvaluateOptions, evaluate};
 use crate::planner::plan::VehiclePlan;
 use crate::planner::problem::{Airframe, NoFly, Objective as Aim, Pattern, PowerSteps};
@@ -417,4 +418,35 @@ fn val_the_gradient_of_the_cost_is_that_of_central_differences() {
     check_gradient(&narrow, LIMITS, 0.1, 5);
     narrow.vehicles.j.airframe = Airframe::Conventional;
     check_gradient(&narrow, LIMITS, 0.1, 6);
+}
+
+/// Users that have come to where nothing near the pair's poses carries anything, and every way there is flat.
+#[test]
+fn val_a_pair_that_carries_nothing_makes_for_where_it_does() {
+    let listeners = [[150.0, 0.0], [0.0, 150.0], [-150.0, 0.0], [200.0, 200.0], [-200.0, 200.0]];
+    let mut problem = Problem::paper(listeners, 0.5, 0.03);
+    problem.airspace.min_separation_m = 5.0;
+    let rest = at_rest(&problem);
+    for [east_m, north_m] in [[350.0, 150.0], [-350.0, 350.0], [-400.0, 100.0]] {
+        let place = Enu::new(east_m, north_m, 0.0);
+        let stays = Belief { position_enu_m: place, velocity_enu_m_s: EnuVelocity::ZERO, std_m: [2.0, 1.0] };
+        let (user, moving) = (Drift { at_s: 0.0, belief: stays }, belief([0.0; 2], [0.0; 2], 0.0));
+        let scene =
+            Scene { user: Some(&user), eavesdroppers: vec![], ..scene(&problem, &rest, &moving, None) };
+        let truth = Problem { user_enu_m: place, ..problem.clone() };
+        let rate = |vehicles: &PerVehicle<VehiclePlan>| {
+            evaluate(&truth, vehicles, &EvaluateOptions::default()).unwrap().secrecy_rate_bps / 1e6
+        };
+        assert!(rate(&rest) < 0.01, "{place}");
+        let mut motion: Option<Motion> = None;
+        for second in 0..16 {
+            let from = motion.as_ref().map_or(Flying::rest(&rest), Flying::motion);
+            if let Some(next) = plan(&scene, &from, f64::from(second), 1).unwrap() {
+                check(&scene, &next);
+                motion = Some(next);
+            }
+        }
+        let reached = motion.map_or(0.0, |motion| rate(&motion.at(16.0).vehicles));
+        assert!(reached > 5.0, "{place}: {reached} bit/s/Hz");
+    }
 }
