@@ -31,7 +31,7 @@ use super::separation::{Clearance, clearance_m, polyline_distance_m};
 use super::sequence::{self, Move, PAUSE, Side};
 use super::trajectory::{Limits, Start, Trajectory};
 use crate::geo::polygon::MAX_COORDINATE_M;
-use crate::geo::{Attitude, Enu, Pose};
+use crate::geo::{Attitude, Enu, Pose, has_meaning};
 use crate::planner::problem::Airspace;
 use crate::role::{PerVehicle, Role};
 
@@ -435,8 +435,7 @@ impl Router {
 
 /// `position` if it can be computed with.
 fn usable(role: Role, end: End, position: Enu) -> Result<Enu, TransitError> {
-    let usable = position.iter().all(|c| c.abs() <= MAX_COORDINATE_M);
-    if usable { Ok(position) } else { Err(TransitError::NotUsable { role, end }) }
+    if has_meaning(&position) { Ok(position) } else { Err(TransitError::NotUsable { role, end }) }
 }
 
 /// The position of `start` if it can be computed with.

@@ -47,13 +47,13 @@ fn takes_s(frame: &Frame<'_>, setup: &Setup<'_>, to: &Raw) -> Option<[f64; 2]> {
             (Enu::new(x, y, z), Attitude::from_euler(roll, pitch, yaw))
         };
         let ((from, attitude), (to, facing)) = (pose(&frame.standing), pose(to));
-        let (way, limits) = (to - from, &frame.scene.limits[role]);
+        let way = to - from;
         let may =
             if frame.moves[v] { setup.region.cell_of(&to) == frame.cells[v] } else { way.norm() == 0.0 };
         if !may {
             return None;
         }
-        let flies_s = (way.xy().norm() / limits.speed_m_s).max(way.z.abs() / limits.climb_m_s);
+        let flies_s = frame.scene.limits[role].flies_s(&way);
         let turns_s = attitude.angle_to(&facing) / frame.scene.turn_rate_rad_s[role];
         slower_s = [slower_s[0].max(flies_s / FAST), slower_s[1].max(turns_s / FAST)];
     }

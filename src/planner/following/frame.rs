@@ -221,8 +221,8 @@ impl<'a> Frame<'a> {
         let place = |v: usize| Enu::new(to[v * VEHICLE], to[v * VEHICLE + 1], to[v * VEHICLE + 2]);
         let points = |v: usize, control: usize| {
             let from = self.given[v][2];
-            let (way, limits) = (place(v) - from, &self.scene.limits[Role::BOTH[v]]);
-            let takes_s = (way.xy().norm() / limits.speed_m_s).max(way.z.abs() / limits.climb_m_s);
+            let way = place(v) - from;
+            let takes_s = self.scene.limits[Role::BOTH[v]].flies_s(&way);
             let flown_s = FAST * SEGMENT_S * (control - 2) as f64;
             from + way * if flown_s < takes_s { flown_s / takes_s } else { 1.0 }
         };

@@ -60,8 +60,7 @@ impl Opening {
     fn takes_s(&self, to: &PerVehicle<VehiclePlan>) -> f64 {
         let way_s = |role: Role| {
             let (from, to): (&Pose, &Pose) = (&self.from[role].pose, &to[role].pose);
-            let (limits, by) = (&self.limits[role], to.position_enu_m - from.position_enu_m);
-            let flies_s = (by.xy().norm() / limits.speed_m_s).max(by.z.abs() / limits.climb_m_s);
+            let flies_s = self.limits[role].flies_s(&(to.position_enu_m - from.position_enu_m));
             let turns_s = from.attitude().angle_to(&to.attitude()) / self.turn_rate_rad_s[role];
             flies_s.max(turns_s)
         };

@@ -1,6 +1,7 @@
 //! What a vehicle may do on its way.
 
 use super::spline::Demand;
+use crate::geo::Enu;
 
 /// Limits of motion; how fast a vehicle turns its [`Ways`](super::super::volume::Ways) say.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -26,5 +27,11 @@ impl Limits {
             self.jerk_m_s3.map_or(0.0, |jerk| demand.jerk_m_s3 / jerk),
         ];
         all.into_iter().fold(0.0, f64::max)
+    }
+
+    /// How long a straight way takes at full speed, in seconds; in metres, ENU.
+    #[must_use]
+    pub fn flies_s(&self, way: &Enu) -> f64 {
+        (way.xy().norm() / self.speed_m_s).max(way.z.abs() / self.climb_m_s)
     }
 }
