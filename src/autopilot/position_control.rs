@@ -1,13 +1,14 @@
 //! Position control of a fully actuated vehicle by body thrust, for autopilots that take a three-dimensional thrust
 //! but close no position loop around it.
 //!
-//! Force per mass, in the world: `f = g + K_p e + K_d (v_ref - v) + i`, with `di/dt = K_i e`, frozen while thrust or
+//! Force per mass, in the world: `f = g + a_ref + K_p e + K_d (v_ref - v) + i`, with `di/dt = K_i e`, frozen while thrust or
 //! acceleration is at its limit or the setpoint is far (anti-windup). In the body: `u = D R^T f h / g`, where `R` is
 //! the measured attitude (the force must point the right way while the vehicle turns), `h` the thrust command that
 //! hovers, learned in flight, and `D` the ratio of the thrust units of the axes: one unit of x is not one unit of z.
 //!
-//! The loop runs over a link. What is measured is [`Measured::age_s`] old by the time that it is used, and a loop as fast as
-//! these gains make it bears a fifth of a second of that: beyond, it swings ever wider, out of the altitude band in the
+//! The loop runs over a link. What is measured is [`Measured::age_s`] old by the time that it is used: it is taken to have gone on
+//! since with its velocity and with the acceleration `a_ref`, without which a vehicle at 8 m/s that is seen 0.1 s late is 0.8 m
+//! ahead of where it should be, and stops beyond. A loop as fast as these gains make it bears a fifth of a second of that: beyond, it swings ever wider, out of the altitude band in the
 //! end. So it is slowed in proportion: with `s = PROMPT_S / age` where that is below one, `K_p` is taken `s^2`, `K_d` `s`
 //! and `K_i` `s^3` times, which is the same loop in a time that runs `s` times as fast, so that its delay is to it what
 //! `PROMPT_S` is to the full gains. It slows at once, and becomes fast again over `RECOVERY_S`. How far a setpoint counts grows
@@ -16,6 +17,7 @@
 
 use nalgebra::Vector3;
 
+use super::setpoint::Setpoint;
 use crate::geo::{Attitude, Enu, EnuVelocity};
 
 const GRAVITY_M_S2: f64 = 9.806_65;
@@ -83,6 +85,16 @@ pub struct Measured {
     pub age_s: f64,
 }
 
+impl Measured {
+    /// Position in metres and velocity in m/s that it has by now if it accelerates so, in m/s^2.
+    fn now(&self, acceleration_m_s2: &Vector3<f64>) -> (Enu, Vector3<f64>) {
+        let age_s = self.age_s.min(LARGEST_AGE_S);
+        let (position_enu_m, velocity_m_s) = (self.position_enu_m, self.velocity_enu_m_s.vector());
+        let gained_m_s = acceleration_m_s2 * age_s;
+        (position_enu_m + (velocity_m_s + gained_m_s / 2.0) * age_s, velocity_m_s + gained_m_s)
+    }
+}
+
 /// The controller's memory.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PositionControl {
@@ -131,26 +143,22 @@ impl PositionControl {
 
     /// The thrust command along body FRD axes (up is negative z) after a step of `dt_s` in the air. Always finite and
     /// within the limit.
-    pub fn step(
-        &mut self,
-        position_enu_m: Enu,
-        velocity_enu_m_s: EnuVelocity,
-        measured: &Measured,
-        dt_s: f64,
-    ) -> Vector3<f64> {
+    pub fn step(&mut self, wanted: &Setpoint, measured: &Measured, dt_s: f64) -> Vector3<f64> {
         let s = self.settings;
         let slowed = self.slow_for(measured.age_s, dt_s);
+        let ahead = wanted.acceleration_enu_m_s2.vector();
+        let (position_enu_m, velocity_m_s) = measured.now(&ahead);
         let axes = |[horizontal, vertical]: [f64; 2], power: i32| {
             Vector3::new(horizontal, horizontal, vertical) * slowed.powi(power)
         };
         let error_limit_m = s.error_limit_m / slowed.powi(2);
-        let far = (position_enu_m - measured.position_enu_m).norm() > error_limit_m;
-        let error = limited(position_enu_m - measured.position_enu_m, error_limit_m);
-        let velocity_error = velocity_enu_m_s.vector() - measured.velocity_enu_m_s.vector();
+        let far = (wanted.position_enu_m - position_enu_m).norm() > error_limit_m;
+        let error = limited(wanted.position_enu_m - position_enu_m, error_limit_m);
+        let velocity_error = wanted.velocity_enu_m_s.vector() - velocity_m_s;
         let feedback = axes(s.proportional_s2, 2).component_mul(&error)
             + axes(s.velocity_s, 1).component_mul(&velocity_error);
-        let wanted = limited(feedback + self.integral_m_s2, s.acceleration_limit_m_s2);
-        let force = wanted + Vector3::z() * GRAVITY_M_S2;
+        let asked = limited(feedback + ahead + self.integral_m_s2, s.acceleration_limit_m_s2);
+        let force = asked + Vector3::z() * GRAVITY_M_S2;
 
         let body = measured.attitude.rotation().inverse() * force * (self.hover_thrust / GRAVITY_M_S2);
         let scaled = Vector3::from_fn(|axis, _| body[axis] * self.thrust_n[2] / self.thrust_n[axis]);
@@ -158,7 +166,7 @@ impl PositionControl {
         let saturated = largest > s.thrust_limit;
         let command = if saturated { scaled * (s.thrust_limit / largest) } else { scaled };
 
-        let limited_force = wanted.norm() + 1e-9 >= s.acceleration_limit_m_s2;
+        let limited_force = asked.norm() + 1e-9 >= s.acceleration_limit_m_s2;
         if dt_s > 0.0 && !far && !saturated && !limited_force {
             let step = axes(s.integral_s3, 3).component_mul(&error) * dt_s;
             self.integral_m_s2 = limited(self.integral_m_s2 + step, s.integral_limit_m_s2);
@@ -214,6 +222,17 @@ fn limited(v: Vector3<f64>, limit: f64) -> Vector3<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geo::EnuAcceleration;
+
+    /// At rest there.
+    fn hold(position_enu_m: Enu) -> Setpoint {
+        Setpoint {
+            position_enu_m,
+            velocity_enu_m_s: EnuVelocity::ZERO,
+            acceleration_enu_m_s2: EnuAcceleration::ZERO,
+            attitude: Attitude::level(),
+        }
+    }
 
     /// A point mass under the thrust as the airframe really turns it into force.
     struct Plant {
@@ -263,7 +282,7 @@ mod tests {
         ] {
             let mut control = PositionControl::new(settings);
             let at = plant(roll, pitch).measured;
-            let thrust = control.step(Enu::zeros(), EnuVelocity::ZERO, &at, 0.02);
+            let thrust = control.step(&hold(Enu::zeros()), &at, 0.02);
             assert!((thrust - expected).norm() < 1e-9, "roll {roll} pitch {pitch}: {thrust}");
         }
     }
@@ -276,7 +295,7 @@ mod tests {
             let mut control = PositionControl::new(Settings { hover_thrust: wrong, ..omnicopter() });
             let mut farthest_m: f64 = 0.0;
             for _ in 0..3000 {
-                let thrust = control.step(Enu::zeros(), EnuVelocity::ZERO, &plant.measured, 0.02);
+                let thrust = control.step(&hold(Enu::zeros()), &plant.measured, 0.02);
                 plant.step(thrust, 0.02);
                 // Air resists: some 8 m/s at most.
                 let v = plant.measured.velocity_enu_m_s.vector();
@@ -297,7 +316,7 @@ mod tests {
         let mut control = PositionControl::new(Settings { hover_thrust: 0.54, ..omnicopter() });
         let mut highest_m: f64 = 0.0;
         for _ in 0..6000 {
-            let thrust = control.step(Enu::zeros(), EnuVelocity::ZERO, &plant.measured, 0.02);
+            let thrust = control.step(&hold(Enu::zeros()), &plant.measured, 0.02);
             plant.step(thrust, 0.02);
             highest_m = highest_m.max(plant.measured.position_enu_m.z);
         }
@@ -317,7 +336,7 @@ mod tests {
                 let on_the_way = k < 1000;
                 plant.wind_n.x = if on_the_way { -8.0 } else { 0.0 };
                 plant.measured.age_s = if on_the_way { 0.04 } else { age_s };
-                let thrust = control.step(Enu::zeros(), EnuVelocity::ZERO, &plant.measured, 0.02);
+                let thrust = control.step(&hold(Enu::zeros()), &plant.measured, 0.02);
                 plant.step(thrust, 0.02);
                 farthest_m = farthest_m.max(plant.measured.position_enu_m.norm());
             }
@@ -333,7 +352,7 @@ mod tests {
             plant.wind_n = Vector3::new(3.0, -2.0, 1.0);
             let mut control = PositionControl::new(Settings { hover_thrust: 0.3, ..omnicopter() });
             for _ in 0..3000 {
-                let thrust = control.step(Enu::zeros(), EnuVelocity::ZERO, &plant.measured, 0.02);
+                let thrust = control.step(&hold(Enu::zeros()), &plant.measured, 0.02);
                 assert!(thrust.amax() <= 1.0);
                 plant.step(thrust, 0.02);
             }
@@ -356,7 +375,7 @@ mod tests {
             });
             let mut sum = 0.0;
             for _ in 0..500 {
-                let thrust = control.step(Enu::zeros(), EnuVelocity::ZERO, &plant.measured, 0.02);
+                let thrust = control.step(&hold(Enu::zeros()), &plant.measured, 0.02);
                 plant.step(thrust, 0.02);
                 sum += plant.measured.position_enu_m.norm_squared();
             }
@@ -372,7 +391,7 @@ mod tests {
         let mut control = PositionControl::new(settings);
         let below = plant(0.0, 0.0).measured;
         for _ in 0..1000 {
-            let thrust = control.step(Enu::new(0.0, 0.0, 50.0), EnuVelocity::ZERO, &below, 0.02);
+            let thrust = control.step(&hold(Enu::new(0.0, 0.0, 50.0)), &below, 0.02);
             assert!(thrust.amax() <= 0.35 + 1e-12);
         }
         assert_eq!(control, PositionControl::new(settings));
@@ -392,7 +411,7 @@ mod tests {
             for k in 0..1500 {
                 under_way.push_back(plant.measured);
                 let seen = Measured { age_s: told_s, ..under_way.pop_front().unwrap() };
-                plant.step(control.step(Enu::zeros(), EnuVelocity::ZERO, &seen, dt_s), dt_s);
+                plant.step(control.step(&hold(Enu::zeros()), &seen, dt_s), dt_s);
                 if k > 500 {
                     worst = worst.max(plant.measured.position_enu_m.norm());
                 }
@@ -407,6 +426,47 @@ mod tests {
         assert!(worst_after_10_s(0.45, 0.0) > 1.0);
         // A command is under way as well, which the age of the state need not show.
         assert!(worst_after_10_s(0.45, 0.25) < 0.2);
+    }
+
+    #[test]
+    fn regress_a_vehicle_that_is_seen_late_stops_where_it_is_told_to() {
+        // From 8 m/s at 2.5 m/s^2, against air that resists: at 8 m/s with 0.8 m/s^2.
+        let beyond_m = |delay_s: f64| {
+            let (dt_s, mut plant) = (0.02, plant(55.0, 80.0));
+            let mut control =
+                PositionControl::new(Settings { hover_thrust: 4.0 * GRAVITY_M_S2 / 115.9, ..omnicopter() });
+            let mut under_way =
+                std::collections::VecDeque::from(vec![plant.measured; (delay_s / dt_s).round() as usize]);
+            let mut wanted = hold(Enu::zeros());
+            let mut worst_m = f64::NEG_INFINITY;
+            for k in 0..1500 {
+                let before_end_s = 10.0 - f64::from(k) * dt_s;
+                let acceleration = match before_end_s {
+                    ..0.0 => 0.0,
+                    ..3.2 => -2.5,
+                    6.8.. => 2.5,
+                    _ => 0.0,
+                };
+                wanted.position_enu_m.x +=
+                    wanted.velocity_enu_m_s.vector().x * dt_s + acceleration * dt_s.powi(2) / 2.0;
+                wanted.velocity_enu_m_s = EnuVelocity::from_vector(
+                    wanted.velocity_enu_m_s.vector() + Vector3::x() * acceleration * dt_s,
+                );
+                wanted.acceleration_enu_m_s2 = EnuAcceleration::from_vector(Vector3::x() * acceleration);
+                under_way.push_back(plant.measured);
+                let seen = Measured { age_s: delay_s, ..under_way.pop_front().unwrap() };
+                plant.wind_n.x = -0.4 * plant.measured.velocity_enu_m_s.vector().x;
+                plant.step(control.step(&wanted, &seen, dt_s), dt_s);
+                if before_end_s < 0.0 {
+                    worst_m = worst_m.max(plant.measured.position_enu_m.x - wanted.position_enu_m.x);
+                }
+            }
+            worst_m
+        };
+        for (delay_s, within_m) in [(0.0, 0.1), (0.04, 0.1), (0.1, 0.2), (0.2, 0.5)] {
+            let beyond_m = beyond_m(delay_s);
+            assert!(beyond_m < within_m, "{delay_s} s: {beyond_m} m");
+        }
     }
 
     #[test]
@@ -426,7 +486,7 @@ mod tests {
         let mut control = PositionControl::new(Settings::default());
         let mut at = plant(0.0, 0.0).measured;
         at.position_enu_m.x = f64::NAN;
-        let thrust = control.step(Enu::new(f64::INFINITY, 0.0, 0.0), EnuVelocity::ZERO, &at, 0.02);
+        let thrust = control.step(&hold(Enu::new(f64::INFINITY, 0.0, 0.0)), &at, 0.02);
         assert!(thrust.iter().all(|c| c.is_finite()));
     }
 }

@@ -223,7 +223,7 @@ impl Stream {
                 if let Some(lifts) = self.spool.take() {
                     self.control.lifted_off(lifts);
                 }
-                self.control.step(wanted.position_enu_m, wanted.velocity_enu_m_s, &around.measured, dt_s)
+                self.control.step(wanted, &around.measured, dt_s)
             }
         };
         MavMessage::SET_ATTITUDE_TARGET(SET_ATTITUDE_TARGET_DATA {
