@@ -87,7 +87,7 @@ impl Companion {
         let mut planning = Some(start_planning(self.planner, clock.hold()));
         let mut stop = std::pin::pin!(stop);
         let mut stopping = false;
-        let mut orders = self.orders;
+        let (mut orders, mut recording) = (self.orders, None);
         let mut health = self.computer.and_then(|directory| {
             let watch = health::Watch::begin(directory);
             watch.map_err(|error| warn!(%error, "the ground hears nothing of this computer")).ok()
@@ -96,8 +96,15 @@ impl Companion {
         let (answer, mut answers) = tokio::sync::mpsc::unbounded_channel();
         let mut standing = Standing::default();
         loop {
-            if let Some((record, orders)) = executive.poll_record().zip(orders.as_mut()) {
-                orders.keep(record);
+            if let Some(record) = executive.poll_record() {
+                match &mut orders {
+                    Some(orders) => {
+                        orders.keep(record);
+                        // Where time is given out, a disk takes none of it.
+                        recording = Some((record, clock.hold()));
+                    }
+                    None => executive.handle_recorded(record, clock.now()),
+                }
             }
             while let Some(outgoing) = executive.poll_transmit() {
                 match outgoing {
@@ -165,6 +172,10 @@ impl Companion {
                 }
                 frame = autopilot.recv() => hear(&mut executive, &frame, &clock),
                 frame = Link::recv_of(&mut radio) => hear_radio(&mut executive, &frame, &clock),
+                record = orders_file::written(&mut orders) => {
+                    recording.take_if(|(last, _)| *last == record);
+                    executive.handle_recorded(record, clock.now());
+                }
                 Some((ticket, answer)) = answers.recv() => executive.handle_answer(ticket, answer, clock.now()),
                 frame = pair.recv() => executive.handle_pair(&frame.message, clock.now()),
                 Some(edited) = edited.recv() => executive.handle_file(edited, clock.now()),

@@ -47,15 +47,20 @@ pub struct Keeper {
 }
 
 impl Keeper {
-    /// A keeper of `path`. `lost` says, for the log, what it means when the disk takes nothing.
+    /// A keeper of `path`. `lost` says, for the log, what it means when the disk takes nothing; `done` hears of contents that are on disk,
+    /// or that it did not take.
     ///
     /// # Errors
     /// No thread can be started.
-    pub fn spawn(path: PathBuf, lost: &'static str) -> io::Result<Self> {
+    pub fn spawn(
+        path: PathBuf,
+        lost: &'static str,
+        done: impl Fn(&str) + Send + 'static,
+    ) -> io::Result<Self> {
         let (contents, queue) = channel();
         let thread = std::thread::Builder::new()
             .name("keeper".to_owned())
-            .spawn(move || keep_newest(&path, &queue, lost))?;
+            .spawn(move || keep_newest(&path, &queue, lost, done))?;
         Ok(Self { contents: Some(contents), thread: Some(thread) })
     }
 
@@ -78,7 +83,7 @@ impl Drop for Keeper {
     }
 }
 
-fn keep_newest(path: &Path, queue: &Receiver<String>, lost: &str) {
+fn keep_newest(path: &Path, queue: &Receiver<String>, lost: &str, done: impl Fn(&str)) {
     let mut failing = false;
     while let Ok(first) = queue.recv() {
         // The newest counts.
@@ -88,6 +93,7 @@ fn keep_newest(path: &Path, queue: &Receiver<String>, lost: &str) {
             tracing::warn!(path = %path.display(), %error, "{lost}");
         }
         failing = failed.is_some();
+        done(&contents);
     }
 }
 
@@ -101,7 +107,7 @@ mod tests {
     fn regress_what_is_given_last_is_on_disk_last() {
         let path = std::env::temp_dir().join(format!("veilwing-keeper-{}", std::process::id()));
         for round in 0..20 {
-            let keeper = Keeper::spawn(path.clone(), "lost").unwrap();
+            let keeper = Keeper::spawn(path.clone(), "lost", |_| ()).unwrap();
             (0..=round).for_each(|n| keeper.keep(format!("{n}")));
             drop(keeper);
             assert_eq!(fs::read_to_string(&path).unwrap(), format!("{round}"));

@@ -115,7 +115,7 @@ impl<D: Device + 'static> RadioProcess<D> {
     pub async fn run(self, clock: Clock, stop: impl Future<Output = ()>) -> Result<Stopped, RadioLoopError> {
         let own = self.settings.own;
         let lost = "the radio kill cannot be recorded: after a restart it holds no more";
-        let kept = Keeper::spawn(self.kill_file.clone(), lost)
+        let kept = Keeper::spawn(self.kill_file.clone(), lost, |_| ())
             .map_err(|source| RadioLoopError::Kill { path: self.kill_file, source })?;
         let (address, config) = self.link;
         let mut link = Link::<Aboard>::open(address, config, clock.clone()).await?;

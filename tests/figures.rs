@@ -7,11 +7,12 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::process::Command;
+use std::sync::LazyLock;
 
 use nalgebra::Vector3;
 use veilwing::desk::figures::rates::{CurveRates, MAX_POWERS_W, Source, Study, measure, score};
 use veilwing::desk::figures::scenario::{self, Conditions};
-use veilwing::desk::figures::{Failure, Settings, all, poses};
+use veilwing::desk::figures::{Failure, Figure, Settings, all, poses, regret, service};
 use veilwing::geo::Pose;
 use veilwing::planner::expectation::samples::Sequence;
 use veilwing::planner::plan::VehiclePlan;
@@ -21,6 +22,13 @@ use veilwing::role::{PerVehicle, Role};
 const SETTINGS: Settings = Settings { scenarios: 2, threads: 2, seed: 1 };
 
 fn quiet(_: &str, _: usize, _: usize) {}
+
+/// Made once for all tests.
+static ALL: LazyLock<Vec<Figure>> = LazyLock::new(|| all(&SETTINGS, &quiet).unwrap());
+
+fn csv_of(name: &str) -> Vec<BTreeMap<String, String>> {
+    rows(&ALL.iter().find(|figure| figure.name == name).unwrap().csv)
+}
 
 /// Rows of a CSV file by column name.
 fn rows(csv: &str) -> Vec<BTreeMap<String, String>> {
@@ -232,24 +240,72 @@ fn val_who_knows_of_floors_and_scattering_is_ahead_of_who_does_not() {
 
 #[test]
 fn spec_figures_do_not_depend_on_threads_and_are_sound() {
-    let one = all(&Settings { threads: 1, ..SETTINGS }, &quiet).unwrap();
-    let names: Vec<&str> = one.iter().map(|figure| figure.name).collect();
-    assert_eq!(
-        names,
-        ["figure-3", "figure-4a", "figure-4b", "figure-4c", "figure-null-depth", "figure-rician-k"]
-    );
-    assert_eq!(one, all(&Settings { threads: 3, ..SETTINGS }, &quiet).unwrap());
-    for figure in &one {
+    let names: Vec<&str> = ALL.iter().map(|figure| figure.name).collect();
+    let rates = ["figure-3", "figure-4a", "figure-4b", "figure-4c", "figure-null-depth", "figure-rician-k"];
+    let service = ["figure-volume-slot", "figure-volume-arena", "figure-regret-speed"];
+    assert_eq!(names, [rates.as_slice(), &service].concat());
+    assert_eq!(*ALL, all(&Settings { threads: 3, ..SETTINGS }, &quiet).unwrap());
+    for figure in ALL.iter() {
         let counts = elements(&figure.svg);
         assert_eq!(counts["svg"], 1);
         // A polygon at least for the band of every curve, but in figure 3.
-        assert!(figure.name == "figure-3" || counts["polygon"] >= 4, "{counts:?}");
+        let bands = if figure.name == regret::NAME { 3 } else { 4 };
+        assert!(figure.name == "figure-3" || counts["polygon"] >= bands, "{counts:?}");
         assert!(counts["text"] > 10 && counts["polyline"] > 10, "{counts:?}");
         for foreign in ["href", "<image", "<style", "@font-face", "NaN", "inf"] {
             assert!(!figure.svg.contains(foreign), "{}: {foreign}", figure.name);
         }
     }
-    assert!(one[2].csv.lines().count() == 1 + 8 * MAX_POWERS_W.len());
+    assert!(ALL[2].csv.lines().count() == 1 + 8 * MAX_POWERS_W.len());
+}
+
+#[test]
+fn val_what_a_pair_may_do_pays_and_figures_of_volume_are_those_of_plans() {
+    for study in service::Study::ALL {
+        let rows = csv_of(study.name());
+        let (name, _, values) = study.abscissa();
+        assert_eq!(rows.len(), service::WAYS.len() * values.len());
+        let at = |way: &str, value: f64, column: &str| {
+            let row = rows.iter().find(|row| row["way"] == way && number(row, name) == value).unwrap();
+            number(row, column)
+        };
+        for value in values {
+            let volumes = service::WAYS.map(|(way, ..)| at(way, value, "volume_bit_s_hz"));
+            // What is allowed more is planned from what is allowed less, or searched for anew: a trace may be lost.
+            assert!(volumes.is_sorted_by(|less, more| *more > 0.995 * less), "{name} {value}: {volumes:?}");
+            assert!(at("by-rate", value, "on_air_percent") < at("turning", value, "on_air_percent"));
+        }
+        // The way to the next user weighs less in a long slot, and in a small arena.
+        let silent = |value: f64| 100.0 - at("by-rate", value, "on_air_percent");
+        let [most, least] = match study {
+            service::Study::SlotLength => [values[0], values[4]],
+            service::Study::Arena => [values[4], values[0]],
+        };
+        assert!(silent(most) > 1.2 * silent(least), "{name}");
+        let (way, optimise, mode) = service::WAYS[1];
+        let one = service::deliver(study.mission(SETTINGS.seed, 0, values[1]), optimise, mode).unwrap();
+        assert!((one.volume_bit_s_hz - at(way, values[1], "volume_bit_s_hz")).abs() < 1e-6);
+        assert!((100.0 * one.on_air - at(way, values[1], "on_air_percent")).abs() < 1e-6);
+    }
+}
+
+#[test]
+fn val_who_stays_loses_more_the_faster_a_user_goes_and_who_follows_little() {
+    let rows = csv_of(regret::NAME);
+    assert_eq!(rows.len(), regret::CURVES.len() * regret::SPEEDS_M_S.len());
+    let lost = |curve: &str| -> Vec<f64> {
+        let of = rows.iter().filter(|row| row["curve"] == curve);
+        of.map(|row| number(row, "lost_percent")).collect()
+    };
+    let [follows, stays] = regret::CURVES.map(lost);
+    assert!(stays[4] > 2.0 * stays[0] && stays[4] > 10.0, "{stays:?}");
+    assert!(follows.iter().zip(&stays).all(|(follows, stays)| follows < stays), "{follows:?} {stays:?}");
+    assert!(follows.iter().all(|lost| lost.abs() < 10.0), "{follows:?}");
+    let speed_m_s = regret::SPEEDS_M_S[1];
+    let one = regret::fly(regret::mission(SETTINGS.seed, 0, speed_m_s), speed_m_s).unwrap().unwrap();
+    for (alone, drawn) in one.iter().zip([&follows, &stays]) {
+        assert!((alone - drawn[1]).abs() < 1e-6, "{one:?}");
+    }
 }
 
 #[test]
@@ -268,9 +324,8 @@ fn spec_command_writes_all_files_and_refuses_bad_arguments() {
     assert_eq!(done.status.code(), Some(0), "{}", String::from_utf8_lossy(&done.stderr));
     let stdout = String::from_utf8(done.stdout).unwrap();
     let files: Vec<&str> = stdout.lines().collect();
-    assert_eq!(files.len(), 14, "{stdout}");
-    let expected = all(&SETTINGS, &quiet).unwrap();
-    for figure in &expected {
+    assert_eq!(files.len(), 20, "{stdout}");
+    for figure in ALL.iter() {
         for (extension, text) in [("svg", &figure.svg), ("csv", &figure.csv)] {
             let path = out.join(format!("{}.{extension}", figure.name));
             assert!(files.contains(&path.to_str().unwrap()));

@@ -355,6 +355,12 @@ impl Autopilot {
         self.state_received_at().is_some_and(|at| now.saturating_since(at) <= self.settings.freshness)
     }
 
+    /// Whether we took control, armed or not.
+    #[must_use]
+    pub fn has_control(&self) -> bool {
+        self.control.is_held()
+    }
+
     /// Whether we took control and the last heartbeat shows the companion's mode, armed.
     #[must_use]
     pub fn in_control(&self) -> bool {

@@ -1,4 +1,4 @@
-//! `veilwing figures`: the paper's figures, and three of what it leaves out, from the running planner.
+//! `veilwing figures`: the paper's figures, and six of what it leaves out, from the running program.
 
 use std::error::Error;
 use std::fmt::Write as _;
@@ -16,15 +16,16 @@ use super::planning::plan_mission;
 use super::progress::Progress;
 use super::{Exit, load_mission, may_escape, print_text, progress};
 
-/// Draw the paper's figures 3 and 4a to 4c, rates over null depth and Rician factor, and what each imperfection costs a
-/// mission, from the running planner, as SVG and CSV.
+/// Draw the paper's figures 3 and 4a to 4c, rates over null depth and Rician factor, volume over slots and arenas, what is lost over a
+/// user's speed, and what each imperfection costs a mission, as SVG and CSV.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example: veilwing figures --out figures --scenarios 100 --threads 2")]
 pub(super) struct Args {
     /// Directory to write into; made if it is not there.
     #[arg(long, value_name = "DIR", default_value = "figures")]
     out: PathBuf,
-    /// Random scenarios behind each mean.
+    /// Random scenarios behind each mean of rates; a fifth as many behind those of volume, and a twenty-fifth as many flights at each
+    /// speed.
     #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u32).range(2..=100_000))]
     scenarios: u32,
     /// Threads; the figures do not depend on it.

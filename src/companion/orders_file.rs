@@ -4,6 +4,8 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
+use tokio::sync::mpsc::{UnboundedReceiver, unbounded_channel};
+
 use crate::durable::{Keeper, replace};
 use crate::pair::Record;
 use crate::role::Role;
@@ -38,9 +40,12 @@ pub enum OrdersFileError {
     },
 }
 
-/// The file, and the thread that writes it.
+/// The file, the thread that writes it, and what that has written, or not been able to.
 #[derive(Debug)]
-pub struct OrdersFile(Keeper);
+pub struct OrdersFile {
+    keeper: Keeper,
+    written: UnboundedReceiver<Record>,
+}
 
 /// Where a vehicle's orders are kept.
 #[must_use]
@@ -63,16 +68,33 @@ impl OrdersFile {
         };
         contents(&record).and_then(|contents| replace(&path, &contents)).map_err(io)?;
         let lost = "the operator's orders cannot be recorded: after a restart they count no more";
-        let keeper = Keeper::spawn(path.clone(), lost).map_err(io)?;
-        Ok((Self(keeper), record))
+        let (sender, written) = unbounded_channel();
+        let done = move |contents: &str| {
+            // Nobody waits for it once the companion ends.
+            let _ = toml::from_str(contents).map(|record| sender.send(record));
+        };
+        let keeper = Keeper::spawn(path.clone(), lost, done).map_err(io)?;
+        Ok((Self { keeper, written }, record))
     }
 
     /// Has this written. Never waits; what was given last is on disk when this is dropped.
     pub fn keep(&mut self, record: Record) {
         match contents(&record) {
-            Ok(contents) => self.0.keep(contents),
+            Ok(contents) => self.keeper.keep(contents),
             Err(error) => tracing::warn!(%error, "the operator's orders cannot be written down"),
         }
+    }
+}
+
+/// The next record that is on disk, or that the disk did not take; never, without a file.
+pub async fn written(file: &mut Option<OrdersFile>) -> Record {
+    let next = match file {
+        Some(file) => file.written.recv().await,
+        None => None,
+    };
+    match next {
+        Some(record) => record,
+        None => std::future::pending().await,
     }
 }
 

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use crate::autopilot::{self, Fence, FenceDuty};
-use crate::config::{ExposedLink, FenceShape, Mission, Transmitter, User, Vehicle, fence_corners};
+use crate::config::{ExposedLink, FenceShape, Mission, Optimise, Transmitter, User, Vehicle, fence_corners};
 use crate::link::Form;
 use crate::mission::following::Following;
 use crate::mission::{Battery, Operators, Permission, Scene, Settings};
@@ -107,7 +107,8 @@ fn following(mission: &Mission) -> Option<Arc<Following>> {
     let problems = mission.users.iter().enumerate().filter_map(|(index, user)| problem(index, user));
     (!mission.movers.is_empty()).then(|| {
         let (problems, movers) = (problems.collect(), mission.movers.clone());
-        Arc::new(Following { problems, movers, options: planning::options(mission) })
+        let by_volume = mission.planner.optimise == Optimise::Volume;
+        Arc::new(Following { problems, movers, options: planning::options(mission), by_volume })
     })
 }
 

@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use crate::autopilot::EstimatorFault;
+use crate::pair::orders::START_EXPIRES;
 use crate::role::Role;
 use crate::service::{GiveUp, Silence};
 
@@ -32,6 +33,9 @@ pub enum Cause {
     /// The autopilot refused to give control or to arm.
     #[error("{0}")]
     Refused(Refusal),
+    /// The disk has not taken the record that the mission has begun.
+    #[error("the disk has not taken the record of the start in {} s", START_EXPIRES.as_secs())]
+    NotRecorded,
     /// The position estimate.
     #[error("estimator: {0}")]
     Estimator(EstimatorFault),

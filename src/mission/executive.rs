@@ -22,6 +22,7 @@ use super::following::Followers;
 use super::ground::Ground;
 use super::ground_station::GroundStation;
 use super::itinerary::Itinerary;
+use super::jitter::Jitter;
 use super::lag::{AttitudeLag, PlaceLag};
 use super::lean;
 use super::notice::Notice;
@@ -88,6 +89,9 @@ pub struct Executive {
     pub(super) phase: Phase,
     pub(super) lag: AttitudeLag,
     pub(super) place_lag: PlaceLag,
+    pub(super) jitter: Jitter,
+    /// What is on disk of the operator's orders, as far as a disk takes it.
+    pub(super) recorded: Record,
     pub(super) plan: Option<Plan>,
     pub(super) itinerary: Option<Itinerary>,
     pub(super) home_enu_m: Option<Enu>,
@@ -132,6 +136,8 @@ impl Executive {
             phase: Phase::Connecting,
             lag: AttitudeLag::default(),
             place_lag: PlaceLag::default(),
+            jitter: Jitter::default(),
+            recorded: settings.pair.orders,
             plan: None,
             itinerary: None,
             home_enu_m: None,
@@ -248,9 +254,15 @@ impl Executive {
     }
 
     /// Of the operator's orders, what a later process must be given as [`orders`](crate::pair::Settings::orders), if that
-    /// has changed. To be kept before messages are sent, as far as the disk allows.
+    /// has changed. To be kept before messages are sent, as far as the disk allows; then [`Self::handle_recorded`].
     pub fn poll_record(&mut self) -> Option<Record> {
         self.service.orders_mut().poll_record()
+    }
+
+    /// This record is on disk, or the disk did not take it.
+    pub fn handle_recorded(&mut self, record: Record, now: Instant) {
+        self.recorded = record;
+        self.arm_once_recorded(now);
     }
 
     /// The process is asked to end: silent, the peer told, the autopilot left in its own hold, level, and with its own

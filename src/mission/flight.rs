@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use crate::geo::Attitude;
 use crate::pair::Commitment;
-use crate::pair::orders::Order;
+use crate::pair::orders::{Order, START_EXPIRES};
 use crate::pair::wire::VeilwingFlags;
 use crate::planner::moving;
 use crate::planner::track::Track;
@@ -51,7 +51,13 @@ impl Executive {
                 }
             }
             Phase::Standby => self.stand_by(now),
-            Phase::TakingControl(_) | Phase::Arming(_) | Phase::Landing | Phase::Ended => {}
+            Phase::TakingControl(motion) => {
+                // Long after the START nobody who stands by expects it to arm.
+                if now > motion.starts_at + START_EXPIRES && !self.is_recorded() {
+                    self.abort(Cause::NotRecorded, now);
+                }
+            }
+            Phase::Arming(_) | Phase::Landing | Phase::Ended => {}
             Phase::Surrendered { since } => self.end_on_the_ground(*since, now),
             Phase::Climbing(motion) => {
                 if self.has_arrived(motion, now) {
@@ -404,6 +410,10 @@ impl Executive {
         match served {
             Served::Yes => self.notice(Notice::SlotOver(slot, user)),
             Served::No(silence) => self.slot_not_served(slot, user, silence),
+        }
+        let stated_rad = self.settings.jitter_rad;
+        if let Some(measured_rad) = self.jitter.slot_over(stated_rad) {
+            self.notice(Notice::Jitter { measured_rad, stated_rad });
         }
     }
 

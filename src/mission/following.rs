@@ -13,7 +13,7 @@ use super::reported::Heard;
 use crate::pair::adoption::{AT_REST, GRACE};
 use crate::pair::{Drifting, Places};
 use crate::planner::Options;
-use crate::planner::following::{self, Belief, Drift, Estimate, Motion, Mover, Opening, Who};
+use crate::planner::following::{self, Belief, Drift, Estimate, Motion, Mover, Opening, Unrest, Who};
 use crate::planner::plan::VehiclePlan;
 use crate::planner::problem::Problem;
 use crate::planner::track::{APART_S, Followed, Track};
@@ -37,9 +37,16 @@ pub struct Following {
     pub movers: Vec<Mover>,
     /// How slots are planned.
     pub options: Options,
+    /// What is delivered over time counts, whatever the rate.
+    pub by_volume: bool,
 }
 
 impl Following {
+    /// How somebody goes on that moves.
+    pub(super) fn unrest(&self, who: Who) -> Option<Unrest> {
+        self.movers.iter().find(|mover| mover.who == who).map(|mover| mover.gait.unrest())
+    }
+
     /// How high somebody is, as the mission has it, in metres of its frame.
     pub(super) fn height_m(&self, who: Who) -> f64 {
         let user = |index: usize| self.problems.get(index).map(|(_, problem)| problem.user_enu_m);

@@ -11,6 +11,7 @@ mod ground;
 mod ground_station;
 mod homing;
 mod itinerary;
+mod jitter;
 mod lag;
 mod lean;
 pub mod notice;

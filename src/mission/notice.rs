@@ -93,6 +93,18 @@ pub enum Notice {
     /// A slot's time is over, in which this vehicle radiated.
     #[error("slot {0} for {1}: over")]
     SlotOver(u16, String),
+    /// The attitude jitters by more than the plan counts on, or by much less; told once.
+    #[error(
+        "attitude jitters by {:.1} deg, the mission says {:.1}: set [jitter] std_deg so",
+        measured_rad.to_degrees(),
+        stated_rad.to_degrees()
+    )]
+    Jitter {
+        /// Per axis, over a slot, radians.
+        measured_rad: f64,
+        /// What the mission states, radians.
+        stated_rad: f64,
+    },
     /// A slot that carried on the one before ended before this vehicle was on the air in it; it will be agreed on by itself.
     #[error("slot {0} for {1}: put off")]
     SlotPutOff(u16, String),
@@ -310,6 +322,7 @@ impl Notice {
             | Self::LogTakenAgain => MavSeverity::MAV_SEVERITY_INFO,
             Self::Paused
             | Self::MayLean(_)
+            | Self::Jitter { .. }
             | Self::SentHome
             | Self::GoingOn
             | Self::ParameterSet(..)

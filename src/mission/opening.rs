@@ -4,11 +4,11 @@
 use std::time::Duration;
 
 use super::executive::Executive;
-use super::following::{Question, Ticket, drifts};
+use super::following::{Question, Ticket, drifts, seconds};
 use super::phase::Phase;
 use crate::geo::Pose;
 use crate::pair::{AskedSlot, Places, Rest};
-use crate::planner::following::{Belief, Opening};
+use crate::planner::following::{Belief, Drift, Opening, Roaming, Who};
 use crate::planner::plan::VehiclePlan;
 use crate::role::{PerVehicle, Role};
 use crate::schedule::trajectory::Sample;
@@ -16,12 +16,6 @@ use crate::time::Instant;
 
 /// What planning and agreeing take, about.
 const AGREEING: Duration = Duration::from_secs(1);
-/// How long the way is taken to be before it is known.
-const WAY: Duration = Duration::from_secs(6);
-/// A slot that opens sooner, or later, by more than this than its poses were made for is planned once more.
-const OFF: Duration = Duration::from_secs(1);
-/// Who moves goes straight on for so long, in the mean: it is not taken to be farther than that takes it.
-const STRAIGHT_ON: Duration = Duration::from_secs(15);
 /// Who is heard of goes on being heard of: places are told as known as they will be about then.
 const HEARD: Duration = Duration::from_secs(1);
 
@@ -32,8 +26,6 @@ pub(super) struct Openings {
     wanted: Option<(u16, Option<AskedSlot>)>,
     /// What is being planned, and where both rest.
     asked: Option<(AskedSlot, PerVehicle<Rest>)>,
-    /// I: how long the way to the slot's poses took, as they were planned first.
-    lead: Option<Duration>,
 }
 
 impl Executive {
@@ -78,8 +70,11 @@ impl Executive {
     ) -> Option<(AskedSlot, Opening)> {
         let (following, user) = (self.settings.following.as_ref()?, self.user_of(slot)?);
         let (_, problem) = following.problems.get(user)?;
-        let asked = asked.unwrap_or_else(|| self.foreseen(slot, user, now));
-        let (user, eavesdroppers) = drifts(&asked.places, problem)?;
+        let asked = asked.unwrap_or_else(|| self.seen(slot, user, now));
+        let roaming =
+            |drift: Option<Drift>, who| Some(Roaming { drift: drift?, unrest: following.unrest(who)? });
+        let (of_user, of_eavesdroppers) = drifts(&asked.places, problem)?;
+        let of_eavesdroppers = of_eavesdroppers.into_iter().enumerate();
         let entry = self.itinerary.as_ref()?.entry(slot)?;
         let planned = &self.plan.as_ref()?.slots.get(entry.user_index)?.plan;
         let is_at = |role: Role| {
@@ -90,27 +85,26 @@ impl Executive {
         };
         let opening = Opening {
             problem: problem.clone(),
-            user,
-            eavesdroppers,
+            user: roaming(of_user, Who::User(user)),
+            eavesdroppers: of_eavesdroppers.map(|(k, drift)| roaming(drift, Who::Eavesdropper(k))).collect(),
             options: following.options,
             from: PerVehicle { i: is_at(Role::I)?, j: is_at(Role::J)? },
             limits: self.settings.limits.map(|limits| limits.of_motion()),
             turn_rate_rad_s: self.settings.limits.map(|limits| limits.tilt_rate_rad_s),
+            by_volume: following.by_volume,
             slot_s: [entry.closes.saturating_sub(entry.opens), self.settings.timing.settle + AGREEING]
                 .map(|time| time.as_secs_f64()),
         };
         Some((asked, opening))
     }
 
-    /// I: those that move, where they will be about when the slot opens.
-    fn foreseen(&self, slot: u16, user: usize, now: Instant) -> AskedSlot {
-        let lead = self.followers.openings.lead.unwrap_or(self.settings.timing.settle + WAY);
-        let opens_s = (now + (AGREEING + lead).min(STRAIGHT_ON)).since_start().as_secs_f64();
-        let known_s = (now + HEARD).since_start().as_secs_f64();
+    /// I: those that move, where they are now.
+    fn seen(&self, slot: u16, user: usize, now: Instant) -> AskedSlot {
+        let [now_s, known_s] = [now, now + HEARD].map(seconds);
         let mut places = Places::new(0);
         self.believe(&mut places, user, |estimate| Belief {
             std_m: estimate.at(known_s).std_m,
-            ..estimate.at(opens_s)
+            ..estimate.at(now_s)
         });
         AskedSlot { proposal: 0, slot, places }
     }
@@ -135,16 +129,6 @@ impl Executive {
             }
             _ => None,
         };
-        if self.settings.role == Role::I
-            && let Some(terms) = &terms
-        {
-            let off = |lead: Duration| lead.abs_diff(terms.lead) > OFF;
-            if self.followers.openings.lead.is_none() && off(self.settings.timing.settle + WAY) {
-                self.followers.openings.lead = Some(terms.lead);
-                return self.plan_poses(asked.slot, None);
-            }
-            self.followers.openings.lead = None;
-        }
         // I asks again after a while, and J says that it has not found the same.
         if terms.is_some() || self.settings.role == Role::J {
             self.service.slot_planned(&asked, terms, now);

@@ -13,6 +13,23 @@ use super::phase::Phase;
 use super::refusal::Refusal;
 
 impl Executive {
+    /// Whether the operator's orders are on disk as they are now, as far as a disk takes them.
+    pub(super) fn is_recorded(&self) -> bool {
+        self.recorded == *self.service.orders().record()
+    }
+
+    /// Arms once control is taken, and it is on disk that the mission has begun: a process that is killed on a slow disk must not leave
+    /// one that takes off once more (S7, F4).
+    pub(super) fn arm_once_recorded(&mut self, now: Instant) {
+        if let Phase::TakingControl(motion) = &self.phase
+            && self.autopilot.has_control()
+            && self.is_recorded()
+        {
+            self.phase = Phase::Arming(motion.clone());
+            self.autopilot.arm(now);
+        }
+    }
+
     pub(super) fn on_autopilot(&mut self, event: AutopilotEvent, now: Instant) {
         let control = VeilwingSilence::VEILWING_SILENCE_CONTROL;
         match event {
@@ -24,12 +41,7 @@ impl Executive {
                 }
                 self.notice(Notice::AutopilotFound { system, firmware });
             }
-            AutopilotEvent::ControlTaken => {
-                if let Phase::TakingControl(motion) = &self.phase {
-                    self.phase = Phase::Arming(motion.clone());
-                    self.autopilot.arm(now);
-                }
-            }
+            AutopilotEvent::ControlTaken => self.arm_once_recorded(now),
             AutopilotEvent::Armed if matches!(self.phase, Phase::Arming(_)) => self.climb(now),
             AutopilotEvent::ControlLost { mode } if !matches!(self.phase, Phase::Landing) => {
                 self.surrender(Cause::ControlLost(mode), control, now);

@@ -269,6 +269,7 @@ mod tests {
             problems: vec![("alpha".into(), Arc::new(problem))],
             movers: vec![MOVER, mover],
             options: Options::default(),
+            by_volume: false,
         };
         let origin = Geodetic { lat_deg: 50.0, lon_deg: 14.0, alt_m: 200.0 };
         let seen = COMMAND_INT_DATA {

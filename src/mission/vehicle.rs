@@ -1,7 +1,7 @@
 //! Where this vehicle should be, for the autopilot, and how it stands, for the service.
 
 use crate::autopilot::Setpoint;
-use crate::service::Vehicle;
+use crate::service::{Slot, Vehicle};
 use crate::time::Instant;
 
 use super::executive::Executive;
@@ -14,6 +14,11 @@ impl Executive {
         if let Some(motion) = self.phase.motion() {
             if let Some((attitude, measured_at)) = self.autopilot.attitude() {
                 self.lag.hear(motion, &attitude, measured_at);
+                let in_slot =
+                    |slot: &Slot| (slot.commitment.opens_at..slot.radiate_until).contains(&measured_at);
+                if self.service.slot().is_some_and(in_slot) {
+                    self.jitter.hear(&attitude, &motion.sample(measured_at).attitude, measured_at);
+                }
             }
             if let Some((position, measured_at)) = self.autopilot.position(now) {
                 self.place_lag.hear(motion, &position, measured_at);

@@ -29,6 +29,7 @@ use super::setup::Setup;
 use super::solver::active_set;
 use super::solver::dense::Matrix;
 use super::variables::{AxisChart, Chart, PowerChart};
+use super::volume::place;
 use super::{Found, Near, Options, parallel, phase2, powers, robust, starts};
 use crate::radio::pattern;
 
@@ -117,18 +118,37 @@ pub(super) fn rough(setup: &Setup, options: &Options) -> Vec<Rough> {
     if found.is_empty() { vec![Rough { raw: resort(setup, options).raw, value: 0.0 }] } else { found }
 }
 
-/// The optimum next to a configuration, likewise.
-pub(super) fn next_to(setup: &Setup, options: &Options, from: &Raw) -> Option<Rough> {
-    let random = setup.varies() || setup.heeds_uncertainty();
-    let samples = random.then(|| samples(setup, options));
-    let first = samples.as_ref().map(|samples| samples.first(POLISH_SAMPLES[0].0));
-    let target = match &first {
-        Some(samples) => Target::Mean { samples, clip: true },
-        None => Target::Exact(POLISH_SHARPNESS[0]),
-    };
-    let chart = chart(setup, false, powers::of(setup, from));
-    let end = Memory::default().maximise(setup, &chart, target, from, &settings(100, POLISH_SAMPLES[0].2))?;
-    Some(Rough { raw: end.raw, value: end.value })
+/// Searches about a configuration, likewise.
+pub(super) struct Nearby<'a> {
+    setup: &'a Setup<'a>,
+    samples: Option<Samples>,
+    memory: Memory,
+}
+
+impl<'a> Nearby<'a> {
+    /// In this slot.
+    pub fn new(setup: &'a Setup<'a>, options: &Options) -> Self {
+        let random = setup.varies() || setup.heeds_uncertainty();
+        let samples = random.then(|| samples(setup, options).first(POLISH_SAMPLES[0].0));
+        Self { setup, samples, memory: Memory::default() }
+    }
+
+    fn target(samples: Option<&Samples>) -> Target<'_> {
+        samples.map_or(Target::Exact(POLISH_SHARPNESS[0]), |samples| Target::Mean { samples, clip: true })
+    }
+
+    /// The optimum next to it.
+    pub fn optimum(&mut self, from: &Raw) -> Option<Raw> {
+        let chart = chart(self.setup, false, powers::of(self.setup, from));
+        let (target, settings) = (Self::target(self.samples.as_ref()), settings(100, POLISH_SAMPLES[0].2));
+        let end = self.memory.maximise(self.setup, &chart, target, from, &settings)?;
+        Some(end.raw)
+    }
+
+    /// I's axis and J's power that are best where it is.
+    pub fn in_place(&mut self, from: &Raw) -> Raw {
+        place::in_place(self.setup, Self::target(self.samples.as_ref()), from, &mut self.memory).raw
+    }
 }
 
 /// The best ends of the search; without `near` only the best one is brought to its full accuracy.

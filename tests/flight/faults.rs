@@ -445,6 +445,21 @@ fn spec_a_companion_that_freezes_leaves_nobody_unprotected() {
     }
 }
 
+/// Campaign seed 1800010657: a companion that was stopped a moment before the pilot took over.
+#[test]
+fn regress_the_pilot_of_a_companion_that_is_stopped_waits_for_an_expiry_and_the_judge_knows() {
+    for role in Role::BOTH {
+        let mut flight = in_mid_slot(Setup::default());
+        let since = flight.now;
+        flight.freeze(role, true);
+        flight.pass(Duration::from_millis(14));
+        flight.world.inject(Fault::PilotMode { vehicle: index(role) });
+        flight.pass(Duration::from_secs(2));
+        assert!(flight.silent_after(role, since) <= LEASE_AND_MARGIN, "{}", flight.story());
+        flight.assert_safe();
+    }
+}
+
 #[test]
 fn spec_what_a_frozen_pair_link_lets_go_as_it_is_cut_is_heard_and_the_judge_knows() {
     let mut flight = in_mid_slot(Setup::default());

@@ -121,6 +121,8 @@ pub struct Setup {
     pub traps: Traps,
     /// A slip planted in what a vehicle's autopilot hears.
     pub slip: Option<(Role, Slip)>,
+    /// By how much both vehicles jitter, in degrees, where that is not what the mission says.
+    pub jitter_deg: Option<f64>,
     /// Nobody says where those are that move.
     pub unheard: bool,
     pub seed: u64,
@@ -142,6 +144,7 @@ impl Default for Setup {
             bridged: None,
             traps: Traps::default(),
             slip: None,
+            jitter_deg: None,
             unheard: false,
             seed: 1,
         }
@@ -179,6 +182,7 @@ impl Flight {
         if let Some((role, slip)) = setup.slip {
             config.vehicles[index(role)].slip = Some(slip);
         }
+        config.jitter.std_deg = setup.jitter_deg.unwrap_or(config.jitter.std_deg);
         if setup.unheard {
             let all = config.users.iter_mut().chain(&mut config.eavesdroppers);
             all.filter_map(|node| node.roams.as_mut())

@@ -1,7 +1,7 @@
 //! The mission as it should go.
 
 use veilwing::mission::Outcome;
-use veilwing::role::Role;
+use veilwing::role::{PerVehicle, Role};
 
 use crate::harness::*;
 
@@ -24,6 +24,35 @@ fn val_a_flight_serves_every_slot_as_planned() {
         assert!(flight.landed(role));
     }
     assert!(report.min_separation_m.unwrap() > 5.0);
+}
+
+#[test]
+fn spec_jitter_that_the_mission_does_not_know_of_is_told_once() {
+    let (calm, rough) = (1.0, 4.0);
+    for (stated_deg, true_deg, told) in
+        [(calm, calm, None), (rough, rough, None), (calm, rough, Some(rough)), (rough, calm, Some(calm))]
+    {
+        let yard = yard().under(|m| m.jitter.std_deg = stated_deg);
+        let given = PerVehicle { i: yard.clone(), j: yard };
+        let mut flight = Flight::new(Setup { given, jitter_deg: Some(true_deg), ..Setup::default() });
+        flight.fly_out();
+        for role in Role::BOTH {
+            let said =
+                flight.log.notices.iter().filter(|(_, by, text)| *by == role && text.contains("jitters"));
+            let said: Vec<_> = said.map(|(_, _, text)| text).collect();
+            assert_eq!(said.len(), usize::from(told.is_some()), "{stated_deg} {true_deg}: {said:?}");
+            for text in said {
+                let words: Vec<&str> = text.split(' ').collect();
+                let measured_deg: f64 = words[3].parse().unwrap();
+                // Of Euler angles' jitter a steep pose turns less than all about the body's axes.
+                let all = 0.6 * true_deg..1.2 * true_deg;
+                assert!(all.contains(&measured_deg), "{text}");
+                assert!(
+                    text.ends_with(&format!("the mission says {stated_deg:.1}: set [jitter] std_deg so"))
+                );
+            }
+        }
+    }
 }
 
 #[test]

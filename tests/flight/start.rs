@@ -119,3 +119,46 @@ fn spec_a_companion_that_starts_again_on_the_ground_joins_again() {
         completes(flight);
     }
 }
+
+#[test]
+fn regress_nobody_takes_off_before_it_is_on_disk_that_the_mission_has_begun() {
+    // A process that is killed in the air would leave one that knows of no flight: with --start it takes off once more.
+    let mut flight = Flight::new(Setup::default());
+    flight.stall_disk(Role::I, true);
+    flight.pass(Duration::from_secs(25));
+    assert!(flight.said(Role::I, "preflight passed, taking off").is_some(), "{}", flight.story());
+    assert!(flight.landed(Role::I) && !flight.landed(Role::J), "{}", flight.story());
+    flight.kill(Role::I);
+    flight.stall_disk(Role::I, false);
+    flight.start(Role::I);
+    // It has not flown, and begins with J.
+    let flight = completes(flight);
+    assert!(first_on(&flight) > Duration::from_secs(25));
+}
+
+#[test]
+fn spec_a_slow_disk_delays_a_take_off_and_nothing_else() {
+    let mut flight = Flight::new(Setup::default());
+    flight.stall_disk(Role::J, true);
+    flight.pass(Duration::from_secs(8));
+    assert!(flight.landed(Role::J), "{}", flight.story());
+    flight.stall_disk(Role::J, false);
+    completes(flight);
+    // In the air nobody waits for it.
+    let mut flight = Flight::new(Setup::default());
+    flight.pass(Duration::from_secs(15));
+    Role::BOTH.into_iter().for_each(|role| flight.stall_disk(role, true));
+    completes(flight);
+}
+
+#[test]
+fn spec_a_start_that_is_never_on_disk_is_given_up() {
+    let mut flight = Flight::new(Setup::default());
+    flight.stall_disk(Role::I, true);
+    flight.fly_out();
+    let Some(Outcome::Aborted(cause)) = &flight.outcomes[Role::I] else { panic!("{}", flight.story()) };
+    assert_eq!(cause.to_string(), "the disk has not taken the record of the start in 30 s");
+    assert!(flight.landed(Role::I) && flight.landed(Role::J), "{}", flight.story());
+    assert!(flight.said(Role::I, "airborne").is_none());
+    flight.assert_safe();
+}

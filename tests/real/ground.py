@@ -91,6 +91,10 @@ class Ground(threading.Thread):
             for message, rate in vehicle.streams:
                 self.command(vehicle.system, 1, 511, message, 1e6 / rate)
 
+    def handset(self, system):
+        """What sends as another system, to both autopilots, which pass it on."""
+        return type(self.link.mav)(self.link, srcSystem=system, srcComponent=1)
+
     def get(self, vehicle, name):
         """The value, or None after four seconds."""
         key = vehicle.system, name

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Holds a flight's score (score.py --json on standard input) and its end (end.json) against the bars.
 usage: score.py DIR --json | judge.py DIR completed|safe
-completed: every slot served in full at its pose, both landed and disarmed. safe: a fault was flown, and both ended on the ground.
+completed: every slot served in full at its pose (or, where somebody moves, followed), both landed and disarmed. safe: a fault was flown, and both ended on the ground.
 Both: never unprotected, and PX4 has its land detector back in every vehicle whose companion is alive or was told to end."""
 import json
 import sys
@@ -55,7 +55,13 @@ if kind == "completed":
     bar("exit codes", end["exits"], all(code == 0 for codes in end["exits"] for code in codes.values()))
     bar("slots", len(score["slots"]), bool(score["slots"]))
     slot_s = options["slot"] or 10.0
-    for slot in score["slots"]:
+    for slot in score["slots"] if options["moves"] else []:
+        # Where the served user truly was: no less than from the plan's poses, and most of what nobody can have, being at each instant
+        # where it is best then.
+        rates = [slot[name] for name in ("followed", "staying", "best_at_each_instant")]
+        bar(f"slot {slot['slot']}: bit/s/Hz followed, staying, best at each instant", rates, rates[0] >= max(rates[1], 0.7 * rates[2]))
+        bar(f"slot {slot['slot']}: on the air, s", slot["on_i"], slot["on_i"] >= 0.95 * (slot_s - 1.1))
+    for slot in [] if options["moves"] else score["slots"]:
         for role in "ij":
             name = f"slot {slot['slot']}, vehicle {role}"
             most_m, what, most_deg, most_past_m = BARS[options[role]]

@@ -24,9 +24,11 @@ import subprocess
 import sys
 import threading
 import time
+import tomllib
 
 from autopilots import FRAMES, GATE_CONTROL, HERE, ONBOARD, PAIR, PAYLOAD, home_of
 from ground import ROLES, Ground
+from movers import NOISE_M, Movers
 
 LNDMC = "LNDMC_Z_VEL_MAX"
 
@@ -42,6 +44,8 @@ def arguments():
     p.add_argument("--settle", type=float, help="its settle_s, in place of its own")
     p.add_argument("--optimise", help="in place of its own")
     p.add_argument("--mode", choices=("turning", "moving"), help="served through its turns, or in motion, twice round")
+    p.add_argument("--moves", nargs="*", default=[], help="users and eavesdroppers that walk or drive: NAME=walks|drives")
+    p.add_argument("--area", type=float, help="half the side of the mission's area, m, in place of its own")
     p.add_argument("--limit", nargs="*", default=[], help="keys of both [vehicles] tables in place of the frame's: NAME=VALUE")
     p.add_argument("--origin", type=float, nargs=3, default=[47.397742, 8.545594, 488.0])
     p.add_argument("--home-i", type=float, nargs=3, default=[-15.0, -10.0, 0.0])
@@ -96,6 +100,12 @@ def mission_of(options, vehicles):
         home = options.home_i if vehicle.role == "i" else options.home_j
         table += [f"home_enu_m = {list(home)}", "", ""]
         text = replaced(rf"^\[vehicles\.{vehicle.role}\].*?(?=^\[)", text, "\n".join(table))
+    for system, (name, gait) in enumerate(moving(options), 51):
+        moves = f"moves = {{ system_id = {system}, gait = \"{gait}\", std_m = {NOISE_M} }}"
+        text = replaced(rf'^name = "{name}"[^\n]*$', text, f'name = "{name}"\n{moves}')
+    if options.area:
+        corners = [[x * options.area, y * options.area] for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+        text = replaced(r"^area_enu_m = [^\n]*$", text, f"area_enu_m = {corners}")
     if options.altitude:
         text = replaced(r"^altitude_m = [^\n]*$", text, f"altitude_m = {options.altitude}")
     if options.slot:
@@ -108,6 +118,10 @@ def mission_of(options, vehicles):
         text = replaced(r"^mode = [^\n]*$", text, f'mode = "{options.mode}"')
         text = replaced(r"^superframes = [^\n]*$", text, "superframes = 2")
     return text
+
+
+def moving(options):
+    return [one.split("=") for one in options.moves]
 
 
 class Pair:
@@ -212,6 +226,15 @@ dir = "{vehicle.folder}/flight-logs"
             self.vehicle_file(vehicle)
         if self.options.chatter:
             self.ground.chatter(self.options.chatter)
+        if self.options.moves:
+            with open(self.folder + "/mission.toml", "rb") as file:
+                mission = tomllib.load(file)
+            nodes = {node["name"]: (kind, node["enu_m"]) for kind in ("user", "eavesdropper") for node in mission[kind]}
+            who = [
+                dict(name=name, kind=nodes[name][0], enu=nodes[name][1], gait=gait, system=system)
+                for system, (name, gait) in enumerate(moving(self.options), 51)
+            ]
+            Movers(self.folder, who, self.options.origin, self.ground).start()
 
     def set_parameters(self, vehicle):
         wind_speed = sum(x * x for x in self.options.wind[:2]) ** 0.5

@@ -5,7 +5,7 @@
 #
 #     PX4=TREE ARDUPILOT=TREE tests/real/run.sh [PART]...      all without arguments
 #
-# Parts: px4: calm wind two term kill stop cut mode gps orders transit turning turning-faults moving moving-faults sih; ArduCopter: quad quad-wind quad-faults six six-faults; both: mixed auto.
+# Parts: px4: calm wind two term kill stop cut mode gps orders transit turning turning-faults moving moving-faults following sih; ArduCopter: quad quad-wind quad-faults six six-faults; both: mixed auto.
 # TREE is a source tree with build/px4_sitl_default or build/sitl made in it; without one its parts are skipped, which is said.
 # Flights are in real time. RUN (default target/real) is where they are left, VENV the Python environment, REPEAT (default 3) how
 # often each is flown. UDP ports 14030 to 14601, 18570 and 24540, TCP 4560 and 5760 with the next ones must be free.
@@ -58,7 +58,7 @@ six() {
 on='slot 0: on+3'
 way='slot 0 for .*over+3'
 
-[ $# -gt 0 ] || set -- calm wind two term kill stop cut mode gps orders transit turning turning-faults moving moving-faults quad quad-wind quad-faults six six-faults mixed sih auto
+[ $# -gt 0 ] || set -- calm wind two term kill stop cut mode gps orders transit turning turning-faults moving moving-faults following quad quad-wind quad-faults six six-faults mixed sih auto
 for part in "$@"; do
     case $part in
         quad* | six*) [ -n "$ardupilot" ] || { echo "skipped: $part, ARDUPILOT is not set"; continue; } ;;
@@ -100,6 +100,10 @@ for part in "$@"; do
         moving)
             omni completed moving --mode moving
             omni completed moving-wind --mode moving --wind 3.2 -2.4 0 --gust 1
+            ;;
+        following)
+            omni completed follow-walk --optimise rate --slot 30 --area 200 --moves alpha=walks bravo=walks --timeout 240
+            omni completed follow-drive --optimise rate --slot 30 --area 200 --moves alpha=walks bravo=drives hill=walks --timeout 240
             ;;
         moving-faults)
             omni safe moving-kill --mode moving --keep --do 'j@slot 1: on+3=>kill j' --do 'j@slot 1: on+8=>restart j' --do 't+55=>pilot j land' --do 't+70=>term j'

@@ -14,6 +14,7 @@ import os
 import re
 import subprocess
 import sys
+import tempfile
 import tomllib
 
 
@@ -119,10 +120,10 @@ def at(r, t, k):
     return x[k][i - 1] + f[:, None] * (x[k][i] - x[k][i - 1])
 
 
-def rate(pI, zI, PI, pJ, zJ, PJ, user):
+def rate(pI, zI, PI, pJ, zJ, PJ, user, eaves=eaves, floor=0.0):
     def g(p, z, s):
         d = s - p
-        return np.maximum(0, np.sum(np.cross(z, d) ** 2, -1) / np.sum(d * d, -1))
+        return floor + (1 - floor) * np.maximum(0, np.sum(np.cross(z, d) ** 2, -1) / np.sum(d * d, -1))
 
     def sinr(s):
         s = np.asarray(s, float)
@@ -165,6 +166,44 @@ def places(slot, r, since):
     off = np.minimum(off, len(points) - off)
     weights = np.where(off < 1, (4 - 6 * off**2 + 3 * off**3) / 6, np.maximum(2 - off, 0) ** 3 / 6)
     return weights @ points
+
+
+# ---- who moves: where everybody truly is, and what could have been had there at each instant
+TRACKS = {}
+if os.path.exists(D + "/movers.csv"):
+    for wall, kind, name, *at_enu in list(csv.reader(open(D + "/movers.csv")))[1:]:
+        TRACKS.setdefault((kind, name), []).append([float(wall), *map(float, at_enu)])
+TRACKS = {who: np.array(rows) for who, rows in TRACKS.items()}
+
+
+def whereabouts(kind, node, t):
+    """(n, 3): where one of the mission's nodes is at each instant."""
+    track = TRACKS.get((kind, node["name"]))
+    if track is None:
+        return np.tile(np.array(node["enu_m"], float), (len(t), 1))
+    return np.stack([np.interp(t, track[:, 0], track[:, 1 + k]) for k in range(3)], -1)
+
+
+def had(plan_slot, user, listeners, floor):
+    """The rate of a pair that is where a plan has it, of places (n, 3)."""
+    poses = [(np.array(v["position_enu_m"]), euler(v["roll_rad"], v["pitch_rad"], v["yaw_rad"])[:, 2], v["tx_power_w"]) for v in (plan_slot["vehicles"][r] for r in "ij")]
+    return rate(*poses[0], *poses[1], user, listeners, floor)
+
+
+def best_there(name, k, t, floor):
+    """The rate of the plan that is made for where everybody truly is at one instant, there and then: nobody can be there as fast."""
+    text = open(D + "/mission.toml").read()
+    for kind, which in (("user", mission["user"]), ("eavesdropper", mission["eavesdropper"])):
+        for node in which:
+            x = whereabouts(kind, node, t[k : k + 1])[0].tolist()
+            text = re.sub(rf'^name = "{node["name"]}".*?^enu_m = [^\n]*$', f'name = "{node["name"]}"\nenu_m = {x}', text, count=1, flags=re.M | re.S)
+    with tempfile.NamedTemporaryFile("w", suffix=".toml") as file:
+        file.write(text)
+        file.flush()
+        made = subprocess.run([os.environ["VEILWING"], "plan", file.name, "--json"], capture_output=True, text=True)
+    slot = next(one for one in json.loads(made.stdout)["slots"] if one["user"] == name)
+    user, listeners = mission["user"][names.index(name)], mission["eavesdropper"]
+    return float(had(slot, whereabouts("user", user, t[k : k + 1]), [whereabouts("eavesdropper", e, t[k : k + 1]) for e in listeners], floor)[0])
 
 
 # ---- unprotected: I on while J off
@@ -255,6 +294,15 @@ for sid in slot_ids:
             ),
             3,
         )
+        if TRACKS:
+            floor = 10 ** (-mission["antenna"]["null_depth_db"] / 10)
+            true_user = whereabouts("user", mission["user"][names.index(ps["user"])], t[m])
+            listeners = [whereabouts("eavesdropper", e, t[m]) for e in mission["eavesdropper"]]
+            place = [(at(r, t[m], "e"), at(r, t[m], "R")[:, :, 2], p) for r, p in (("i", PI[m]), ("j", PJ[m]))]
+            row["followed"] = round(float(rate(*place[0], *place[1], true_user, listeners, floor).mean()), 3)
+            row["staying"] = round(float(had(ps, true_user, listeners, floor).mean()), 3)
+            looks = range(0, int(m.sum()), 100)
+            row["best_at_each_instant"] = round(float(np.mean([best_there(ps["user"], k, t[m], floor) for k in looks])), 3)
         row["dbm"] = (round(10 * math.log10(PI[m].max() * 1e3), 2), round(10 * math.log10(PJ[m].max() * 1e3), 2))
     res["slots"].append(row)
 def said(r, pattern):

@@ -310,6 +310,9 @@ impl Run {
     /// What is said: nothing above the plan's power, nothing on after a kill, no flood, no figure that is none.
     fn drain(&mut self) {
         let mut count = 0;
+        while let Some(record) = self.executive.poll_record() {
+            self.executive.handle_recorded(record, self.now());
+        }
         while let Some(outgoing) = self.executive.poll_transmit() {
             count += 1;
             match outgoing {

@@ -1,5 +1,6 @@
-//! The paper's figures, and three of what it leaves out, from the running planner: what [`planner::plan_slot`](crate::planner::plan_slot) and
-//! [`planner::evaluate`](crate::planner::evaluate) answer, as SVG and CSV.
+//! The paper's figures, and six of what it leaves out, from the running program: what [`planner::plan_slot`](crate::planner::plan_slot),
+//! [`planner::evaluate`](crate::planner::evaluate) and [`planning::plan`](crate::planning::plan) answer, and what became of simulated
+//! flights, as SVG and CSV.
 //!
 //! | figure | shows | method |
 //! |---|---|---|
@@ -9,17 +10,23 @@
 //! | 4c | the same with jitter and uncertain eavesdropper positions | [`rates`] |
 //! | null depth | plans that know of the antennas' floors against plans that do not: mean and 5% quantile | [`rates`] |
 //! | Rician K | the same of scattering | [`rates`] |
+//! | volume over slots | what a superframe delivers by what the pair may do while it radiates | [`service`] |
+//! | volume over arenas | the same over how far users and eavesdroppers are apart | [`service`] |
+//! | regret | what flights lose by not knowing where a user will go, over how fast it goes | [`regret`] |
 //! | breakdown | what each imperfection that a mission states costs its plan | [`breakdown`] |
 //!
 //! Scenarios are drawn as in the paper: two eavesdroppers uniform in a square of a kilometre about the user. A figure
 //! depends on the seed and the number of scenarios, never on the number of threads.
 
 pub mod breakdown;
+mod chart;
 mod pose_chart;
 pub mod poses;
 mod rate_chart;
 pub mod rates;
+pub mod regret;
 pub mod scenario;
+pub mod service;
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -28,7 +35,8 @@ use crate::planner::PlanError;
 /// How the figures are made.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Settings {
-    /// Random scenarios behind each mean, at least 1.
+    /// Random scenarios behind each mean of rates, at least 1; a fifth and a twenty-fifth as many, rounded up, behind those of
+    /// [`service`] and [`regret`].
     pub scenarios: usize,
     /// Threads; the figures do not depend on them.
     pub threads: usize,
@@ -52,6 +60,16 @@ pub enum Failure {
         /// What the planner said.
         error: PlanError,
     },
+    /// A mission could not be planned, or not be flown.
+    #[error("{figure}, scenario {scenario}: {why}")]
+    Service {
+        /// The figure's name.
+        figure: &'static str,
+        /// Index of the scenario.
+        scenario: usize,
+        /// In words.
+        why: String,
+    },
 }
 
 /// A figure ready to be written.
@@ -71,8 +89,18 @@ pub type Progress<'a> = dyn Fn(&str, usize, usize) + Sync + 'a;
 /// Makes all figures of random scenarios; [`breakdown`] is of a mission.
 ///
 /// # Errors
-/// [`Failure`] for no scenarios, or if the planner refuses one.
+/// [`Failure`] for no scenarios, or if one cannot be planned or flown.
 pub fn all(settings: &Settings, progress: &Progress) -> Result<Vec<Figure>, Failure> {
+    let mut figures = of_rates(settings, progress)?;
+    for study in service::Study::ALL {
+        figures.push(service::measure(study, settings, progress)?.figure());
+    }
+    figures.push(regret::measure(settings, progress)?.figure());
+    Ok(figures)
+}
+
+/// Those of single slots.
+fn of_rates(settings: &Settings, progress: &Progress) -> Result<Vec<Figure>, Failure> {
     let poses = poses::plan(settings, progress)?;
     let mut figures = vec![Figure { name: poses::NAME, svg: pose_chart::draw(&poses), csv: poses.csv() }];
     for study in rates::Study::ALL {

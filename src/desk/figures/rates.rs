@@ -256,14 +256,8 @@ pub fn measure(study: Study, settings: &Settings, progress: &Progress) -> Result
         rates.map_err(|error| Failure::Plan { figure: study.name(), scenario: index, error })
     });
     let cells: Vec<Vec<f64>> = cells.into_iter().collect::<Result<_, _>>()?;
-    let summaries = |of: &dyn Fn(&[f64]) -> f64| {
-        let at = |value: usize| {
-            let all: Vec<f64> =
-                cells.iter().skip(value).step_by(values.len()).map(|rates| of(rates)).collect();
-            Summary::new(&all).ok_or(Failure::NoScenarios)
-        };
-        (0..values.len()).map(at).collect::<Result<Vec<_>, _>>()
-    };
+    let summaries =
+        |of: &dyn Fn(&[f64]) -> f64| Summary::by_value(&cells, values.len(), |rates| Some(of(rates)));
     let reference = curves.iter().position(|curve| curve.name == study.gap_to());
     let curves = curves.iter().enumerate().map(|(k, curve)| {
         let gaps = match reference {

@@ -4,6 +4,7 @@ use nalgebra::Vector3;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+use super::Failure;
 use crate::desk::quantile::Quantile;
 use crate::planner::expectation::sobol::mix;
 use crate::planner::problem::{Fading, Pattern, Pointing, Problem, Uncertainty};
@@ -35,6 +36,11 @@ pub fn eavesdroppers(seed: u64, index: usize) -> Vec<Vector3<f64>> {
     let mut rng = ChaCha8Rng::seed_from_u64(mix(seed, index as u64));
     let mut coordinate = || rng.random_range(-REACH_M..=REACH_M);
     (0..EAVESDROPPERS).map(|_| Vector3::new(coordinate(), coordinate(), 0.0)).collect()
+}
+
+/// The seed of scenario `index` as a mission has it: a file's numbers have a sign.
+pub(super) fn mission_seed(seed: u64, index: usize) -> u64 {
+    mix(seed, index as u64) >> 1
 }
 
 /// [`Problem::paper`] with these eavesdroppers, on the ground, under a figure's conditions.
@@ -82,6 +88,23 @@ pub struct Summary {
 }
 
 impl Summary {
+    /// Of what cells have by the value of an abscissa with so many values, where they are all values of a scenario, then those of the
+    /// next. A cell may have nothing.
+    ///
+    /// # Errors
+    /// [`Failure::NoScenarios`] where none has.
+    pub(super) fn by_value<T>(
+        cells: &[T],
+        values: usize,
+        of: impl Fn(&T) -> Option<f64>,
+    ) -> Result<Vec<Self>, Failure> {
+        let at = |value: usize| {
+            let all: Vec<f64> = cells.iter().skip(value).step_by(values).filter_map(&of).collect();
+            Self::new(&all).ok_or(Failure::NoScenarios)
+        };
+        (0..values).map(at).collect()
+    }
+
     /// `None` for no values.
     pub fn new(values: &[f64]) -> Option<Self> {
         let n = values.len() as f64;

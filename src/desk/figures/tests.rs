@@ -1,7 +1,10 @@
 //! That the lettering of all figures has room in the widest face that it may be set in.
 
 use super::breakdown::{self, Slot};
-use super::{Settings, all};
+use super::regret::Regret;
+use super::scenario::Summary;
+use super::service::{self, Volumes, WAYS};
+use super::{Settings, of_rates};
 use crate::desk::drawing::svg::{TEXT_PT, text_width};
 
 /// Bold against regular: DejaVu Sans Bold's letters are wider by 8 to 20%.
@@ -36,10 +39,19 @@ fn lettering(svg: &str) -> Vec<([f64; 4], String)> {
 
 #[test]
 fn spec_no_lettering_collides_in_the_widest_face() {
-    let mut figures = all(&Settings { scenarios: 2, threads: 2, seed: 1 }, &|_, _, _| {}).unwrap();
+    let mut figures = of_rates(&Settings { scenarios: 2, threads: 2, seed: 1 }, &|_, _, _| {}).unwrap();
     let losses = vec![("antenna", 1.65), ("mounting", 0.04), ("all", 6.58)];
     let slot =
         |user: &str| Slot { user: user.to_owned(), rate: 10.66, quantile_5pct: 10.0, losses: losses.clone() };
+    let summaries = |mean: f64| {
+        vec![Summary { mean, standard_error: 0.1 * mean, quartiles: [0.9 * mean, mean, 1.1 * mean] }; 5]
+    };
+    for study in service::Study::ALL {
+        let ways = (1..=WAYS.len()).map(|k| [4.5 * k as f64, 24.9 * k as f64].map(summaries)).collect();
+        figures.push(Volumes { study, scenarios: 1000, ways }.figure());
+    }
+    let lost = [0.4, 88.0].map(summaries);
+    figures.push(Regret { flights: 100, lost }.figure());
     figures.push(breakdown::figure("a-courtyard-with-a-longer-name", &[slot("alpha"), slot("bravo")]));
     for figure in &figures {
         let view = figure.svg.split("viewBox=\"0 0 ").nth(1).unwrap().split('"').next().unwrap();

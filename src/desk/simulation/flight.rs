@@ -182,6 +182,7 @@ impl Flight {
     pub fn start(&mut self, role: Role) {
         self.starts += 1;
         self.lives[role] += 1;
+        self.disks[role].forget();
         let given = &self.setup.given[role];
         let start = (self.setup.start_unasked, self.disks[role].orders);
         let process = Process::start(given, role, self.starts, start, self.now);
@@ -225,6 +226,11 @@ impl Flight {
     /// The disk under a companion's logs is full, or takes records again.
     pub fn fill_disk(&mut self, role: Role, full: bool) {
         self.disks[role].full = full;
+    }
+
+    /// The disk under a companion's logs takes nothing for a while, or goes on.
+    pub fn stall_disk(&mut self, role: Role, stalled: bool) {
+        self.disks[role].stalled = stalled;
     }
 
     /// Records that the disk under a companion's logs did not take.
@@ -440,6 +446,9 @@ impl Flight {
         loop {
             if let Some(orders) = process.executive.poll_record() {
                 self.disks[role].keep(orders);
+            }
+            if let Some(orders) = self.disks[role].kept() {
+                process.executive.handle_recorded(orders, at);
             }
             self.send(role, process, observer);
             while let Some((ticket, question)) = process.executive.poll_question() {

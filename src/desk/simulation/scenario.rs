@@ -137,6 +137,14 @@ impl Scenario {
         self
     }
 
+    /// The same world, in which those that go as they like go so fast, in m/s, whatever the mission says of it.
+    #[must_use]
+    pub fn at_speed(mut self, speed_m_s: f64) -> Self {
+        let nodes = self.world.users.iter_mut().chain(&mut self.world.eavesdroppers);
+        nodes.filter_map(|node| node.roams.as_mut()).for_each(|roams| roams.speed_m_s = speed_m_s);
+        self
+    }
+
     /// The same over a link with other imperfections than the mission states: a plan in a world that it does not know.
     ///
     /// # Errors
@@ -162,7 +170,9 @@ impl Scenario {
         let slot_s = slot.saturating_sub(timing.guard).as_secs_f64();
         let lengths = Lengths { flight_s: LONGEST.as_secs_f64(), slot_s };
         let mut scenario = Self { given, world, lengths };
-        let nominal = scenario.fly(mission.seed, Vec::new(), &mut ())?;
+        let mut nominal = scenario.run(mission.seed, Vec::new())?;
+        nominal.fly(&mut ())?;
+        let nominal = nominal.finish();
         scenario.lengths.flight_s = nominal.report.flight_s;
         Ok(scenario)
     }
@@ -195,12 +205,8 @@ impl Scenario {
         faults: Vec<Fault>,
         witness: &mut impl Witness,
     ) -> Result<Flown, ScenarioError> {
-        let world = World::new(sim::WorldConfig { seed, ..self.world.clone() })?;
-        let given = PerVehicle::from_fn(|role| Arc::clone(&self.given[role]));
-        let setup = Setup { given, start_unasked: true, autopilot: Path::GOOD, pair: Path::GOOD, seed };
         let faulty = !faults.is_empty();
-        let supervisor = Supervisor::new(faults, self.longest());
-        let mut run = Run { flight: Flight::new(world, setup), supervisor };
+        let mut run = self.run(seed, faults)?;
         let given = &self.given.i;
         if given.mission.movers.is_empty() || faulty {
             run.fly(witness)?;
@@ -212,6 +218,14 @@ impl Scenario {
         let hindsight = seer.hindsight(&given.mission, &given.plan, &flown.world)?;
         flown.followed = Some((hindsight, seer.agreements()));
         Ok(flown)
+    }
+
+    fn run(&self, seed: u64, faults: Vec<Fault>) -> Result<Run, ScenarioError> {
+        let world = World::new(sim::WorldConfig { seed, ..self.world.clone() })?;
+        let given = PerVehicle::from_fn(|role| Arc::clone(&self.given[role]));
+        let setup = Setup { given, start_unasked: true, autopilot: Path::GOOD, pair: Path::GOOD, seed };
+        let supervisor = Supervisor::new(faults, self.longest());
+        Ok(Run { flight: Flight::new(world, setup), supervisor })
     }
 }
 

@@ -40,7 +40,7 @@ pub use estimate::{Belief, Drift, Estimate, Report, Unrest};
 pub use flying::Flying;
 pub use motion::{Motion, State};
 pub use mover::{Gait, Moved, Mover, Who};
-pub use opening::Opening;
+pub use opening::{Opening, Roaming};
 pub use path::Path;
 pub use question::Question;
 pub use side::Side;

@@ -54,8 +54,8 @@ impl Question {
     }
 }
 
-pub(super) fn foreseen(drift: &Option<Drift>) -> Option<&dyn Foresight> {
-    drift.as_ref().map(|drift| drift as &dyn Foresight)
+pub(super) fn foreseen<F: Foresight>(of: &Option<F>) -> Option<&dyn Foresight> {
+    of.as_ref().map(|of| of as &dyn Foresight)
 }
 
 #[cfg(test)]

@@ -18,7 +18,7 @@
 
 mod layout;
 pub(super) mod objective;
-mod place;
+pub(super) mod place;
 mod search;
 pub(super) mod shares;
 mod table;

@@ -59,7 +59,7 @@ pub fn at<W: Ways>(
     tried.sort_by(|a, b| b.rate.total_cmp(&a.rate));
     let mut ends: Vec<Placed> = Vec::new();
     for start in tried.into_iter().filter(|start| start.rate.is_finite()).take(followed) {
-        let end = follow(case, user, &start.raw, memory);
+        let end = in_place(setup, coarse(case, user), &start.raw, memory);
         if !ends.iter().any(|known| is_same(known, &end)) {
             ends.push(end);
         }
@@ -98,21 +98,20 @@ fn coarse<'a, W: Ways>(case: &'a Case<'_, W>, user: usize) -> Target<'a> {
     case.target(user, COARSE, false)
 }
 
-/// A local maximum of one user's signed rate at held positions.
-fn follow<W: Ways>(case: &Case<'_, W>, user: usize, raw: &Raw, memory: &mut Memory) -> Placed {
-    let setup = &case.setups[user];
+/// A local maximum at held positions, over I's axis and J's power; J's null stays on the user.
+pub fn in_place(setup: &Setup, target: Target<'_>, raw: &Raw, memory: &mut Memory) -> Placed {
     let layout = Layout::in_place(setup, raw);
     let mut x = layout.encode(std::slice::from_ref(raw));
     let setups = std::slice::from_ref(setup);
     let mut rows = layout.rows(setups, &[[0, 0]]);
     if layout.dimension == 0 || !rows.repair(&mut x) {
-        let rate = memory.value(setup, coarse(case, user), raw, &mut [0.0; 14]);
+        let rate = memory.value(setup, target, raw, &mut [0.0; 14]);
         return Placed { raw: *raw, rate };
     }
     let mut by_raws = [[0.0; 14]];
     let mut objective = |x: &[f64], gradient: &mut [f64]| {
         let raws = layout.raws(x);
-        let value = memory.value(setup, coarse(case, user), &raws[0], &mut by_raws[0]);
+        let value = memory.value(setup, target, &raws[0], &mut by_raws[0]);
         layout.pull(x, &raws, &by_raws, gradient);
         gradient.iter_mut().for_each(|c| *c = -*c);
         -value

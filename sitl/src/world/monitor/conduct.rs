@@ -166,11 +166,13 @@ impl Monitor {
     }
 
     /// How much later than on good ways the sign of what befalls a vehicle and the command that answers it may arrive:
-    /// state that is older is used for nothing, and a command that is later has expired.
+    /// state that is older is used for nothing, and a command that is later has expired. One that is dead or stopped answers nothing, and
+    /// what it commanded before expires (S5).
     pub(super) fn sign_and_command(&self, v: usize, now: Duration) -> Duration {
         let side = &self.sides[v];
         let way = side.vehicle_way.longest(now).saturating_sub(GOOD_WAY);
-        way.min(STATE_LIMIT) + way.min(LEASE).max(side.expiry(now))
+        let expiry = if side.gone_since.is_some() { LEASE } else { side.expiry(now) };
+        way.min(STATE_LIMIT) + way.min(LEASE).max(expiry)
     }
 
     /// The companion is gone, or nothing passes between it and its vehicle.
