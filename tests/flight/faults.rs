@@ -456,7 +456,8 @@ fn regress_the_pilot_of_a_companion_that_is_stopped_waits_for_an_expiry_and_the_
         flight.world.inject(Fault::PilotMode { vehicle: index(role) });
         flight.pass(Duration::from_secs(2));
         assert!(flight.silent_after(role, since) <= LEASE_AND_MARGIN, "{}", flight.story());
-        flight.assert_safe();
+        // J's vehicle has failed while a lease of I's runs.
+        flight.assert_safe_but(if role == Role::J { LEASE_AND_MARGIN } else { Duration::ZERO });
     }
 }
 
