@@ -95,7 +95,7 @@ pub enum Notice {
     SlotOver(u16, String),
     /// The attitude jitters by more than the plan counts on, or by much less; told once.
     #[error(
-        "attitude jitters by {:.1} deg, the mission says {:.1}: set [jitter] std_deg so",
+        "attitude jitters by {:.2} deg, the mission says {:.2}: set [jitter] std_deg so",
         measured_rad.to_degrees(),
         stated_rad.to_degrees()
     )]

@@ -48,7 +48,7 @@ fn spec_jitter_that_the_mission_does_not_know_of_is_told_once() {
                 let all = 0.6 * true_deg..1.2 * true_deg;
                 assert!(all.contains(&measured_deg), "{text}");
                 assert!(
-                    text.ends_with(&format!("the mission says {stated_deg:.1}: set [jitter] std_deg so"))
+                    text.ends_with(&format!("the mission says {stated_deg:.2}: set [jitter] std_deg so"))
                 );
             }
         }
