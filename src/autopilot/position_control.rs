@@ -8,8 +8,8 @@
 //!
 //! The loop runs over a link. What is measured is [`Measured::age_s`] old by the time that it is used: it is taken to have gone on
 //! since with its velocity and with the acceleration `a_ref`, without which a vehicle at 8 m/s that is seen 0.1 s late is 0.8 m
-//! ahead of where it should be, and stops beyond. A loop as fast as these gains make it bears a fifth of a second of that: beyond, it swings ever wider, out of the altitude band in the
-//! end. So it is slowed in proportion: with `s = PROMPT_S / age` where that is below one, `K_p` is taken `s^2`, `K_d` `s`
+//! ahead of where it should be, and stops beyond. A loop as fast as these gains make it bears a fifth of a second of that: beyond,
+//! it swings ever wider, out of the altitude band in the end. So it is slowed in proportion: with `s = PROMPT_S / age` where that is below one, `K_p` is taken `s^2`, `K_d` `s`
 //! and `K_i` `s^3` times, which is the same loop in a time that runs `s` times as fast, so that its delay is to it what
 //! `PROMPT_S` is to the full gains. It slows at once, and becomes fast again over `RECOVERY_S`. How far a setpoint counts grows
 //! by `1 / s^2`, so that a slowed loop can ask for as much force as ever: what the integral has learned of the wind or of a way's

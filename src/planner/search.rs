@@ -101,53 +101,67 @@ pub(super) struct Rough {
 
 /// The best configurations of a slot, best first, after the first stage of the polishing; at least one.
 pub(super) fn rough(setup: &Setup, options: &Options) -> Vec<Rough> {
-    let best = if setup.varies() || setup.heeds_uncertainty() {
-        let samples = samples(setup, options);
-        let dipoles = setup.problem.with_dipoles();
-        let quick = dipoles.as_ref().and_then(|problem| Setup::new(problem).ok());
-        let first = quick.as_ref().unwrap_or(setup);
-        let field = Field { setup: first, clip: false };
-        let mut best = screen(first, &field, options, &samples, POLISH_SAMPLES[0].1);
-        best.iter_mut().for_each(|end| end.curvature = None);
-        let stages = if quick.is_some() { &MEASURED_SAMPLES[..1] } else { &POLISH_SAMPLES[..1] };
-        polish(setup, options, None, &samples, best, stages)
-    } else {
-        exact(setup, options, Some(Near { most: POLISH_SAMPLES[0].1, tolerance: 1.0 }))
-    };
-    let found: Vec<Rough> = best.iter().map(|end| Rough { raw: end.raw, value: end.value }).collect();
-    if found.is_empty() { vec![Rough { raw: resort(setup, options).raw, value: 0.0 }] } else { found }
+    Quick::new(setup, options).rough()
 }
 
-/// Searches about a configuration, likewise.
-pub(super) struct Nearby<'a> {
+/// Quick searches of a slot, on samples that are drawn once: of all of it, and about a configuration.
+pub(super) struct Quick<'a> {
     setup: &'a Setup<'a>,
-    samples: Option<Samples>,
+    options: &'a Options,
+    /// What is random, if anything is: all of it, and as much as a first stage of the polishing takes.
+    samples: Option<[Samples; 2]>,
     memory: Memory,
 }
 
-impl<'a> Nearby<'a> {
+impl<'a> Quick<'a> {
     /// In this slot.
-    pub fn new(setup: &'a Setup<'a>, options: &Options) -> Self {
+    pub fn new(setup: &'a Setup<'a>, options: &'a Options) -> Self {
         let random = setup.varies() || setup.heeds_uncertainty();
-        let samples = random.then(|| samples(setup, options).first(POLISH_SAMPLES[0].0));
-        Self { setup, samples, memory: Memory::default() }
+        let samples = random.then(|| {
+            let all = samples(setup, options);
+            let few = all.first(POLISH_SAMPLES[0].0);
+            [all, few]
+        });
+        Self { setup, options, samples, memory: Memory::default() }
     }
 
-    fn target(samples: Option<&Samples>) -> Target<'_> {
-        samples.map_or(Target::Exact(POLISH_SHARPNESS[0]), |samples| Target::Mean { samples, clip: true })
+    /// As [`rough`] has it.
+    pub fn rough(&self) -> Vec<Rough> {
+        let Self { setup, options, .. } = *self;
+        let best = if let Some([samples, _]) = &self.samples {
+            let dipoles = setup.problem.with_dipoles();
+            let quick = dipoles.as_ref().and_then(|problem| Setup::new(problem).ok());
+            let first = quick.as_ref().unwrap_or(setup);
+            let field = Field { setup: first, clip: false };
+            let mut best = screen(first, &field, options, samples, POLISH_SAMPLES[0].1);
+            best.iter_mut().for_each(|end| end.curvature = None);
+            let stages = if quick.is_some() { &MEASURED_SAMPLES[..1] } else { &POLISH_SAMPLES[..1] };
+            polish(setup, options, None, samples, best, stages)
+        } else {
+            exact(setup, options, Some(Near { most: POLISH_SAMPLES[0].1, tolerance: 1.0 }))
+        };
+        let found: Vec<Rough> = best.iter().map(|end| Rough { raw: end.raw, value: end.value }).collect();
+        if found.is_empty() { vec![Rough { raw: resort(setup, options).raw, value: 0.0 }] } else { found }
     }
 
-    /// The optimum next to it.
-    pub fn optimum(&mut self, from: &Raw) -> Option<Raw> {
+    /// The optimum next to a configuration.
+    pub fn next_to(&mut self, from: &Raw) -> Option<Raw> {
         let chart = chart(self.setup, false, powers::of(self.setup, from));
-        let (target, settings) = (Self::target(self.samples.as_ref()), settings(100, POLISH_SAMPLES[0].2));
-        let end = self.memory.maximise(self.setup, &chart, target, from, &settings)?;
-        Some(end.raw)
+        let (target, settings) = (about(&self.samples), settings(100, POLISH_SAMPLES[0].2));
+        self.memory.maximise(self.setup, &chart, target, from, &settings).map(|end| end.raw)
     }
 
-    /// I's axis and J's power that are best where it is.
+    /// I's axis and J's power that are best where a configuration is.
     pub fn in_place(&mut self, from: &Raw) -> Raw {
-        place::in_place(self.setup, Self::target(self.samples.as_ref()), from, &mut self.memory).raw
+        place::in_place(self.setup, about(&self.samples), from, &mut self.memory).raw
+    }
+}
+
+/// What is climbed about a configuration.
+fn about(samples: &Option<[Samples; 2]>) -> Target<'_> {
+    match samples {
+        Some([_, samples]) => Target::Mean { samples, clip: true },
+        None => Target::Exact(POLISH_SHARPNESS[0]),
     }
 }
 

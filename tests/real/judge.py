@@ -55,15 +55,16 @@ if kind == "completed":
     bar("exit codes", end["exits"], all(code == 0 for codes in end["exits"] for code in codes.values()))
     bar("slots", len(score["slots"]), bool(score["slots"]))
     slot_s = options["slot"] or 10.0
-    for slot in score["slots"] if options["moves"] else []:
-        # Where the served user truly was: no less than from the plan's poses, and most of what nobody can have, being at each instant
-        # where it is best then; of one that drives as fast as the vehicles fly a part.
-        gaits = dict(one.split("=") for one in options["moves"])
-        part = dict(walks=0.7, drives=0.3)[gaits.get(slot["user"], "walks")]
-        rates = [slot[name] for name in ("followed", "staying", "best_at_each_instant")]
-        bar(f"slot {slot['slot']}: bit/s/Hz followed, staying, best at each instant", rates, rates[0] >= max(rates[1], part * rates[2]))
-        bar(f"slot {slot['slot']}: on the air, s", slot["on_i"], slot["on_i"] >= 0.95 * (slot_s - 1.1))
-    for slot in [] if options["moves"] else score["slots"]:
+    gaits = dict(one.split("=") for one in options["moves"])
+    for slot in score["slots"]:
+        if gaits:
+            # Where the served user truly was: no less than from the plan's poses, and most of what nobody can have, being at each instant
+            # where it is best then; of one that drives as fast as the vehicles fly a part.
+            part = dict(walks=0.7, drives=0.3)[gaits.get(slot["user"], "walks")]
+            rates = [slot[name] for name in ("followed", "staying", "best_at_each_instant")]
+            bar(f"slot {slot['slot']}: bit/s/Hz followed, staying, best at each instant", rates, rates[0] >= max(rates[1], part * rates[2]))
+            bar(f"slot {slot['slot']}: on the air, s", slot["on_i"], slot["on_i"] >= 0.95 * (slot_s - 1.1))
+            continue
         for role in "ij":
             name = f"slot {slot['slot']}, vehicle {role}"
             most_m, what, most_deg, most_past_m = BARS[options[role]]

@@ -100,7 +100,7 @@ def mission_of(options, vehicles):
         home = options.home_i if vehicle.role == "i" else options.home_j
         table += [f"home_enu_m = {list(home)}", "", ""]
         text = replaced(rf"^\[vehicles\.{vehicle.role}\].*?(?=^\[)", text, "\n".join(table))
-    for system, (name, gait) in enumerate(moving(options), 51):
+    for system, name, gait in moving(options):
         moves = f"moves = {{ system_id = {system}, gait = \"{gait}\", std_m = {NOISE_M} }}"
         text = replaced(rf'^name = "{name}"[^\n]*$', text, f'name = "{name}"\n{moves}')
     if options.area:
@@ -121,7 +121,8 @@ def mission_of(options, vehicles):
 
 
 def moving(options):
-    return [one.split("=") for one in options.moves]
+    """MAVLink system of its handset, name and gait of each that moves."""
+    return [(system, *one.split("=")) for system, one in enumerate(options.moves, 51)]
 
 
 class Pair:
@@ -232,7 +233,7 @@ dir = "{vehicle.folder}/flight-logs"
             nodes = {node["name"]: (kind, node["enu_m"]) for kind in ("user", "eavesdropper") for node in mission[kind]}
             who = [
                 dict(name=name, kind=nodes[name][0], enu=nodes[name][1], gait=gait, system=system)
-                for system, (name, gait) in enumerate(moving(self.options), 51)
+                for system, name, gait in moving(self.options)
             ]
             Movers(self.folder, who, self.options.origin, self.ground).start()
 

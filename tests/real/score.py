@@ -184,10 +184,14 @@ def whereabouts(kind, node, t):
     return np.stack([np.interp(t, track[:, 0], track[:, 1 + k]) for k in range(3)], -1)
 
 
-def had(plan_slot, user, listeners, floor):
-    """The rate of a pair that is where a plan has it, of places (n, 3)."""
-    poses = [(np.array(v["position_enu_m"]), euler(v["roll_rad"], v["pitch_rad"], v["yaw_rad"])[:, 2], v["tx_power_w"]) for v in (plan_slot["vehicles"][r] for r in "ij")]
-    return rate(*poses[0], *poses[1], user, listeners, floor)
+def had(slot, powers, *where):
+    """The rate of a pair that is where the plan has it; the user's place and the rest as in rate()."""
+    posed = [(np.array(v["position_enu_m"]), euler(v["roll_rad"], v["pitch_rad"], v["yaw_rad"])[:, 2]) for v in (slot["vehicles"][r] for r in "ij")]
+    return rate(*posed[0], powers[0], *posed[1], powers[1], *where)
+
+
+def planned_powers(slot):
+    return [slot["vehicles"][r]["tx_power_w"] for r in "ij"]
 
 
 def best_there(name, k, t, floor):
@@ -203,7 +207,7 @@ def best_there(name, k, t, floor):
         made = subprocess.run([os.environ["VEILWING"], "plan", file.name, "--json"], capture_output=True, text=True)
     slot = next(one for one in json.loads(made.stdout)["slots"] if one["user"] == name)
     user, listeners = mission["user"][names.index(name)], mission["eavesdropper"]
-    return float(had(slot, whereabouts("user", user, t[k : k + 1]), [whereabouts("eavesdropper", e, t[k : k + 1]) for e in listeners], floor)[0])
+    return float(had(slot, planned_powers(slot), whereabouts("user", user, t[k : k + 1]), [whereabouts("eavesdropper", e, t[k : k + 1]) for e in listeners], floor)[0])
 
 
 # ---- unprotected: I on while J off
@@ -279,28 +283,14 @@ for sid in slot_ids:
         )
         row["rate"] = round(float(rr.mean()), 3)
         row["rate_min"] = round(float(rr.min()), 2)
-        vi, vj = ps["vehicles"]["i"], ps["vehicles"]["j"]
-        row["rate_exact"] = round(
-            float(
-                rate(
-                    np.array(vi["position_enu_m"]),
-                    euler(vi["roll_rad"], vi["pitch_rad"], vi["yaw_rad"])[:, 2],
-                    PI[m].max(),
-                    np.array(vj["position_enu_m"]),
-                    euler(vj["roll_rad"], vj["pitch_rad"], vj["yaw_rad"])[:, 2],
-                    PJ[m].max(),
-                    user,
-                )
-            ),
-            3,
-        )
+        row["rate_exact"] = round(float(had(ps, [PI[m].max(), PJ[m].max()], user)), 3)
         if TRACKS:
             floor = 10 ** (-mission["antenna"]["null_depth_db"] / 10)
             true_user = whereabouts("user", mission["user"][names.index(ps["user"])], t[m])
             listeners = [whereabouts("eavesdropper", e, t[m]) for e in mission["eavesdropper"]]
             place = [(at(r, t[m], "e"), at(r, t[m], "R")[:, :, 2], p) for r, p in (("i", PI[m]), ("j", PJ[m]))]
             row["followed"] = round(float(rate(*place[0], *place[1], true_user, listeners, floor).mean()), 3)
-            row["staying"] = round(float(had(ps, true_user, listeners, floor).mean()), 3)
+            row["staying"] = round(float(had(ps, planned_powers(ps), true_user, listeners, floor).mean()), 3)
             looks = range(0, int(m.sum()), 100)
             row["best_at_each_instant"] = round(float(np.mean([best_there(ps["user"], k, t[m], floor) for k in looks])), 3)
         row["dbm"] = (round(10 * math.log10(PI[m].max() * 1e3), 2), round(10 * math.log10(PJ[m].max() * 1e3), 2))

@@ -10,7 +10,7 @@ const LEFT: f64 = 32.0;
 /// Free at the right, and to the left of the legend.
 const MARGIN: f64 = 6.0;
 /// Height of the first panel, and of every other.
-pub(super) const HEIGHTS: [f64; 2] = [150.0, 64.0];
+const HEIGHTS: [f64; 2] = [150.0, 64.0];
 /// Between two panels.
 const SPACE: f64 = 9.0;
 /// From the lowest frame to the end of the drawing: figures and label of the abscissa.
@@ -28,7 +28,7 @@ pub(super) struct Style {
 }
 
 impl Style {
-    pub fn new(
+    pub const fn new(
         label: &'static str,
         colour: &'static str,
         width: f64,

@@ -3,9 +3,10 @@
 //! of them lost.
 
 use super::chart::{self, Chart, Line, Panel, Style};
+use super::rates::JITTER_DEG;
 use super::scenario::{self, Summary};
 use super::{Failure, Figure, Progress, Settings, Work};
-use crate::config::{Mission, MissionDraft, MovesDraft, NodeDraft};
+use crate::config::{MissionDraft, MovesDraft, NodeDraft};
 use crate::desk::campaign::FollowingLine;
 use crate::desk::csv_text::CsvText;
 use crate::desk::drawing::svg::Marker;
@@ -13,7 +14,6 @@ use crate::desk::simulation::Scenario;
 use crate::geo::Enu;
 use crate::planner::following::Gait;
 use crate::planner::parallel;
-use crate::planning;
 
 /// File name without extension.
 pub const NAME: &str = "figure-regret-speed";
@@ -23,8 +23,6 @@ pub const SPEEDS_M_S: [f64; 5] = [1.5, 3.0, 6.0, 9.0, 12.0];
 const DRIVES_FROM_M_S: f64 = 3.5;
 /// Length of the slot in seconds.
 const SLOT_S: f64 = 20.0;
-/// Standard deviation of roll and pitch, in degrees.
-const JITTER_DEG: f64 = 2.0;
 /// One in so many of the scenarios of the figures of rates: a flight takes seconds.
 const SHARE: usize = 25;
 
@@ -47,15 +45,13 @@ pub struct Regret {
 /// The mission of scenario `index`: the paper's arena, the user in its middle as it opens.
 #[must_use]
 pub fn mission(seed: u64, index: usize, speed_m_s: f64) -> MissionDraft {
-    let mut draft = MissionDraft { seed: scenario::mission_seed(seed, index), ..MissionDraft::default() };
+    let mut draft = scenario::mission(seed, index, SLOT_S);
     let gait = if speed_m_s < DRIVES_FROM_M_S { Gait::Walks } else { Gait::Drives };
     let mut user = NodeDraft::new("user", Enu::zeros());
     user.moves = Some(MovesDraft { system_id: Some(51), gait, ..MovesDraft::default() });
     draft.users = vec![user];
     let nodes = scenario::eavesdroppers(seed, index).into_iter().zip(1..);
     draft.eavesdroppers = nodes.map(|(at, k)| NodeDraft::new(&format!("eavesdropper-{k}"), at)).collect();
-    draft.jitter.std_deg = JITTER_DEG;
-    draft.tdma.slot_s = SLOT_S;
     draft
 }
 
@@ -64,8 +60,7 @@ pub fn mission(seed: u64, index: usize, speed_m_s: f64) -> MissionDraft {
 /// # Errors
 /// In words, where it cannot be planned or flown.
 pub fn fly(draft: MissionDraft, speed_m_s: f64) -> Result<Option<Lost>, String> {
-    let mission = Mission::new(draft).map_err(|errors| errors.to_string())?;
-    let plan = planning::plan(&mission).map_err(|error| error.to_string())?;
+    let (mission, plan) = scenario::planned(draft)?;
     let scenario = Scenario::new(&mission, &plan, None).map_err(|error| error.to_string())?;
     let flown = scenario.at_speed(speed_m_s).fly(mission.seed, Vec::new(), &mut ());
     let line = FollowingLine::of(&flown.map_err(|error| error.to_string())?);
@@ -118,14 +113,8 @@ impl Regret {
     }
 
     fn svg(&self) -> String {
-        let styles = || {
-            [
-                Style::new("by who follows", "#0b5394", 1.5, "", Some(Marker::Disc)),
-                Style::new("by who stays", "#7d7d7d", 1.2, "1.2 1.6", Some(Marker::Diamond)),
-            ]
-        };
         let panel = |label: &str, most_ticks: f64, curves: usize| {
-            let lines = styles().into_iter().zip(&self.lost).take(curves);
+            let lines = STYLES.into_iter().zip(&self.lost).take(curves);
             let lines = lines.map(|(style, lost)| Line::new(style, lost)).collect();
             Panel { label: label.to_owned(), lines, most_ticks }
         };
@@ -140,10 +129,16 @@ impl Regret {
                     self.flights
                 ),
             ],
-            legend: vec![styles().to_vec()],
+            legend: vec![STYLES.to_vec()],
             abscissa: "speed of the user (m/s)",
             values: &SPEEDS_M_S,
             panels: vec![panel("rate lost (%)", 6.0, 2), panel("who follows", 3.0, 1)],
         })
     }
 }
+
+/// In the order of [`CURVES`].
+const STYLES: [Style; 2] = [
+    Style::new("by who follows", "#0b5394", 1.5, "", Some(Marker::Disc)),
+    Style::new("by who stays", "#7d7d7d", 1.2, "1.2 1.6", Some(Marker::Diamond)),
+];

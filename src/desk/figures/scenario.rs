@@ -5,9 +5,13 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::Failure;
+use super::rates::JITTER_DEG;
+use crate::config::{Mission, MissionDraft};
 use crate::desk::quantile::Quantile;
 use crate::planner::expectation::sobol::mix;
 use crate::planner::problem::{Fading, Pattern, Pointing, Problem, Uncertainty};
+use crate::planner::slots::Plan;
+use crate::planning;
 use crate::role::PerVehicle;
 
 /// Half the side of the square of vehicles and eavesdroppers, about the user, in metres.
@@ -17,7 +21,7 @@ pub const ALTITUDE_M: [f64; 2] = [80.0, 300.0];
 /// Bandwidth; rates are divided by it.
 const BANDWIDTH_HZ: f64 = 1e6;
 /// Eavesdroppers of a scenario.
-const EAVESDROPPERS: usize = 2;
+pub(super) const EAVESDROPPERS: usize = 2;
 
 /// What a figure varies about the paper's setup.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -38,9 +42,23 @@ pub fn eavesdroppers(seed: u64, index: usize) -> Vec<Vector3<f64>> {
     (0..EAVESDROPPERS).map(|_| Vector3::new(coordinate(), coordinate(), 0.0)).collect()
 }
 
-/// The seed of scenario `index` as a mission has it: a file's numbers have a sign.
-pub(super) fn mission_seed(seed: u64, index: usize) -> u64 {
-    mix(seed, index as u64) >> 1
+/// The mission of scenario `index` in the paper's arena, nobody in it yet.
+pub(super) fn mission(seed: u64, index: usize, slot_s: f64) -> MissionDraft {
+    // A file's numbers have a sign.
+    let mut draft = MissionDraft { seed: mix(seed, index as u64) >> 1, ..MissionDraft::default() };
+    draft.jitter.std_deg = JITTER_DEG;
+    draft.tdma.slot_s = slot_s;
+    draft
+}
+
+/// A mission, checked, and its plan.
+///
+/// # Errors
+/// In words, where it is none, or has none.
+pub(super) fn planned(draft: MissionDraft) -> Result<(Mission, Plan), String> {
+    let mission = Mission::new(draft).map_err(|errors| errors.to_string())?;
+    let plan = planning::plan(&mission).map_err(|error| error.to_string())?;
+    Ok((mission, plan))
 }
 
 /// [`Problem::paper`] with these eavesdroppers, on the ground, under a figure's conditions.

@@ -1,14 +1,14 @@
 //! What a pair delivers over a superframe by what it may do while it radiates: over the length of a slot, and over the size of the arena
 //! in which users and eavesdroppers are.
 
-use nalgebra::Vector2;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::chart::{self, Chart, Line, Panel, Style};
-use super::scenario::{self, Summary};
+use super::rates::JITTER_DEG;
+use super::scenario::{self, EAVESDROPPERS, REACH_M, Summary};
 use super::{Failure, Figure, Progress, Settings, Work};
-use crate::config::{Mission, MissionDraft, Mode, NodeDraft, Optimise};
+use crate::config::{MissionDraft, Mode, NodeDraft, Optimise};
 use crate::desk::csv_text::CsvText;
 use crate::desk::drawing::svg::Marker;
 use crate::geo::Enu;
@@ -18,14 +18,10 @@ use crate::planning;
 
 /// Users of a scenario.
 pub const USERS: usize = 3;
-/// Eavesdroppers of a scenario.
-pub const EAVESDROPPERS: usize = 2;
-/// Standard deviation of roll and pitch, in degrees.
-const JITTER_DEG: f64 = 2.0;
 /// Length of a slot over arenas, in seconds.
 const SLOT_S: f64 = 20.0;
 /// Side of the arena over lengths of slots, in metres: the paper's.
-const SIDE_M: f64 = 1000.0;
+const SIDE_M: f64 = 2.0 * REACH_M;
 /// One in so many of the scenarios of the other figures: four plans of three users each are some twenty of theirs.
 const SHARE: usize = 5;
 
@@ -70,13 +66,10 @@ impl Study {
         let mut rng = ChaCha8Rng::seed_from_u64(mix(seed, index as u64));
         let mut coordinate = || side_m * rng.random_range(-0.5..=0.5);
         let mut node = |name: &str| NodeDraft::new(name, Enu::new(coordinate(), coordinate(), 0.0));
-        let mut draft = MissionDraft { seed: scenario::mission_seed(seed, index), ..MissionDraft::default() };
+        let mut draft = scenario::mission(seed, index, slot_s);
         draft.users = (1..=USERS).map(|k| node(&format!("user-{k}"))).collect();
         draft.eavesdroppers = (1..=EAVESDROPPERS).map(|k| node(&format!("eavesdropper-{k}"))).collect();
-        let corners = [[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]];
-        draft.airspace.area_enu_m = corners.map(|corner| side_m * Vector2::from(corner)).to_vec();
-        draft.jitter.std_deg = JITTER_DEG;
-        draft.tdma.slot_s = slot_s;
+        draft.airspace.area_enu_m.iter_mut().for_each(|corner| *corner *= side_m / SIDE_M);
         draft
     }
 }
@@ -115,8 +108,7 @@ pub struct Volumes {
 /// In words, where the mission has no plan, or none that can be flown slot after slot.
 pub fn deliver(mut draft: MissionDraft, optimise: Optimise, mode: Mode) -> Result<Delivered, String> {
     (draft.planner.optimise, draft.planner.mode) = (optimise, mode);
-    let mission = Mission::new(draft).map_err(|errors| errors.to_string())?;
-    let plan = planning::plan(&mission).map_err(|error| error.to_string())?;
+    let (mission, plan) = scenario::planned(draft)?;
     let delivered = planning::delivered(&mission, &plan);
     let superframe_s = delivered.superframe_s.ok_or("slots that cannot be flown one after the other")?;
     Ok(Delivered {
@@ -183,7 +175,7 @@ impl Volumes {
         let (_, abscissa, values) = self.study.abscissa();
         let panel = |label: &str, most_ticks: f64, which: usize| {
             let mut lines: Vec<_> =
-                STYLES.iter().zip(&self.ways).map(|(style, way)| Line::new(style(), &way[which])).collect();
+                STYLES.iter().zip(&self.ways).map(|(style, way)| Line::new(*style, &way[which])).collect();
             lines.reverse();
             Panel { label: label.to_owned(), lines, most_ticks }
         };
@@ -200,7 +192,7 @@ impl Volumes {
                     self.scenarios
                 ),
             ],
-            legend: STYLES.chunks(2).map(|row| row.iter().map(|style| style()).collect()).collect(),
+            legend: STYLES.chunks(2).map(<[Style]>::to_vec).collect(),
             abscissa,
             values: &values,
             panels: vec![panel("volume (bit/s/Hz)", 6.0, 0), panel("on the air (%)", 5.0, 1)],
@@ -209,9 +201,9 @@ impl Volumes {
 }
 
 /// By way, in the order of [`WAYS`].
-const STYLES: [fn() -> Style; 4] = [
-    || Style::new("best rates, static", "#7d7d7d", 1.2, "1.2 1.6", Some(Marker::Diamond)),
-    || Style::new("volume, static", "#2f8f5b", 1.2, "6 2 1.2 2", Some(Marker::Triangle)),
-    || Style::new("volume, turning", "#c8500a", 1.2, "5 2", Some(Marker::OpenSquare)),
-    || Style::new("volume, moving", "#0b5394", 1.5, "", Some(Marker::Disc)),
+const STYLES: [Style; 4] = [
+    Style::new("best rates, static", "#7d7d7d", 1.2, "1.2 1.6", Some(Marker::Diamond)),
+    Style::new("volume, static", "#2f8f5b", 1.2, "6 2 1.2 2", Some(Marker::Triangle)),
+    Style::new("volume, turning", "#c8500a", 1.2, "5 2", Some(Marker::OpenSquare)),
+    Style::new("volume, moving", "#0b5394", 1.5, "", Some(Marker::Disc)),
 ];

@@ -172,8 +172,7 @@ impl Scenario {
         let mut scenario = Self { given, world, lengths };
         let mut nominal = scenario.run(mission.seed, Vec::new())?;
         nominal.fly(&mut ())?;
-        let nominal = nominal.finish();
-        scenario.lengths.flight_s = nominal.report.flight_s;
+        scenario.lengths.flight_s = nominal.flight.world.report().flight_s;
         Ok(scenario)
     }
 

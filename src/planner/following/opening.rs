@@ -16,7 +16,7 @@ use crate::planner::expectation::{self, EvaluateOptions};
 use crate::planner::moving::Limits;
 use crate::planner::plan::VehiclePlan;
 use crate::planner::problem::Problem;
-use crate::planner::search::{self, Nearby};
+use crate::planner::search::Quick;
 use crate::planner::setup::Setup;
 use crate::planner::{LEAST_BIT_S_HZ, Method, Options, plan_slot};
 use crate::role::{PerVehicle, Role};
@@ -89,15 +89,14 @@ impl Opening {
         for _ in 0..SEARCHES {
             let problem = self.known_at(opens_s, 0.0);
             let setup = Setup::new(&problem).ok()?;
-            let (from, mut nearby) = (Setup::raw(&self.from), Nearby::new(&setup, &self.options));
-            let mut found: Vec<Raw> =
-                search::rough(&setup, &self.options).into_iter().map(|rough| rough.raw).collect();
-            found.extend(nearby.optimum(&from));
+            let (from, mut quick) = (Setup::raw(&self.from), Quick::new(&setup, &self.options));
+            let mut found: Vec<Raw> = quick.rough().into_iter().map(|rough| rough.raw).collect();
+            found.extend(quick.next_to(&from));
             let optima = if self.by_volume { found.len() } else { 0 };
             for k in 0..optima {
                 let on_the_way = PARTS.map(|part| on_the_way(&from, &found[k], part));
                 let allowed = on_the_way.into_iter().filter(|raw| is_allowed(&setup, raw));
-                found.extend(allowed.map(|raw| nearby.in_place(&raw)));
+                found.extend(allowed.map(|raw| quick.in_place(&raw)));
             }
             for vehicles in found.iter().map(|raw| setup.vehicles(raw)) {
                 let worth = self.worth_bps(&vehicles)?;
