@@ -519,4 +519,53 @@ mod tests {
         );
         assert_eq!(j.hear(4, Word::Follows, at(1400)), (false, None), "J's own word");
     }
+    #[test]
+    fn spec_a_question_that_was_overtaken_takes_the_place_of_no_newer_one() {
+        let mut j = Follower::new();
+        assert_eq!(j.hear_ask(&asked(2, [AT_REST, AT_REST], 1400)), (true, None));
+        assert_eq!(j.hear_ask(&asked(1, [AT_REST, AT_REST], 1300)), (false, None));
+        assert_eq!((j.planned(1, Some(7)), j.planned(2, Some(8))), (None, Some((2, Word::Planned(Some(8))))));
+        assert_eq!(j.hear_ask(&asked(1, [AT_REST, AT_REST], 1300)), (false, None));
+        assert_eq!(
+            j.hear_ask(&asked(2, [AT_REST, AT_REST], 1400)),
+            (false, Some((2, Word::Planned(Some(8)))))
+        );
+    }
+
+    #[test]
+    fn spec_who_says_that_it_left_what_it_flies_has_said_nothing() {
+        let mut i = Leader::new(at(0));
+        i.ask(at(1400), 1, at(1000)).unwrap();
+        i.planned(1, Some(7), at(1100));
+        assert_eq!(i.hear(1, Word::Planned(Some(7)), at(1100)), Some(1));
+        i.hear(1, Word::Left(1), at(1200));
+        assert!(!i.agrees(at(2000)) && !i.may_ask(at(2000)), "not known what J flies");
+    }
+
+    #[test]
+    fn spec_numbers_come_to_an_end_and_none_comes_twice() {
+        let mut i = Leader::new(at(0));
+        i.last = u16::MAX - 1;
+        assert_eq!(i.ask(at(1400), 1, at(1000)).map(|asked| asked.number), Some(u16::MAX));
+        i.planned(u16::MAX, None, at(1100));
+        assert_eq!(i.ask(at(2400), 1, at(2000)), None);
+    }
+
+    #[test]
+    fn spec_i_wakes_to_ask_again_to_give_up_and_to_say_what_it_has_taken_up() {
+        let mut i = Leader::new(at(0));
+        assert_eq!(i.timeout(), None);
+        i.ask(at(1400), 1, at(1000)).unwrap();
+        assert_eq!(i.timeout(), Some(at(1000)));
+        i.poll_ask(at(1000)).unwrap();
+        assert_eq!(i.timeout(), Some(at(1000) + AGAIN));
+        i.hear(1, Word::Planned(Some(7)), at(1050));
+        assert_eq!(i.timeout(), Some(at(1400)), "nothing more to ask");
+        i.planned(1, Some(7), at(1100));
+        assert_eq!(i.timeout(), Some(at(1100)), "to say that it is taken up");
+        i.poll_word(at(1100)).unwrap();
+        assert_eq!(i.timeout(), Some(at(1100) + AGAIN));
+        i.hear(1, Word::Follows, at(1150));
+        assert_eq!(i.timeout(), None);
+    }
 }

@@ -213,6 +213,17 @@ mod tests {
     }
 
     #[test]
+    fn spec_a_slot_is_repeated_that_was_carried_on_to_and_ended_before_its_close_with_nothing_served() {
+        let again = |carried_on, served, now_ms| {
+            Slot { carried_on, served, ..slot(Role::I) }.is_to_be_repeated(at(now_ms))
+        };
+        assert!(again(true, Served::No(None), 19_999));
+        assert!(!again(false, Served::No(None), 19_999));
+        assert!(!again(true, Served::No(None), 20_000));
+        assert!(!again(true, Served::Yes, 19_999));
+    }
+
+    #[test]
     fn spec_a_jammer_suffices_with_its_power_alone_and_to_the_close() {
         let slot = slot(Role::J);
         for (power_w, now_ms, until_ms) in [

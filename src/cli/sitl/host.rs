@@ -379,7 +379,7 @@ impl Host<'_> {
             let companion = &self.companions[role];
             let [vehicle_way, peer_way] = self.links.longest_ways(role);
             let told = sim::Circumstances {
-                runs: companion.lives() && !companion.frozen,
+                runs: companion.lives() && !companion.is_held(),
                 life: self.lives[role],
                 vehicle_link: self.links.vehicle_passage(role),
                 from_peer: self.links.pair_passage(role.peer()),
@@ -466,6 +466,10 @@ impl simulation::Host for Host<'_> {
         if let Err(error) = self.companions[role].fill_disk(full) {
             self.say(&format!("{role}  the disk cannot be made to look full: {error}"));
         }
+    }
+
+    fn stall_disk(&mut self, role: Role, stalled: bool) {
+        self.companions[role].stall(stalled);
     }
 
     fn set_pair_path(&mut self, from: Role, path: Option<simulation::Path>) {

@@ -80,7 +80,7 @@ impl<'a> Round<'a> {
     pub async fn begin(step: Step, companions: [&'a mut Companion; 2]) -> Self {
         let mut awaited = Vec::new();
         for companion in companions.into_iter().filter(|companion| companion.lives()) {
-            let runs = !companion.frozen && !companion.killed;
+            let runs = !companion.is_held() && !companion.killed;
             if let Some(lead) = companion.lead.as_mut().filter(|_| runs) {
                 lead.go(&step).await;
             }

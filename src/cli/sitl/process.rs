@@ -39,7 +39,9 @@ pub(super) struct Companion {
     /// Dead, to be started again.
     pub gone: bool,
     /// Stopped by a signal.
-    pub frozen: bool,
+    frozen: bool,
+    /// Waits for a disk that stalls.
+    stalled: bool,
     /// Sent the signal that nothing survives.
     pub killed: bool,
 }
@@ -58,7 +60,23 @@ impl Companion {
     /// Stops it by a signal, or lets it go on.
     pub fn freeze(&mut self, frozen: bool) {
         self.frozen = frozen;
-        self.signal(if frozen { Signal::STOP } else { Signal::CONT });
+        self.hold();
+    }
+
+    /// Lets it wait for its disk, or go on. A process cannot be given a slow disk: it does nothing meanwhile, which is the worst that
+    /// one could do to it.
+    pub fn stall(&mut self, stalled: bool) {
+        self.stalled = stalled;
+        self.hold();
+    }
+
+    /// It does nothing.
+    pub fn is_held(&self) -> bool {
+        self.frozen || self.stalled
+    }
+
+    fn hold(&self) {
+        self.signal(if self.is_held() { Signal::STOP } else { Signal::CONT });
     }
 
     /// Asks it to stop in order.
@@ -149,7 +167,7 @@ pub(super) fn spawn_companion(
     let mut child = spawn(&mut command, "companion", role, &log, said)?;
     let stdin = rate.is_none().then(|| child.stdin.take()).flatten();
     let lead = stdin.map(|stdin| Lead::new(role, stdin));
-    Ok(Companion { role, child, lead, end: None, gone: false, frozen: false, killed: false })
+    Ok(Companion { role, child, lead, end: None, gone: false, frozen: false, stalled: false, killed: false })
 }
 
 /// Starts a process of a vehicle's, which ends no later than this one; what it logs goes to the end of a file, and what the

@@ -312,6 +312,10 @@ impl Host for Flight {
         Self::fill_disk(self, role, full);
     }
 
+    fn stall_disk(&mut self, role: Role, stalled: bool) {
+        Self::stall_disk(self, role, stalled);
+    }
+
     fn set_pair_path(&mut self, from: Role, path: Option<Path>) {
         Self::set_pair_path(self, from, path.unwrap_or(Path::GOOD));
     }

@@ -18,8 +18,6 @@ const LAST_ONE: Duration = Duration::from_secs(300);
 const LAST_ONE_IDLE: Duration = Duration::from_secs(15);
 /// The kinds of fault of the pair link.
 const PAIR: [FaultKind; 3] = [FaultKind::PairLoss, FaultKind::PairDegraded, FaultKind::PairFrozen];
-/// The kinds in which the companion does nothing for a while.
-const STOPPED: [FaultKind; 2] = [FaultKind::CompanionStop, FaultKind::DiskStall];
 
 /// Runs the companions and carries their datagrams.
 pub trait Host {
@@ -43,6 +41,8 @@ pub trait Host {
     fn stop_within(&self) -> Duration;
     /// The disk under a companion's logs is full, or takes records again.
     fn fill_disk(&mut self, role: Role, full: bool);
+    /// That disk keeps what it is given waiting, or goes on.
+    fn stall_disk(&mut self, role: Role, stalled: bool);
     /// The pair link in the direction from `from`; `None`: as good as ever.
     fn set_pair_path(&mut self, from: Role, path: Option<Path>);
     /// Both directions of a companion's autopilot link; `None`: as good as ever.
@@ -135,10 +135,9 @@ impl Supervisor {
                     self.start_if_due(role, host);
                 }
             }
-            FaultKind::CompanionStop | FaultKind::DiskStall => {
-                host.freeze(role, STOPPED.iter().any(|kind| self.schedule.runs(*kind, role)));
-            }
+            FaultKind::CompanionStop => host.freeze(role, still),
             FaultKind::DiskFull => host.fill_disk(role, still),
+            FaultKind::DiskStall => host.stall_disk(role, still),
             FaultKind::PairLoss | FaultKind::PairDegraded | FaultKind::PairFrozen => {
                 host.set_pair_path(role, self.schedule.path(&PAIR, role));
             }
@@ -190,6 +189,7 @@ impl Supervisor {
             self.asked_to_stop[role] = Some(host.world().now());
             self.restarts[role] = None;
             host.freeze(role, false);
+            host.stall_disk(role, false);
             host.stop(role);
         }
     }

@@ -240,6 +240,7 @@ mod tests {
         let [Some(MavMessage::VEILWING_PLACES(asked)), None] = i.advance(at(11_000)) else {
             panic!("nothing is asked")
         };
+        assert_eq!(i.timeout(), Some(at(11_100)), "to ask again");
         // Nobody else's.
         for other in [
             wire::VEILWING_PLACES_DATA { boot_id: 98, ..asked.clone() },

@@ -332,3 +332,60 @@ pub enum Event {
     /// [`super::Coordinator::slot_planned`].
     PlanSlot(AskedSlot),
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geo::Pose;
+    use crate::planner::track::Followed;
+
+    fn terms(carries_on_after: Option<Duration>, follows: bool) -> SlotTerms {
+        let pose = Pose { position_enu_m: Enu::zeros(), roll_rad: 0.0, pitch_rad: 0.0, yaw_rad: 0.0 };
+        let vehicle = VehiclePlan { pose, tx_power_w: 0.5 };
+        let tracks = PerVehicle::from_fn(|role| Track::Followed(Followed::new(role, vehicle)));
+        SlotTerms {
+            anew: None,
+            vehicles: PerVehicle { i: vehicle, j: vehicle },
+            tracks: follows.then_some(tracks),
+            lean_rad: PerVehicle { i: 0.0, j: 0.0 },
+            opens: Duration::ZERO,
+            lead: Duration::ZERO,
+            carries_on_after,
+            radiate_from: Duration::ZERO,
+            radiate_until: Duration::from_secs(1),
+            length: Duration::from_secs(1),
+        }
+    }
+
+    #[test]
+    fn spec_the_slot_before_can_follow_where_it_carries_on_another_and_both_stay_where_they_are() {
+        let carries = Some(Duration::from_secs(3));
+        let slots = vec![terms(None, false), terms(carries, false), terms(carries, true), terms(None, false)];
+        let plan = PlanTerms { digest: [0; 32], slots };
+        let follows: Vec<(u16, u16)> = (0..4)
+            .flat_map(|slot| (0..5).map(move |next| (slot, next)))
+            .filter(|(slot, next)| plan.can_follow(*slot, *next))
+            .collect();
+        assert_eq!(follows, [(0, 0), (1, 1), (1, 2), (2, 2), (3, 3)]);
+        assert!(plan.can_follow(u16::MAX, u16::MAX) && !plan.can_follow(u16::MAX, 0));
+    }
+
+    #[test]
+    fn spec_who_follows_moves_and_who_has_no_track_does_not() {
+        assert!(terms(None, true).follows() && terms(None, true).is_in_motion());
+        assert!(!terms(None, false).follows() && !terms(None, false).is_in_motion());
+    }
+
+    #[test]
+    fn spec_a_rest_comes_back_from_the_wire_and_what_is_none_does_not() {
+        let attitude = Attitude::from_euler(0.3, -0.4, 0.5);
+        let place = Enu::new(1.5, -2.25, 80.0);
+        let rest = Rest::of(&place, &attitude);
+        assert_eq!(Rest::of_wire(rest.position_enu_m, rest.wxyz), Some(rest));
+        let (back, turned) = rest.pose().unwrap();
+        assert!(back == place && turned.rotation().angle_to(&attitude.rotation()) < 1e-6);
+        assert_eq!(Rest::of_wire(rest.position_enu_m, [0.0; 4]), None);
+        assert_eq!(Rest::of_wire([f32::NAN, 0.0, 0.0], rest.wxyz), None);
+        assert_eq!(Rest::of_wire([1e30, 0.0, 0.0], rest.wxyz), None);
+    }
+}

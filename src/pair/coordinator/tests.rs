@@ -1,6 +1,7 @@
 //! What a single odd datagram must not do. Whole pairs are simulated in tests/pair.
 
 mod bounds;
+mod carrying;
 mod saying;
 
 use super::super::wire::VeilwingAnswer;
@@ -303,6 +304,7 @@ fn spec_a_proposal_of_which_one_field_is_another_plan_s_is_refused() {
             _ => None,
         })
     };
+    assert_eq!(propose.plan_digest, wire::short(&[2; 32]));
     assert_eq!(answer(propose.clone()), Some(VeilwingAnswer::VEILWING_ANSWER_ACCEPTED));
     let changes: [fn(&mut wire::VEILWING_PROPOSE_DATA); 7] = [
         |p| p.plan_digest[7] ^= 1,
@@ -382,12 +384,51 @@ fn spec_j_makes_a_slot_s_poses_before_it_answers_and_agrees_where_it_finds_the_s
         said.iter().for_each(|m| j.handle_message(m, at(2020)));
         assert_eq!((events(&mut j), answers(&mut j)), (vec![], vec![]));
         let terms = found.map(|found| anew(&j, found));
+        // Nor by what another question has found.
+        j.slot_planned(&asked(1, 5), Some(anew(&j, 5)), at(2050));
+        assert_eq!(answers(&mut j), vec![]);
         // It answers as soon as it is.
         j.slot_planned(&asked(1, 3), terms, at(2060));
         assert_eq!(answers(&mut j), vec![expected], "{found:?}");
         said.iter().for_each(|m| j.handle_message(m, at(2070)));
         assert_eq!(answers(&mut j), vec![expected], "{found:?}");
     }
+}
+
+#[test]
+fn spec_what_is_said_late_of_a_slot_that_is_over_takes_the_place_of_nothing() {
+    let (mut i, mut j) = following();
+    let proposed = |i: &mut Coordinator, number: u8, ms: u64| {
+        propose_anew(i, number, ms);
+        let digest = |m: &MavMessage| match m {
+            MavMessage::VEILWING_PROPOSE(propose) => Some(propose.plan_digest),
+            _ => None,
+        };
+        let said = sent(i);
+        assert_eq!(said.iter().find_map(digest), Some([number; 8]));
+        let of_poses = |m: &MavMessage| matches!(m, MavMessage::VEILWING_PLACES(_));
+        let (places, rest): (Vec<_>, Vec<_>) = said.into_iter().partition(of_poses);
+        assert!(!places.is_empty());
+        (places, rest)
+    };
+    let hear = |j: &mut Coordinator, said: &[MavMessage], ms: u64| {
+        said.iter().for_each(|m| j.handle_message(m, at(ms)));
+        events(j)
+    };
+    let (old_places, old) = proposed(&mut i, 3, 2000);
+    hear(&mut j, &old_places, 2010);
+    assert_eq!(hear(&mut j, &old, 2010), vec![Event::PlanSlot(asked(1, 3))]);
+    let terms = anew(&j, 3);
+    j.slot_planned(&asked(1, 3), Some(terms), at(2020));
+    assert_eq!(answers(&mut j), vec![VeilwingAnswer::VEILWING_ANSWER_ACCEPTED]);
+    j.release(at(2030));
+    j.set_readiness(Some(0));
+    let Part::I(leader) = &mut i.part else { unreachable!() };
+    leader.withdraw();
+    let (places, rest) = proposed(&mut i, 4, 2100);
+    hear(&mut j, &places, 2110);
+    hear(&mut j, &old_places, 2110);
+    assert_eq!(hear(&mut j, &rest, 2110), vec![Event::PlanSlot(asked(2, 4))]);
 }
 
 #[test]

@@ -125,8 +125,8 @@ pub enum FaultKind {
     CompanionStop,
     /// The disk under the companion's logs takes nothing.
     DiskFull,
-    /// That disk answers nothing, and the companion waits for it: as in [`Self::CompanionStop`], nothing is done
-    /// meanwhile.
+    /// That disk keeps what it is given waiting. In virtual time the companion goes on, as it does in the air; a companion that
+    /// is a process is stopped with it, the worst that a disk could do.
     DiskStall,
     /// No frame passes between the vehicle and its companion.
     LinkLoss,

@@ -4,7 +4,7 @@ use super::*;
 
 const NANOSECOND: Duration = Duration::from_nanos(1);
 
-fn statuses(of: &mut Coordinator) -> Vec<wire::VEILWING_STATUS_DATA> {
+pub(super) fn statuses(of: &mut Coordinator) -> Vec<wire::VEILWING_STATUS_DATA> {
     let status = |message| match message {
         MavMessage::VEILWING_STATUS(status) => Some(status),
         _ => None,
