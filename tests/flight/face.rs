@@ -13,7 +13,7 @@ use veilwing::mission::{Figure, Outgoing, Vector};
 use veilwing::role::{PerVehicle, Role};
 use veilwing_sitl::World;
 
-use crate::harness::{LONGEST, yard};
+use crate::harness::{LONGEST, Planned, yard};
 
 /// A ground station on both vehicles.
 #[derive(Default)]
@@ -62,7 +62,11 @@ impl Watched {
 
     /// With other vehicle files.
     pub(super) fn of(start_unasked: bool, change: impl Fn(&mut VehicleDraft)) -> Self {
-        let planned = yard();
+        Self::flying(yard(), start_unasked, change)
+    }
+
+    /// With another mission, too.
+    pub(super) fn flying(planned: &Planned, start_unasked: bool, change: impl Fn(&mut VehicleDraft)) -> Self {
         let world = World::new(world_config(&planned.mission, &planned.plan).unwrap()).unwrap();
         let given = PerVehicle::from_fn(|role| {
             let mut draft = vehicle_draft(&planned.mission, role, [1, 2]);

@@ -15,7 +15,7 @@ use crate::harness::*;
 
 /// The demonstration's mission over twice the area, with users that walk or drive, and an eavesdropper that walks, of
 /// whom an operator tells.
-fn following() -> Setup {
+pub(super) fn following() -> Setup {
     static PLANNED: OnceLock<Planned> = OnceLock::new();
     let planned = PLANNED.get_or_init(|| {
         let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("config/mission.toml");

@@ -31,6 +31,7 @@ mod radio_table;
 mod reaction;
 mod reaction_table;
 mod setpoints;
+mod sightings;
 mod signed;
 mod start;
 mod tunnel;

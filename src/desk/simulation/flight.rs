@@ -10,6 +10,7 @@ use crate::companion::{MOST_WAITING, WOKEN_LATE};
 use crate::link::counters::Counters;
 use crate::link::{Aboard, Envelope};
 use crate::mission::{Outcome, Outgoing};
+use crate::planner::following::Moved;
 use crate::role::{PerVehicle, Role};
 
 use super::disk::Disk;
@@ -205,6 +206,16 @@ impl Flight {
         if let Some(process) = &mut self.processes[role] {
             let at = process.instant(now);
             process.executive.shutdown(at);
+            process.wakes_at = now;
+        }
+    }
+
+    /// The mission file of a companion was edited: those that move in it, or what is wrong with it.
+    pub fn edit_mission(&mut self, role: Role, edited: Result<Vec<Moved>, String>) {
+        let now = self.now;
+        if let Some(process) = &mut self.processes[role] {
+            let at = process.instant(now);
+            process.executive.handle_file(edited, at);
             process.wakes_at = now;
         }
     }
