@@ -160,17 +160,22 @@ mod tests {
         assert!(learnt_s(0.8, 0.0) <= LARGEST_S);
     }
 
-    /// Along a way of some metres a second, and so late, until it rests for as long again.
-    #[test]
-    fn val_how_late_a_place_is_is_learnt_along_the_way() {
+    /// Along a way of some metres a second, from then on.
+    fn along_a_way(start: Instant) -> Motion {
         let points =
             [[0.0, 0.0, 50.0], [60.0, 5.0, 52.0], [65.0, 55.0, 55.0], [-4.0, 52.0, 51.0]].map(Enu::from);
         let path = Arc::new(Spline { period_s: 36.0, control_enu_m: points.to_vec() });
         let limits =
             moving::Limits { speed_m_s: 9.0, climb_m_s: 3.0, acceleration_m_s2: 3.0, jerk_m_s3: None };
         let way = Way::new(path, 0.0, 10.0, &limits);
+        Motion::along(way.approach(20.0, &limits).unwrap(), Attitude::level(), start)
+    }
+
+    /// And so late, until it rests for as long again.
+    #[test]
+    fn val_how_late_a_place_is_is_learnt_along_the_way() {
         let start = Instant::from_start(Duration::from_secs(1));
-        let motion = Motion::along(way.approach(20.0, &limits).unwrap(), Attitude::level(), start);
+        let motion = along_a_way(start);
         for late_s in [0.0, 0.05, 0.2] {
             let mut lag = PlaceLag::default();
             for k in 0..3000u32 {
@@ -180,6 +185,23 @@ mod tests {
             }
             assert!((lag.lead().as_secs_f64() - late_s).abs() < 0.01, "{late_s}: {:?}", lag.lead());
         }
+    }
+
+    #[test]
+    fn spec_a_place_that_was_heard_or_overtaken_teaches_nothing_again() {
+        let start = Instant::from_start(Duration::from_secs(1));
+        let motion = along_a_way(start);
+        let is_fast =
+            |at: &Instant| motion.sample(*at).velocity_enu_m_s.vector().norm() > 2.0 * LEAST_SPEED_M_S;
+        let at = (1..60).map(|k| start + Duration::from_secs(k)).find(is_fast).unwrap();
+        let behind = motion.sample(at.after_s(-0.3)).position_enu_m;
+        let mut lag = PlaceLag::default();
+        lag.hear(&motion, &behind, at);
+        let learnt = lag.lead();
+        assert_ne!(learnt, PlaceLag::default().lead());
+        lag.hear(&motion, &behind, at);
+        lag.hear(&motion, &behind, at.after_s(-0.02));
+        assert_eq!(lag.lead(), learnt);
     }
 
     #[test]

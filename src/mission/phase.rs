@@ -100,7 +100,6 @@ impl Motion {
         let rest = Self::new(Trajectory::rest(&Start { position_enu_m, attitude }), now);
         let along = |(glide, begins_at): (Glide, Instant)| Self {
             glide: Some((glide.clone(), begins_at)),
-            rests_s: Some(glide.rests_s()),
             ..Self::along(glide, attitude, now)
         };
         if let Some(glide) = self.glide.clone() {
@@ -257,6 +256,8 @@ impl Phase {
 mod tests {
     use super::*;
     use crate::geo::Enu;
+    use crate::geo::Pose;
+    use crate::planner::track::samples::{LIMITS, on_a_way};
     use crate::schedule::trajectory::Limits;
 
     fn at(s: u64) -> Instant {
@@ -280,6 +281,48 @@ mod tests {
         {
             assert_eq!(motion.is_over(now), over, "{now:?}");
         }
+    }
+
+    /// Its trajectory is flown by the 104th second or before, and its slot opens at the 110th.
+    fn on_track() -> Motion {
+        let motion = motion();
+        let pose = Pose { position_enu_m: Enu::zeros(), roll_rad: 0.0, pitch_rad: 0.0, yaw_rad: 0.0 };
+        let track = Some((on_a_way(pose, None), at(110)));
+        assert!(motion.ends_at() <= at(104));
+        Motion::on_track(motion.trajectory, at(100), track)
+    }
+
+    #[test]
+    fn spec_a_track_takes_over_once_the_trajectory_is_flown_and_moves_from_its_opening_on() {
+        let motion = on_track();
+        let is = |now| (motion.is_on_track(now), motion.is_on_way(now), motion.is_at_rest(now));
+        assert_eq!(is(at(101)), (false, false, false), "on the trajectory");
+        assert_eq!(is(at(112)), (true, true, false), "on the way");
+        assert!(!motion.follows(at(112)));
+        let plain = Motion::new(motion.trajectory, at(100));
+        assert!(!plain.is_at_rest(at(101)) && plain.is_at_rest(at(112)));
+        assert!(!plain.is_on_track(at(112)) && !plain.is_on_way(at(112)));
+    }
+
+    #[test]
+    fn spec_who_is_stopped_on_a_way_comes_to_rest_on_it_and_says_where() {
+        let stopped = on_track().stopped(at(112), &LIMITS);
+        let (glide, begins_at) = stopped.glide.clone().unwrap();
+        assert_eq!((stopped.rests_s, stopped.track.is_none()), (Some(glide.rests_s()), true));
+        let rests_at = begins_at.after_s(glide.lasts_s());
+        assert!(rests_at > at(112) && rests_at < at(120));
+        assert!(!stopped.is_at_rest(at(112)) && stopped.is_at_rest(at(120)));
+        let before = on_track().sample(at(112));
+        let (here, there) = (stopped.sample(at(112)), stopped.sample(at(120)));
+        assert!((here.position_enu_m - before.position_enu_m).norm() < 1e-6, "it goes on from where it is");
+        assert!(there.velocity_enu_m_s.vector().norm() < 1e-9 && there.position_enu_m != here.position_enu_m);
+        // Once more changes nothing.
+        let again = stopped.stopped(at(113), &LIMITS);
+        assert_eq!(
+            (again.rests_s, again.sample(at(120)).position_enu_m),
+            (stopped.rests_s, there.position_enu_m)
+        );
+        assert!(!again.is_at_rest(at(113)));
     }
 
     #[test]

@@ -7,6 +7,8 @@
 
 mod followed;
 mod planned;
+#[cfg(test)]
+pub(crate) mod samples;
 mod way;
 
 pub use followed::Followed;

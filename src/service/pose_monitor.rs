@@ -310,10 +310,8 @@ mod tests {
     use rand::{RngExt, SeedableRng};
 
     use super::*;
-    use crate::planner::moving::{self, Spline};
-    use crate::planner::plan::VehiclePlan;
-    use crate::planner::track::tracks;
-    use crate::planner::turning::{Between, Course, Knot, Protected, Slot};
+    use crate::planner::track::samples::on_a_way;
+    use crate::planner::turning;
     use crate::role::PerVehicle;
 
     fn pose() -> Pose {
@@ -365,32 +363,48 @@ mod tests {
         }
     }
 
-    /// East at some 6 m/s by the second second, and back; clocks that differ by up to 20 ms.
+    #[test]
+    fn val_what_the_plan_bears_is_asked_for_and_no_less_than_what_a_vehicle_can_hold() {
+        let (none_m, none_rad) = (turning::LARGEST_M, turning::LARGEST_RAD);
+        for (bears_m, bears_rad, limit_m, limit_rad) in [
+            (0.6, none_rad, 0.6, 3f64.to_radians()),
+            (0.1, none_rad, HELD_M, 3f64.to_radians()),
+            (none_m, none_rad, 0.85, 3f64.to_radians()),
+            (none_m, 0.03, 0.85, 0.03),
+            (none_m, 0.001, 0.85, HELD_RAD),
+        ] {
+            let track = on_a_way(
+                pose(),
+                Some(turning::Tolerance {
+                    pointing_rad: PerVehicle { i: none_rad, j: bears_rad },
+                    position_m: PerVehicle { i: none_m, j: bears_m },
+                    user_sinr_ratio: 1.0,
+                }),
+            );
+            let place_enu_m = track.place(2.0).unwrap().position_enu_m;
+            let serves = |off_m: f64, off_rad: f64| {
+                let mut monitor = PoseMonitor::new(
+                    Reference { track: Some(track.clone()), ..still() },
+                    Tolerance::for_jitter(0.0),
+                );
+                monitor.position(place_enu_m + Vector3::new(0.0, 0.0, 0.5 * off_m), at(1900));
+                monitor.position(place_enu_m + Vector3::new(0.0, 0.0, off_m), at(2000));
+                let off = nalgebra::UnitQuaternion::from_scaled_axis(Vector3::new(off_rad, 0.0, 0.0));
+                monitor.attitude(&Attitude::from_rotation(pose().attitude().rotation() * off), at(2000));
+                monitor.serves()
+            };
+            assert!(serves(0.0, 0.0));
+            for (share, within) in [(0.99, true), (1.01, false)] {
+                assert_eq!(serves(share * limit_m, 0.0), within, "{bears_m} m: {share}");
+                assert_eq!(serves(0.0, share * limit_rad), within, "{bears_rad} rad: {share}");
+            }
+        }
+    }
+
+    /// Clocks that differ by up to 20 ms.
     #[test]
     fn val_a_place_that_moves_serves_where_it_certainly_is_and_is_lost_where_it_certainly_is_not() {
-        let points =
-            [[0.0, 0.0, 80.0], [30.0, 0.0, 80.0], [30.0, 20.0, 80.0], [0.0, 20.0, 80.0]].map(Enu::from);
-        let ways = PerVehicle::from_fn(|_| Spline { period_s: 20.0, control_enu_m: points.to_vec() });
-        let limits =
-            moving::Limits { speed_m_s: 9.0, climb_m_s: 3.0, acceleration_m_s2: 3.0, jerk_m_s3: None };
-        let vehicle = VehiclePlan { pose: pose(), tx_power_w: 0.1 };
-        let knot = |at_s: f64| Knot {
-            at_s,
-            vehicles: PerVehicle { i: vehicle, j: vehicle },
-            served: Some(0),
-            rate_bps: 1e6,
-            tolerance: None,
-        };
-        let slot = Slot {
-            user: 0,
-            on_air_s: 9.0,
-            silence_s: 1.0,
-            between: Between::Turn(PerVehicle { i: Course::Shortest, j: Course::Shortest }),
-            volume_bits: 1e6,
-            knots: vec![knot(0.5), knot(9.5)],
-        };
-        let turns = Protected { slots: vec![slot], superframe_s: 10.0 };
-        let track = tracks(&turns, Some(&ways), 1.0, &PerVehicle { i: limits, j: limits })[0].j.clone();
+        let track = on_a_way(pose(), None);
         let place = track.place(2.0).unwrap();
         let speed_m_s = place.velocity_enu_m_s.vector().norm();
         assert!(speed_m_s > 3.0);
