@@ -242,9 +242,15 @@ impl PoseMonitor {
         let Distance { error_m, known_to_m } = distance;
         self.distance = Some(distance);
         // It comes where it certainly is, and leaves where it certainly is not. What is no number is no place.
-        let most_m = self.tolerance.position_m;
-        let limit_m = if self.placed { most_m + known_to_m } else { ARRIVED * most_m - known_to_m };
-        self.placed = error_m <= limit_m;
+        self.placed = self.is_near() || self.placed && error_m <= self.tolerance.position_m + known_to_m;
+    }
+
+    /// Whether the position is near enough to come on the air at. One that has come so near, and hangs on its way out again, holds
+    /// its pose and no more: by its estimator's error it may be out of it.
+    #[must_use]
+    pub fn is_near(&self) -> bool {
+        let near = |at: Distance| at.error_m <= ARRIVED * self.tolerance.position_m - at.known_to_m;
+        self.distance.is_some_and(near)
     }
 
     /// Feeds the attitude measured at `at`; a sample already fed is ignored.
@@ -360,6 +366,23 @@ mod tests {
             };
             let there = [0.99, 0.86, 0.84, 0.99, 1.01, 0.99, 0.86, 0.84].map(&mut is_placed);
             assert_eq!(there, [false, false, true, true, false, false, false, true], "{tolerance_m}");
+        }
+    }
+
+    #[test]
+    fn spec_who_has_come_near_and_drifts_out_again_holds_its_pose_and_does_not_begin_there() {
+        let mut monitor = PoseMonitor::new(still(), Tolerance::for_jitter(0.0));
+        monitor.attitude(&pose().attitude(), at(0));
+        assert!(!monitor.is_near());
+        for (ms, off_m, holds, near) in [
+            (0, 0.86, false, false),
+            (1, 0.84, true, true),
+            (2, 0.99, true, false),
+            (3, 0.84, true, true),
+            (4, 1.01, false, false),
+        ] {
+            monitor.position(pose().position_enu_m + Vector3::new(off_m, 0.0, 0.0), at(ms));
+            assert_eq!((monitor.check().is_ok(), monitor.is_near()), (holds, near), "{off_m}");
         }
     }
 
