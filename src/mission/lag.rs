@@ -129,8 +129,9 @@ mod tests {
     use std::sync::Arc;
 
     use super::*;
-    use crate::planner::moving::{self, Spline};
+    use crate::planner::moving::Spline;
     use crate::planner::track::Way;
+    use crate::planner::track::samples::LIMITS;
     use crate::schedule::trajectory::{Limits, Start, Trajectory};
 
     /// A turn about an axis askew, at 45 deg/s for two seconds, followed by a vehicle as late as that.
@@ -165,10 +166,8 @@ mod tests {
         let points =
             [[0.0, 0.0, 50.0], [60.0, 5.0, 52.0], [65.0, 55.0, 55.0], [-4.0, 52.0, 51.0]].map(Enu::from);
         let path = Arc::new(Spline { period_s: 36.0, control_enu_m: points.to_vec() });
-        let limits =
-            moving::Limits { speed_m_s: 9.0, climb_m_s: 3.0, acceleration_m_s2: 3.0, jerk_m_s3: None };
-        let way = Way::new(path, 0.0, 10.0, &limits);
-        Motion::along(way.approach(20.0, &limits).unwrap(), Attitude::level(), start)
+        let way = Way::new(path, 0.0, 10.0, &LIMITS);
+        Motion::along(way.approach(20.0, &LIMITS).unwrap(), Attitude::level(), start)
     }
 
     /// And so late, until it rests for as long again.

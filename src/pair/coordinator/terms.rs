@@ -335,26 +335,12 @@ pub enum Event {
 
 #[cfg(test)]
 mod tests {
+    use super::super::tests::{followed, terms as still};
     use super::*;
-    use crate::geo::Pose;
-    use crate::planner::track::Followed;
 
     fn terms(carries_on_after: Option<Duration>, follows: bool) -> SlotTerms {
-        let pose = Pose { position_enu_m: Enu::zeros(), roll_rad: 0.0, pitch_rad: 0.0, yaw_rad: 0.0 };
-        let vehicle = VehiclePlan { pose, tx_power_w: 0.5 };
-        let tracks = PerVehicle::from_fn(|role| Track::Followed(Followed::new(role, vehicle)));
-        SlotTerms {
-            anew: None,
-            vehicles: PerVehicle { i: vehicle, j: vehicle },
-            tracks: follows.then_some(tracks),
-            lean_rad: PerVehicle { i: 0.0, j: 0.0 },
-            opens: Duration::ZERO,
-            lead: Duration::ZERO,
-            carries_on_after,
-            radiate_from: Duration::ZERO,
-            radiate_until: Duration::from_secs(1),
-            length: Duration::from_secs(1),
-        }
+        let terms = SlotTerms { carries_on_after, ..still() };
+        if follows { followed(terms) } else { terms }
     }
 
     #[test]

@@ -39,10 +39,16 @@ fn coordinator_of(role: Role, boot_id: u32, mission_digest: [u8; 32], plan_diges
         clock_tolerance: Duration::from_millis(250),
         orders: super::super::orders::Record::default(),
     };
+    let mut coordinator = Coordinator::new(settings, Instant::ZERO);
+    coordinator.set_plan(PlanTerms { digest: plan_digest, slots: vec![terms(); 3] });
+    coordinator
+}
+
+/// Of a slot that is served from a standstill.
+pub(super) fn terms() -> SlotTerms {
     let pose = Pose { position_enu_m: Enu::new(1.0, 2.3, 80.7), roll_rad: 0.7, pitch_rad: 0.1, yaw_rad: 0.0 };
     let vehicle = VehiclePlan { pose, tx_power_w: 0.5 };
-    let mut coordinator = Coordinator::new(settings, Instant::ZERO);
-    let terms = SlotTerms {
+    SlotTerms {
         anew: None,
         vehicles: PerVehicle { i: vehicle, j: vehicle },
         tracks: None,
@@ -53,9 +59,13 @@ fn coordinator_of(role: Role, boot_id: u32, mission_digest: [u8; 32], plan_diges
         radiate_from: Duration::ZERO,
         radiate_until: Duration::from_secs(1),
         length: Duration::from_secs(1),
-    };
-    coordinator.set_plan(PlanTerms { digest: plan_digest, slots: vec![terms; 3] });
-    coordinator
+    }
+}
+
+/// The same of one in which motions are made anew.
+pub(super) fn followed(terms: SlotTerms) -> SlotTerms {
+    let track = |role: Role| Track::Followed(Followed::new(role, terms.vehicles[role]));
+    SlotTerms { tracks: Some(PerVehicle::from_fn(track)), ..terms }
 }
 
 fn sent(from: &mut Coordinator) -> Vec<MavMessage> {
@@ -328,10 +338,7 @@ fn following() -> (Coordinator, Coordinator) {
     let (mut i, mut j) = pair();
     for one in [&mut i, &mut j] {
         let plan = one.plan.as_mut().unwrap();
-        for slot in &mut plan.slots {
-            let track = |role: Role| Track::Followed(Followed::new(role, slot.vehicles[role]));
-            slot.tracks = Some(PerVehicle::from_fn(track));
-        }
+        plan.slots.iter_mut().for_each(|slot| *slot = followed(slot.clone()));
     }
     (i, j)
 }

@@ -9,7 +9,7 @@ const BETWEEN: Duration = Duration::from_secs(3);
 const LENGTH: Duration = Duration::from_secs(100);
 
 /// Committed to the first slot, which the second carries on, and each knows it of the other; at 8 s.
-fn carrying(mut i: Coordinator, mut j: Coordinator) -> (Coordinator, Coordinator) {
+fn carrying((mut i, mut j): (Coordinator, Coordinator)) -> (Coordinator, Coordinator) {
     for side in [&mut i, &mut j] {
         side.plan.as_mut().unwrap().slots[1].carries_on_after = Some(BETWEEN);
     }
@@ -34,10 +34,7 @@ fn val_a_slot_opens_by_the_clock_on_both_sides_and_no_clock_moves_it_by_more_tha
     for (off_us, moved_us) in
         [(0, 0), (1000, 0), (1001, 1001), (20_000, 20_000), (20_600, 20_600), (90_000, 20_600)]
     {
-        let (mut i, mut j) = {
-            let (i, j) = pair();
-            carrying(i, j)
-        };
+        let (mut i, mut j) = carrying(pair());
         for side in [&mut i, &mut j] {
             let before = side.commitment().unwrap();
             let (carried, closes_at) = carried(side, off_us);
@@ -50,8 +47,7 @@ fn val_a_slot_opens_by_the_clock_on_both_sides_and_no_clock_moves_it_by_more_tha
         }
     }
     // And ahead.
-    let (i, j) = pair();
-    let (mut i, _) = carrying(i, j);
+    let (mut i, _) = carrying(pair());
     i.set_utc(Some(utc(8005)), at(8000));
     let closes_at = i.commitment().unwrap().opens_at + LENGTH;
     let early = closes_at + BETWEEN - Duration::from_millis(5);
@@ -61,8 +57,7 @@ fn val_a_slot_opens_by_the_clock_on_both_sides_and_no_clock_moves_it_by_more_tha
 #[test]
 fn spec_what_the_plan_has_otherwise_or_the_other_has_left_is_not_carried_on() {
     let closes_at = at(8000);
-    let (i, j) = pair();
-    let (i, j) = carrying(i, j);
+    let (i, j) = carrying(pair());
     for mut side in [i, j] {
         let mut left = side.clone();
         left.agreed.as_mut().unwrap().peer_left = true;
@@ -81,8 +76,7 @@ fn spec_what_the_plan_has_otherwise_or_the_other_has_left_is_not_carried_on() {
 
 #[test]
 fn spec_a_motion_is_asked_for_made_and_taken_up_by_both_over_the_wire() {
-    let (i, j) = following();
-    let (mut i, mut j) = carrying(i, j);
+    let (mut i, mut j) = carrying(following());
     let opens_ms = 7000;
     assert!(i.may_ask_motion(at(8000)) && !j.may_ask_motion(at(8000)));
     assert!(!i.may_ask_motion(at(opens_ms - 10)), "before the opening nothing moves");
@@ -108,8 +102,7 @@ fn spec_a_motion_is_asked_for_made_and_taken_up_by_both_over_the_wire() {
 
 #[test]
 fn spec_i_knows_that_j_does_not_fly_what_it_flies() {
-    let (i, j) = following();
-    let (mut i, mut j) = carrying(i, j);
+    let (mut i, mut j) = carrying(following());
     i.ask_motion(Places::new(1400), at(8000));
     run(&mut i, &mut j, 8000);
     i.motion_planned(1, Some(9), at(8010));
