@@ -257,7 +257,10 @@ mod tests {
     use super::*;
     use crate::geo::Enu;
     use crate::geo::Pose;
+    use crate::planner::plan::VehiclePlan;
+    use crate::planner::track::Followed;
     use crate::planner::track::samples::{LIMITS, on_a_way};
+    use crate::role::Role;
     use crate::schedule::trajectory::Limits;
 
     fn at(s: u64) -> Instant {
@@ -302,6 +305,15 @@ mod tests {
         let plain = Motion::new(motion.trajectory, at(100));
         assert!(!plain.is_at_rest(at(101)) && plain.is_at_rest(at(112)));
         assert!(!plain.is_on_track(at(112)) && !plain.is_on_way(at(112)));
+    }
+
+    #[test]
+    fn spec_a_track_that_is_made_anew_is_followed_once_it_has_taken_over() {
+        let pose = Pose { position_enu_m: Enu::zeros(), roll_rad: 0.0, pitch_rad: 0.0, yaw_rad: 0.0 };
+        let followed = Followed::new(Role::I, VehiclePlan { pose, tx_power_w: 0.5 });
+        let track = Some((Track::Followed(followed), at(110)));
+        let motion = Motion::on_track(motion().trajectory, at(100), track);
+        assert!(!motion.follows(at(101)) && motion.follows(at(112)));
     }
 
     #[test]

@@ -5,10 +5,11 @@ use std::time::Duration;
 
 use mavlink::MavHeader;
 use mavlink::dialects::ardupilotmega::{MavMessage as Common, TIMESYNC_DATA};
+use veilwing::geo::Enu;
 use veilwing::pair::Order;
 use veilwing::pair::wire::{self, VeilwingSilence};
 use veilwing::role::{PerVehicle, Role};
-use veilwing::service::{Outgoing, Standing, Tolerance};
+use veilwing::service::{Outgoing, Standing, Tolerance, Vehicle};
 use veilwing::time::Instant;
 
 use super::clocks::Clocks;
@@ -191,6 +192,31 @@ fn spec_a_killed_j_jams_on_while_i_may_rest_on_it_and_says_so() {
     pair.order(Role::I, Order::Kill);
     assert!(!pair.is_on(Role::I), "at once");
     pair.until(|pair| !pair.is_on(Role::J));
+}
+
+/// 0.9 m off: beyond what a vehicle must come to, within what it may hold.
+#[test]
+fn spec_who_hangs_at_the_edge_of_its_pose_stays_on_the_air_and_does_not_come_on() {
+    fn at_the_edge(here: &mut Vehicle) {
+        here.position.as_mut().unwrap().0 += Enu::new(0.9, 0.0, 0.0);
+    }
+    for role in Role::BOTH {
+        let mut pair = Pair::new();
+        pair.until(|pair| pair.standing(role) == Standing::Agreed);
+        let slot = pair.companions[role].service.slot().unwrap();
+        let (opens_at, later) = (slot.commitment.opens_at, slot.radiate_from + Duration::from_secs(1));
+        // By then it has come, and it does not leave.
+        pair.until(|pair| pair.now() >= opens_at);
+        pair.companions[role].amiss = at_the_edge;
+        pair.until(|pair| pair.now() >= later);
+        assert!(!pair.is_on(role) && !pair.is_on(Role::I), "{role}");
+        pair.companions[role].amiss = |_| {};
+        pair.until(|pair| pair.is_on(Role::I));
+        assert_eq!(pair.companions[role].service.slot_number(), 0, "{role}");
+        pair.companions[role].amiss = at_the_edge;
+        pair.run(Duration::from_millis(200));
+        assert!(pair.is_on(Role::I) && pair.is_on(Role::J), "{role}");
+    }
 }
 
 #[test]
