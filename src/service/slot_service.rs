@@ -551,12 +551,16 @@ impl SlotService {
         if self.watch_peer_ending(terms.is_none()) || self.is_elsewhere(next) {
             return self.pair.set_readiness(None);
         }
-        let Some((opens, lead)) = terms else {
-            self.leave(now);
-            self.events.push_back(Event::AllOver);
-            return;
-        };
         let (paused, waited) = (self.orders().is_paused(), now.saturating_since(since));
+        let Some((opens, lead)) = terms else {
+            // A pause holds after the last slot, too, unless the other has gone home.
+            let peer_ended = self.peer().says(VeilwingFlags::VEILWING_FLAGS_ENDED);
+            if paused && waited <= LONGEST_PAUSE && !peer_ended {
+                return self.pair.set_readiness(None);
+            }
+            self.leave(now);
+            return self.events.push_back(Event::AllOver);
+        };
         if waited > LONGEST_WAIT && !paused || waited > LONGEST_PAUSE {
             return self.events.push_back(Event::GiveUp(GiveUp::NoSlot(waited)));
         }

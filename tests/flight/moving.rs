@@ -96,15 +96,20 @@ fn spec_a_pair_that_is_paused_in_motion_comes_to_rest_on_its_way_and_is_served_a
 
 /// The table's way home begins where the last slot is left in motion.
 #[test]
-fn spec_a_pair_whose_last_slot_ended_early_goes_home_from_where_it_rests() {
+fn spec_a_pair_that_is_paused_in_its_last_slot_holds_and_then_goes_home_from_where_it_rests() {
     for paused in [false, true] {
         let mut flight = amid(3);
         if paused {
             flight.command_with(Role::I, MavCmd::MAV_CMD_DO_PAUSE_CONTINUE, 0.0);
+            flight.pass(Duration::from_secs(4));
+            assert!(moved_m(&mut flight, Duration::from_secs(20)) < 0.3, "{}", flight.story());
+            flight.command_with(Role::J, MavCmd::MAV_CMD_DO_PAUSE_CONTINUE, 1.0);
         }
         flight.fly_out();
         flight.assert_safe();
-        assert_eq!(flight.outcomes.i, Some(Outcome::Completed), "{}", flight.story());
+        for role in Role::BOTH {
+            assert_eq!(flight.outcomes[role], Some(Outcome::Completed), "{}", flight.story());
+        }
         // Said by who has come to rest first.
         assert_eq!(flight.said(Role::I, "returning home").is_some(), paused, "{}", flight.story());
     }

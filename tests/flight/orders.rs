@@ -91,6 +91,37 @@ fn spec_kill_pause_and_return_are_obeyed_when_they_are_said_to_all() {
 }
 
 #[test]
+fn spec_a_pause_in_the_last_slot_holds_until_it_is_continued_or_called_home_or_too_long() {
+    for ended_by in
+        [Some(MavCmd::MAV_CMD_DO_PAUSE_CONTINUE), Some(MavCmd::MAV_CMD_NAV_RETURN_TO_LAUNCH), None]
+    {
+        let mut flight = on_the_air(Setup::default(), 1);
+        flight.command_with(Role::J, MavCmd::MAV_CMD_DO_PAUSE_CONTINUE, 0.0);
+        flight.pass(Duration::from_secs(5));
+        let at = Role::BOTH.map(|role| flight.place(role));
+        flight.pass(Duration::from_secs(60));
+        for (role, at) in Role::BOTH.into_iter().zip(at) {
+            assert!((flight.place(role) - at).norm() < 0.3, "{role}: {}", flight.story());
+            assert!(flight.silent_after(role, flight.now).is_zero());
+        }
+        let since = flight.now;
+        match ended_by {
+            Some(command) => flight.command_with(Role::I, command, 1.0),
+            // Ten minutes at most.
+            None => flight.pass(Duration::from_secs(600)),
+        }
+        flight.fly_out();
+        flight.assert_safe();
+        assert!(flight.log.on_air.iter().all(|(at, on)| *at < since || *on == [false, false]));
+        let completed = ended_by != Some(MavCmd::MAV_CMD_NAV_RETURN_TO_LAUNCH);
+        for role in Role::BOTH {
+            assert_eq!(flight.outcomes[role] == Some(Outcome::Completed), completed, "{}", flight.story());
+            assert!(flight.landed(role), "{}", flight.story());
+        }
+    }
+}
+
+#[test]
 fn spec_start_and_continue_are_obeyed_when_they_are_said_to_the_companion_and_not_to_all() {
     let mut flight = Flight::new(Setup { start_unasked: false, ..Setup::default() });
     flight.pass(Duration::from_secs(20));
