@@ -113,7 +113,7 @@ fn spec_a_pause_in_the_last_slot_holds_until_it_is_continued_or_called_home_or_t
         flight.fly_out();
         flight.assert_safe();
         assert!(flight.log.on_air.iter().all(|(at, on)| *at < since || *on == [false, false]));
-        let completed = ended_by != Some(MavCmd::MAV_CMD_NAV_RETURN_TO_LAUNCH);
+        let completed = ended_by == Some(MavCmd::MAV_CMD_DO_PAUSE_CONTINUE);
         for role in Role::BOTH {
             assert_eq!(flight.outcomes[role] == Some(Outcome::Completed), completed, "{}", flight.story());
             assert!(flight.landed(role), "{}", flight.story());

@@ -125,22 +125,20 @@ impl SlotService {
     ) {
         let next = self.asked_again(next);
         let terms = self.pair.slot_terms(next).map(|terms| (terms.opens, terms.lead));
-        if self.watch_peer_ending(terms.is_none()) || self.is_elsewhere(next) {
+        let (paused, waited) = (self.orders().is_paused(), now.saturating_since(since));
+        // A pause holds after the last slot, too.
+        let all_over = terms.is_none() && !paused;
+        if self.watch_peer_ending(all_over) || self.is_elsewhere(next) {
             return self.pair.set_readiness(None);
         }
-        let (paused, waited) = (self.orders().is_paused(), now.saturating_since(since));
-        let Some((opens, lead)) = terms else {
-            // A pause holds after the last slot, too, unless the other has gone home.
-            let peer_ended = self.peer().says(VeilwingFlags::VEILWING_FLAGS_ENDED);
-            if paused && waited <= LONGEST_PAUSE && !peer_ended {
-                return self.pair.set_readiness(None);
-            }
+        if all_over {
             self.leave(now);
             return self.events.push_back(Event::AllOver);
-        };
+        }
         if waited > LONGEST_WAIT && !paused || waited > LONGEST_PAUSE {
             return self.events.push_back(Event::GiveUp(GiveUp::NoSlot(waited)));
         }
+        let Some((opens, lead)) = terms else { return self.pair.set_readiness(None) };
         // A peer that is still in the last slot, be it for milliseconds, would refuse, and a refusal costs half a second.
         let free =
             self.peer().says(VeilwingFlags::VEILWING_FLAGS_AIRBORNE) && self.peer().committed.is_none();
