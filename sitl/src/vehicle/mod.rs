@@ -366,10 +366,6 @@ impl Vehicle {
         self.own_position_enu_m() + self.estimator.lie_m()
     }
 
-    pub(crate) fn nominal_attitude(&self) -> &UnitQuaternion<f64> {
-        &self.dynamics.attitude
-    }
-
     /// The body's true attitude, jitter included.
     pub(crate) fn attitude(&self) -> &UnitQuaternion<f64> {
         &self.attitude

@@ -299,7 +299,6 @@ impl World {
     /// `of_i`: what the plan of I's slot asks of this vehicle.
     fn seen(&self, k: usize, of_i: Option<Reference>) -> Seen {
         let vehicle = &self.vehicles[k];
-        let (position, attitude) = (vehicle.position_enu_m(), vehicle.nominal_attitude());
         let supposed = vehicle.supposed_position_enu_m();
         let slot = self.slot_of(k);
         let plan = slot.map(|s| self.reference(s, k, self.now));
@@ -315,9 +314,9 @@ impl World {
             plan,
             off,
             error: plan.map_or((0.0, 0.0), |p| {
-                ((position - p.position).norm(), attitude.angle_to(&p.attitude).to_degrees())
+                ((supposed - p.position).norm(), own.angle_to(&p.attitude).to_degrees())
             }),
-            position,
+            position: vehicle.position_enu_m(),
             supposed,
             home: vehicle.home_enu_m(),
             airborne: vehicle.airborne(),

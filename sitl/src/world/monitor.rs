@@ -51,7 +51,7 @@ pub(crate) struct Seen {
     pub plan: Option<Reference>,
     /// How it compares with that plan; without one there is no pose to be in.
     pub off: Off,
-    /// How far off it is, metres and degrees.
+    /// How far off it is by what it is judged by, metres and degrees.
     pub error: (f64, f64),
     pub position: Vector3<f64>,
     /// Where an estimator that a fault has misled takes it to be. Poses and the geofence are judged there: a lie that
