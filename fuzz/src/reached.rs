@@ -37,6 +37,12 @@ impl Write for Fingerprint {
     }
 }
 
+/// An input without backticks: errors quote by them whatever they quote, and with some of its own every value would be an outcome.
+#[must_use]
+pub fn unquoted(input: &[u8]) -> Vec<u8> {
+    input.iter().map(|byte| if *byte == b'`' { b'_' } else { *byte }).collect()
+}
+
 /// A set of outcomes. A target notes kinds (a reason, a state, an event), never values that any input has of its own.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Reached(BTreeSet<u64>);
@@ -128,6 +134,9 @@ mod tests {
         reached.sentence("refused", "`speed_m_s` is 7, above the maximum of 5");
         reached.sentence("refused", "`climb_m_s` is 99.5, above the maximum of 20");
         reached.sentence("refused", r#""a \" b" is 7, above the maximum of 5"#);
+        let value = unquoted(b"climb`m`s");
+        let told = format!("`{}` is 7, above the maximum of 5", String::from_utf8_lossy(&value));
+        reached.sentence("refused", &told);
         assert_eq!(reached.len(), 1);
         for (times, kinds) in [(0, 1), (1, 2), (2, 3), (3, 4), (4, 4), (5, 5)] {
             reached.count("frames", times);

@@ -6,7 +6,7 @@ use veilwing::config::{Diagnostics, Mission, Vehicle, plan_of_text};
 use veilwing::desk::simulation::{Faults, Lengths, draw};
 use veilwing_sitl::{AirframeError, AirframeModel};
 
-use crate::reached::Reached;
+use crate::reached::{Reached, unquoted};
 use crate::target::Target;
 
 const FILE: &str = "f.toml";
@@ -125,6 +125,10 @@ fn plans() -> Vec<Vec<u8>> {
     vec![format!("{{\"format\":\"veilwing-plan/1\",\n\"slots\":[{slot}]}}\n").into_bytes()]
 }
 
+fn text(input: &[u8]) -> String {
+    String::from_utf8_lossy(&unquoted(input)).into_owned()
+}
+
 /// Looks at what was found wrong, or not.
 fn judge<T: Debug>(text: &str, read: Result<T, Diagnostics>, reached: &mut Reached) -> Option<T> {
     let findings = match read {
@@ -150,7 +154,7 @@ fn warned(findings: &Diagnostics, reached: &mut Reached) {
 }
 
 fn mission(input: &[u8], reached: &mut Reached) {
-    let text = String::from_utf8_lossy(input);
+    let text = text(input);
     let Some(mission) = judge(&text, Mission::parse(FILE, &text), reached) else { return };
     warned(&mission.warnings, reached);
     // The same text means the same, and what it means can be asked for.
@@ -171,7 +175,7 @@ fn mission(input: &[u8], reached: &mut Reached) {
 }
 
 fn vehicle(input: &[u8], reached: &mut Reached) {
-    let text = String::from_utf8_lossy(input);
+    let text = text(input);
     let Some(vehicle) = judge(&text, Vehicle::parse(FILE, &text), reached) else { return };
     warned(&vehicle.warnings, reached);
     let written = vehicle.to_toml();
@@ -183,7 +187,7 @@ fn vehicle(input: &[u8], reached: &mut Reached) {
 }
 
 fn faults(input: &[u8], reached: &mut Reached) {
-    let text = String::from_utf8_lossy(input);
+    let text = text(input);
     let Some(faults) = judge(&text, Faults::parse(FILE, &text), reached) else { return };
     let lengths = Lengths { flight_s: 80.0, slot_s: 5.0 };
     for fault in draw(&faults, 1, lengths) {
@@ -193,7 +197,7 @@ fn faults(input: &[u8], reached: &mut Reached) {
 }
 
 fn airframe(input: &[u8], reached: &mut Reached) {
-    let text = String::from_utf8_lossy(input);
+    let text = text(input);
     match AirframeModel::parse(FILE, &text) {
         Ok(model) => reached.note(format_args!("{:?} {}", model.airframe, model.geometry.rotors.len())),
         Err(error) => {
@@ -210,7 +214,7 @@ fn airframe(input: &[u8], reached: &mut Reached) {
 }
 
 fn plan(input: &[u8], reached: &mut Reached) {
-    let text = String::from_utf8_lossy(input);
+    let text = text(input);
     if let Some(plan) = judge(&text, plan_of_text(FILE, &text), reached) {
         reached.count("slots", plan.slots.len() as u64);
         reached.note(format_args!("{}", plan.mission_digest.is_some()));

@@ -13,7 +13,7 @@ use veilwing::role::Role;
 use veilwing::time::Utc;
 
 use super::recording::{MISSION, recording};
-use crate::reached::Reached;
+use crate::reached::{Reached, unquoted};
 use crate::scratch::Scratch;
 use crate::target::Target;
 
@@ -90,8 +90,7 @@ fn records() -> Vec<Vec<u8>> {
 }
 
 fn record(input: &[u8], reached: &mut Reached) {
-    // JSON's errors quote by backticks whatever they quote: with some of its own every value would be an outcome.
-    let input: Vec<u8> = input.iter().map(|byte| if *byte == b'`' { b'_' } else { *byte }).collect();
+    let input = unquoted(input);
     let files: Vec<(&str, &[u8])> = FILES.into_iter().zip(input.splitn(4, |byte| *byte == BREAK)).collect();
     let scratch = Scratch::with(&files);
     match load(scratch.path()) {
