@@ -125,6 +125,7 @@ fn plans() -> Vec<Vec<u8>> {
     vec![format!("{{\"format\":\"veilwing-plan/1\",\n\"slots\":[{slot}]}}\n").into_bytes()]
 }
 
+/// What a file's reader is given for an input.
 fn text(input: &[u8]) -> String {
     String::from_utf8_lossy(&unquoted(input)).into_owned()
 }

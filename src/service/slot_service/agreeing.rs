@@ -181,7 +181,7 @@ impl SlotService {
         }
     }
 
-    /// Whether the peer has ended its mission while ours goes on: not so in the last slot, once its airtime is over.
+    /// Whether the peer has ended its mission while ours goes on: not so once the airtime of the last slot is over, unless a pause holds us.
     pub(super) fn watch_peer_ending(&mut self, winding_up: bool) -> bool {
         let ended = self.peer().says(VeilwingFlags::VEILWING_FLAGS_ENDED) && !winding_up;
         if ended {
