@@ -146,6 +146,38 @@ fn spec_radiating_without_state_breaks_s4() {
     );
 }
 
+/// What J granted may reach a silent I at any moment where it may be late: J jams on, on state that is not old (S2, S3).
+#[test]
+fn regress_j_without_state_jams_on_for_what_it_granted_and_no_longer() {
+    let late = Circumstances {
+        from_peer: Passage::Impaired,
+        peer_way: std::time::Duration::from_millis(700),
+        ..Circumstances::default()
+    };
+    // What was granted before a link was mended is under way yet.
+    for (k, told, mended, may) in [
+        (0, Circumstances::default(), false, false),
+        (0, late, false, true),
+        (1, late, false, true),
+        (0, late, true, true),
+    ] {
+        let mut flight = on_the_air();
+        flight.off(0);
+        go_on(&mut flight, 280, [false, true], [true, true]);
+        flight.world.set_circumstances(k, told);
+        go_on(&mut flight, 20, [false, true], [true, true]);
+        if mended {
+            flight.world.set_circumstances(k, Circumstances::default());
+        }
+        flight.world.inject(Fault::AutopilotRestart { vehicle: 1 });
+        go_on(&mut flight, 240, [false, true], [true, true]);
+        let words = [("S4", "was due")];
+        assert_broken(&flight, if may { &[] } else { &words });
+        go_on(&mut flight, 200, [false, true], [true, true]);
+        assert_broken(&flight, &words);
+    }
+}
+
 #[test]
 fn spec_a_cut_link_must_end_the_emission_by_its_lease() {
     for endless in [false, true] {

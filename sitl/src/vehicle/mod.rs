@@ -366,6 +366,11 @@ impl Vehicle {
         self.own_position_enu_m() + self.estimator.lie_m()
     }
 
+    /// The body's true attitude without the injected jitter.
+    pub(crate) fn nominal_attitude(&self) -> &UnitQuaternion<f64> {
+        &self.dynamics.attitude
+    }
+
     /// The body's true attitude, jitter included.
     pub(crate) fn attitude(&self) -> &UnitQuaternion<f64> {
         &self.attitude

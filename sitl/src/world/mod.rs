@@ -19,7 +19,7 @@ pub mod violation;
 
 use std::time::Duration;
 
-use nalgebra::Vector3;
+use nalgebra::{UnitQuaternion, Vector3};
 use serde::Serialize;
 
 use crate::vehicle::autopilot::Mode;
@@ -411,10 +411,15 @@ impl World {
             self.outside_slots[k] += 1;
             return;
         };
-        let (position_m, control_deg) = seen.error;
-        let attitude_deg = self.vehicles[k].attitude().angle_to(&plan.attitude).to_degrees();
+        let vehicle = &self.vehicles[k];
+        let off_deg = |attitude: &UnitQuaternion<f64>| attitude.angle_to(&plan.attitude).to_degrees();
+        let error = PoseError {
+            position_m: (vehicle.position_enu_m() - plan.position).norm(),
+            attitude_deg: off_deg(vehicle.attitude()),
+            control_deg: off_deg(vehicle.nominal_attitude()),
+        };
         let score = &mut self.scores[slot];
-        score.radiated(k, PoseError { position_m, attitude_deg, control_deg });
+        score.radiated(k, error);
         if k == 1 && seen.off != Off::Nothing {
             score.jam_out_of_tolerance += 1;
         }

@@ -109,6 +109,11 @@ impl Side {
         if self.radio_hop_is_troubled(now) { LEASE } else { Duration::ZERO }
     }
 
+    /// Whether all that its peer says reaches it within a good way, what was said before included.
+    fn hears_at_once(&self, now: Duration) -> bool {
+        self.told.from_peer == Passage::Good && self.peer_way.longest(now) <= GOOD_WAY
+    }
+
     /// Runs, is reached by its vehicle and hears its peer.
     fn is_well(&self, now: Duration) -> bool {
         !self.unreached && !self.radio_hop_is_troubled(now) && self.told.from_peer == Passage::Good
@@ -216,8 +221,10 @@ impl Monitor {
         // J jams on while I may rest on it (S3), on state that is not old (S2): until it can have heard that I is off.
         let word = STEPS + side.peer_way.longest(now);
         let rested_on = self.protection.i_on_last.is_some_and(|on| now <= on + word);
-        // Nor can it hear that where I itself does not know what its radio does.
-        let unknown = side.told.from_peer != Passage::Good || self.sides[0].radio_hop_is_troubled(now);
+        // Nor can it know that where I itself does not know what its radio does, or where what either says to the other is
+        // late or lost: I may come on at any moment by a lease that was granted it a while ago.
+        let unknown = self.sides.iter().any(|side| !side.hears_at_once(now))
+            || self.sides[0].radio_hop_is_troubled(now);
         let owed = v == 1 && (rested_on || unknown);
         let state_reaction = if owed { self.allowance + STATE_LIMIT + WIRE } else { reaction }.max(reaction);
         let reached = side.reached_since.unwrap_or_default();
