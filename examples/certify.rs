@@ -1,7 +1,7 @@
 //! Tables of the certificate over the reference scenarios:
 //! `cargo run --release --no-default-features --example certify -- no-jitter|jitter|gaps|false-thresholds`, with a budget
 //! of boxes behind, and then the degrees of jitter, or which of the known plans to take (every so many-th). `gaps` is the
-//! certificate of the planner's own plans by N, jitter and null floor, N = 3 being the first three of five; EVERY as before.
+//! certificate of the planner's own plans by N, jitter, null floor and scattering, N = 3 being the first three of five; EVERY as before.
 //! Times are those this process spent on its core where the system says so (Linux), else elapsed.
 
 // A measuring program: it reads the clock, and a broken reference file may stop it.
@@ -10,7 +10,7 @@
 use std::time::Instant;
 
 use veilwing::planner::bound::{Budget, Certificate, Reason, best_bound, certify_each};
-use veilwing::planner::problem::{Pattern, Problem};
+use veilwing::planner::problem::{Fading, Pattern, Problem, Rician};
 use veilwing::planner::{Options, plan_slot};
 
 fn rows(name: &str) -> Vec<Vec<f64>> {
@@ -103,28 +103,50 @@ fn jitter(boxes: usize, degrees: &[f64]) {
     }
 }
 
-/// Gaps of the planner's own plans after a budget of boxes (without jitter, where boxes take a tenth of the time, ten times as
-/// many), over every `every`-th scenario.
+/// What is not ideal of a link: a name, null depths and Rician factors, dB.
+type Link = (&'static str, Option<f64>, Option<f64>);
+
+const LINKS: [Link; 4] = [
+    ("ideal", None, None),
+    ("-30 dB", Some(30.0), None),
+    ("-20 dB", Some(20.0), None),
+    ("K 15 dB", None, Some(15.0)),
+];
+
+fn with_link(mut p: Problem, (_, depth_db, k_db): Link) -> Problem {
+    if let Some(depth_db) = depth_db {
+        p.antennas.i = Pattern::with_null_depth(depth_db);
+        p.antennas.j = Pattern::with_null_depth(depth_db);
+    }
+    if let Some(k_db) = k_db {
+        let k = Rician::from_db(k_db);
+        p.fading = Fading { user: k, eavesdropper: k };
+    }
+    p
+}
+
+/// Gaps of the planner's own plans after a budget of boxes (of the ideal without jitter, where boxes take a tenth of the time, ten
+/// times as many), over every `every`-th scenario.
 fn gaps(boxes: usize, every: usize) {
     println!("gap of the certificate to the plan, {boxes} boxes; within 0.1, 0.3, 1, 2 and 5%");
     println!(
-        " N  deg  floor  scenarios  median %   mean %   most %  within                seconds: median, most  kinds"
+        " N  deg  link     scenarios  median %   mean %   most %  within                seconds: median, most  kinds"
     );
     for n in [2, 3, 5, 10] {
         let nodes = rows(&format!("eavesdroppers_n{}.csv", if n == 3 { 5 } else { n }));
         for degrees in [0.0_f64, 1.0, 2.0, 5.0] {
-            for depth_db in [None, Some(30.0), Some(20.0)] {
-                let problems = nodes.iter().step_by(every).map(|row| {
-                    let mut p = problem(&row[1..=2 * n], 0.5, degrees.to_radians());
-                    if let Some(depth_db) = depth_db {
-                        p.antennas.i = Pattern::with_null_depth(depth_db);
-                        p.antennas.j = Pattern::with_null_depth(depth_db);
-                    }
-                    p
-                });
-                let floor = depth_db.map_or("none".to_owned(), |depth_db| format!("{:.0}", -depth_db));
-                let label = format!("{n:2} {degrees:4.0} {floor:>6}");
-                print_gaps(&label, problems, if degrees > 0.0 { boxes } else { 10 * boxes });
+            for link in LINKS {
+                let (label, depth_db, k_db) = link;
+                let problems = nodes
+                    .iter()
+                    .step_by(every)
+                    .map(|row| with_link(problem(&row[1..=2 * n], 0.5, degrees.to_radians()), link));
+                let ideal = degrees == 0.0 && depth_db.or(k_db).is_none();
+                print_gaps(
+                    &format!("{n:2} {degrees:4.0} {label:>7}"),
+                    problems,
+                    if ideal { 10 * boxes } else { boxes },
+                );
             }
         }
     }
@@ -209,6 +231,18 @@ fn false_thresholds(boxes: usize, every: usize) {
         attempts.add(&p, [row[3] * (1.0 - share) * 1e6], budget);
     }
     attempts.print("no jitter");
+    let mut attempts = Attempts::default();
+    for degrees in [0.0_f64, 1.0, 2.0, 5.0] {
+        for link in LINKS {
+            for row in nodes.iter().step_by(5 * every) {
+                let p = with_link(problem(&row[1..], 0.5, degrees.to_radians()), link);
+                let rate = plan_slot(&p, &Options::default()).unwrap().secrecy_rate_bps;
+                let below = [1e-4, 3e-3, 2e-2, 1e-1].map(|share| rate * (1.0 - share));
+                attempts.add(&p, below, Budget { boxes, resolution_m: 4.0, ..Budget::of(&p) });
+            }
+        }
+    }
+    attempts.print("links");
 }
 
 fn main() {

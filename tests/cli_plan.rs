@@ -52,7 +52,7 @@ fn spec_text_says_the_gap_and_help_says_what_each_kind_means() {
     let line = text.lines().find(|line| line.contains("upper bound")).unwrap();
     assert!(line.contains("(branch-and-bound), gap 0.1") && line.contains("found in"), "{line}");
     let help = String::from_utf8(plan(&["--help"]).stdout).unwrap();
-    for kind in ["cap", "branch-and-bound", "without-jitter", "decoupled-signed"] {
+    for kind in ["cap", "branch-and-bound", "without-jitter", "decoupled", "decoupled-signed"] {
         assert!(help.lines().any(|line| line.trim_start().starts_with(kind)), "{kind} is not in {help}");
     }
     assert_eq!(plan(&["config/paper.toml", "--bound", "guess"]).status.code(), Some(2));

@@ -34,8 +34,10 @@ What upper_bound_kind says of upper_bound_bps:
   cap               user at the least distance in the plane of maximum gain, eavesdroppers deaf: proven, for every mission
   branch-and-bound  no jitter: no poses and powers do better; proven, rounding included
   without-jitter    the same with the mission's jitter left out, which no jitter can exceed: proven, and loose
-  decoupled-signed  under roll-pitch Euler jitter: bounds the mean of the rate with its sign kept (the clipped mean is
-                    larger by about 0.003 bit/s/Hz at good plans), as firm as the margins of its quadrature";
+  decoupled         under roll-pitch Euler jitter, or of antennas that leak: as firm as the margins of its quadrature
+  decoupled-signed, branch-and-bound-signed
+                    with scattered waves: bound the mean of the rate with its sign kept, which is less than the mean of the
+                    rate where draws are negative";
 
 /// Plan every slot of a mission: poses, powers, expected secrecy rate.
 #[derive(Debug, clap::Args)]

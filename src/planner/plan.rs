@@ -58,9 +58,12 @@ pub enum BoundKind {
     BranchAndBound,
     /// The same for a problem with jitter, of any law, whose noise is left out. Proven, and loose.
     WithoutJitter,
-    /// The decoupled bound under jitter: on the mean of the signed rate, `[.]^+` left out, and as firm as the margins
-    /// of its quadrature.
+    /// The decoupled bound under jitter, as firm as the margins of its quadrature.
+    Decoupled,
+    /// The same with scattered waves, on the mean of the signed rate, `[.]^+` left out.
     DecoupledSigned,
+    /// Branch and bound over both positions with scattered waves, any jitter left out, on the mean of the signed rate.
+    BranchAndBoundSigned,
 }
 
 impl BoundKind {
@@ -71,6 +74,8 @@ impl BoundKind {
             Self::Cap => "cap",
             Self::BranchAndBound => "branch-and-bound",
             Self::WithoutJitter => "without-jitter",
+            Self::Decoupled => "decoupled",
+            Self::BranchAndBoundSigned => "branch-and-bound-signed",
             Self::DecoupledSigned => "decoupled-signed",
         }
     }

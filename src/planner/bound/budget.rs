@@ -21,7 +21,7 @@ impl Budget {
     /// About a second without jitter: 0.1%.
     pub const STEADY: Self =
         Self { boxes: 800_000, relative_gap: 1e-3, resolution_m: 1e-3, exhaustive: false };
-    /// Ten to fifteen seconds under jitter: 2% where the noise is of a degree or two.
+    /// Ten to fifteen seconds where nulls are blurred, by jitter or by what comes in beside them: 2% where that is of a degree or two.
     pub const JITTER: Self = Self { boxes: 1_200_000, relative_gap: 2e-2, ..Self::STEADY };
 }
 
@@ -29,7 +29,7 @@ impl Budget {
     /// [`Budget::STEADY`] or [`Budget::JITTER`], as the problem has it.
     #[must_use]
     pub fn of(problem: &Problem) -> Self {
-        if is_present(&problem.jitter) { Self::JITTER } else { Self::STEADY }
+        if is_present(&problem.jitter) || !problem.has_ideal_link() { Self::JITTER } else { Self::STEADY }
     }
 }
 

@@ -6,12 +6,26 @@ use nalgebra::Vector3;
 
 use super::cell::{Cell, Region};
 use super::jammer::Jammer;
-use super::law::{ALL_ANGLES, Law, Offset, Range, line_angles, minus};
-use super::link::Links;
+use super::law::{ALL_ANGLES, Law, Least, Offset, Range, line_angles, minus};
+use super::link::{Gain, Links};
 use super::steady::{Outcome, chord};
+use crate::radio::pattern::antenna_axis;
 
 /// E b_0 over 2^l: at most 2 e^gamma = 3.56 for a null under noise of one angle; with a quarter to spare.
 const SPREAD: f64 = 4.5;
+/// So many times more with scattered waves: e^gamma.
+const SCATTERED_SPREAD: f64 = 1.7811;
+/// 1 / (e ln 2): `y^+` is at most so much of `2^y`.
+const POSITIVE: f64 = 0.530_737_845;
+/// An eavesdropper counts up to so many times its mean SINR.
+const LOUDEST: f64 = 12.0;
+/// Standard deviations of the noise by which I's axis may be turned: usually, and but for what is taken to null the user.
+const NEAR: f64 = 4.0;
+const FAR: f64 = 7.0;
+/// `(8/27) s^3 / ln 2`, `s = 11` at least `(E G^3)^(1/3)` over `exp(E ln G)`, 8.8 for a null under noise of one angle.
+const LOUD: f64 = 570.0;
+/// Rounds in which the part of negative rates is found.
+const ROUNDS: usize = 4;
 /// Steps of the interface, a power of two.
 const STEPS: u16 = 1024;
 /// Parts of each side of an interface box, in which tangents and L are compared.
@@ -72,6 +86,16 @@ pub(super) struct Search<'a> {
     stack: Vec<Node>,
     resolution_m: f64,
     boxes: usize,
+    /// The rate asked for, bit/s/Hz.
+    threshold: f64,
+    /// What negative draws add at most at any pose that beats it.
+    anywhere: f64,
+    /// `E b_0` over `2^l` is at most this.
+    spread: f64,
+    /// Of each mean for its quadrature, roughly and finely.
+    margins: [f64; 2],
+    /// Whether negative draws are bounded: there are some, and nothing is scattered.
+    clips: bool,
 }
 
 impl<'a> Search<'a> {
@@ -85,19 +109,25 @@ impl<'a> Search<'a> {
         // No jammer does more than full power from the nearest position.
         let most =
             pair.iter().map(|e| links.rho.j / region.bounds.least_distance_squared(e)).fold(0.0, f64::max);
+        let jitters = law.variance() > 0.0;
         let step = (most.ln_1p() / LN_2 * (1.0 + 1e-12) / f64::from(STEPS)).max(1e-6);
         Self {
             links,
             region,
             law,
             rough: Law::new(law.variance().sqrt(), ROUGH_POINTS),
-            jammer: Jammer::new(law, region, links.rho.j, pair),
+            jammer: Jammer::new(law, region, links, pair),
             pair,
             step,
             wanted: (0..=STEPS).map(|s| (f64::from(s) * step * LN_2).exp_m1().ln()).collect(),
             stack: Vec::with_capacity(4096),
             resolution_m,
             boxes: 0,
+            threshold: 0.0,
+            anywhere: 0.0,
+            spread: if jitters { SPREAD } else { 1.0 } * if links.scatters { SCATTERED_SPREAD } else { 1.0 },
+            margins: if jitters { [ROUGH_QUADRATURE, QUADRATURE] } else { [0.0; 2] },
+            clips: jitters && !links.scatters,
         }
     }
 
@@ -106,14 +136,16 @@ impl<'a> Search<'a> {
         self.boxes + self.jammer.boxes / JAMMER_BOXES
     }
 
-    /// Whether some configuration's signed rate exceeds `threshold`.
+    /// Whether some configuration's rate exceeds `threshold`.
     pub fn run(&mut self, threshold: f64, limit: usize) -> Outcome {
+        self.ask(threshold);
         let power = (threshold * LN_2).exp();
-        if power <= 2.0 * SPREAD {
+        if power <= 2.0 * self.spread {
             return Outcome::Stuck;
         }
-        let wanted = threshold - allowance(threshold);
-        let roughly = wanted - (ROUGH_QUADRATURE - QUADRATURE);
+        let [rough, fine] = self.margins;
+        let wanted = threshold - self.correction() - 2.0 * fine;
+        let roughly = wanted - (rough - fine);
         let reach = (self.links.rho.i / (power - 1.0)).sqrt() * (1.0 + 1e-9);
         self.stack.clear();
         let Some(position) = self.region.bounds.cut_to(reach) else { return Outcome::Excluded };
@@ -256,7 +288,7 @@ impl<'a> Search<'a> {
         true
     }
 
-    /// An upper bound on `log2(1 + E a_0) - E max_j log2(1 + a_j 2^-s_j)` over a box of poses.
+    /// An upper bound on `log2(1 + E a_0) - E max_j log2(1 + a_j 2^-s_j)` over a box of poses, and on what negative rates add.
     fn rate(&self, node: &Node, law: &Law) -> Rate {
         self.rate_at(node, law, node.s.map(|s| f64::from(s[1]) * self.step))
     }
@@ -268,17 +300,24 @@ impl<'a> Search<'a> {
             (0.5 * (node.roll[0] + node.roll[1]), 0.5 * (node.pitch[0] + node.pitch[1]));
         let turn = (node.roll[1] - roll_mid).hypot(node.pitch[1] - pitch_mid);
         let moment = law.second_moment(roll_mid, pitch_mid);
-        let along = if distance > 0.0 {
-            let u = centre / distance;
-            (u.dot(&(moment * u)).max(0.0).sqrt() - chord(radius, distance) - turn).max(0.0)
+        let sine_squared = |u: &Vector3<f64>| (1.0 - u.dot(&(moment * u))).clamp(0.0, 1.0);
+        let (along, off) = if distance > 0.0 {
+            let (u, seen) = (centre / distance, chord(radius, distance));
+            let axis = antenna_axis(roll_mid, pitch_mid, 0.0);
+            // The angle between axis and line over the box: no less than this.
+            let off = u.dot(&axis).abs().min(1.0).acos() - turn - 2.0 * (0.5 * seen).min(1.0).asin();
+            ((u.dot(&(moment * u)).max(0.0).sqrt() - seen - turn).max(0.0), off.max(0.0))
         } else {
-            0.0
+            (0.0, 0.0)
         };
+        let mean = self.links.user.i.mean;
         let nearest = node.position.least_distance_squared(&Vector3::zeros());
-        let user = (self.links.rho.i / nearest * (1.0 - along * along)).ln_1p() / LN_2;
+        let user = (self.links.rho.i / nearest * (mean.most() - mean.swing * along * along)).ln_1p() / LN_2;
         let mut scale = [0.0; 2];
         let mut directions = [Vector3::z(); 2];
         let mut blur = 0.0;
+        // Of each eavesdropper's least gains the one that counts for most about the centre.
+        let mut gains = [self.links.eavesdropper.i.least[0]; 2];
         for k in 0..2 {
             let e = &self.pair[k];
             let farthest = node.position.greatest_distance_squared(e);
@@ -289,11 +328,20 @@ impl<'a> Search<'a> {
             if length > 0.0 {
                 directions[k] = line / length;
             }
+            let sine_squared = sine_squared(&directions[k]);
+            for gain in &self.links.eavesdropper.i.least {
+                if gain.at(sine_squared) > gains[k].at(sine_squared) {
+                    gains[k] = *gain;
+                }
+            }
         }
-        let floor = both_floor(scale, &directions, blur);
-        let mut heard = [(floor.ln_1p() / LN_2, 0.0); 2];
+        let floor = both_floor([0, 1].map(|k| scale[k] * gains[k].swing), &directions, blur);
+        let share = if self.clips { LOUDEST } else { f64::INFINITY };
+        let least = floor.ln_1p() / LN_2;
+        let mut heard = [(least, 0.0); 2];
+        let mut most = least;
         for k in 0..2 {
-            if scale[k] <= floor {
+            if scale[k] * gains[k].most() <= floor {
                 continue;
             }
             let e = &self.pair[k];
@@ -305,15 +353,94 @@ impl<'a> Search<'a> {
                 roll_off: minus(node.roll, line_roll),
                 pitch_off: minus(node.pitch, line_pitch),
             };
-            heard[k] = law.least_mean(scale[k], floor, &offset);
+            let Least { mean, rise, most: up_to } = gained(law, gains[k], scale[k], floor, share, &offset);
+            heard[k] = (mean, rise);
+            most = most.max(up_to);
         }
-        Rate { user, heard }
+        let negative = if self.clips {
+            let std = law.variance().sqrt();
+            let farthest = node.position.greatest_distance_squared(&Vector3::zeros());
+            // 1 / (1 + a_0) where the noise turns the axis no further, and the probability that it does.
+            let faintest = |turned: f64| {
+                1.0 / (1.0 + self.links.rho.i / farthest * mean.at((off - turned).sin().powi(2)))
+            };
+            let beyond = |turned: f64| (-2.0 * ((0.5 * turned).sin() / std).powi(2)).exp();
+            let [near, far] = [(NEAR * std).min(0.5 * off), (FAR * std).min(0.75 * off)];
+            let faint = faintest(near) + beyond(near) * faintest(far);
+            let most = most + 1.0 / LN_2;
+            let size = self.disturbed() + most + faint.log2() + user;
+            Negative { size, most, lost: beyond(far), anywhere: self.anywhere }
+        } else {
+            Negative::NONE
+        };
+        Rate { user, heard, negative }
+    }
+
+    /// Takes up a threshold, and what follows from it alone.
+    fn ask(&mut self, threshold: f64) {
+        self.threshold = threshold;
+        self.anywhere = self.everywhere();
+    }
+
+    /// log2 of what step 8 has in common for all poses: `(S + 1) / (e ln 2)` over the threshold, with the user's correction.
+    fn disturbed(&self) -> f64 {
+        (POSITIVE * (self.spread + 1.0)).log2() + self.correction() - self.threshold
+    }
+
+    /// What step 8 adds at most at any pose: the least over what is taken off the eavesdroppers' harm and the user's rate.
+    fn everywhere(&self) -> f64 {
+        let mut least = f64::INFINITY;
+        for up_to in 0..24 {
+            let up_to = 0.5 * f64::from(up_to);
+            let cut = LOUD * (-3.0 * up_to).exp2();
+            for left in 0..24 {
+                let left = 0.5 * f64::from(left);
+                let lifted = (-left).exp2().ln_1p() / LN_2;
+                let size = self.disturbed() + up_to + 1.0 / LN_2 + left + lifted + cut;
+                least = least.min(cut + lifted + root(size));
+            }
+        }
+        least
+    }
+
+    /// What step 1 adds at a threshold, `log2(1 + S / (2^T - S))`.
+    fn correction(&self) -> f64 {
+        (self.spread / ((self.threshold * LN_2).exp() - self.spread)).ln_1p() / LN_2
     }
 }
 
-/// What steps 1 and 5 may add: the user's own correction, and the margins of two means.
-fn allowance(threshold: f64) -> f64 {
-    (SPREAD / ((threshold * LN_2).exp() - SPREAD)).ln_1p() / LN_2 + 2.0 * QUADRATURE
+/// What is added where draws of the noise have a negative rate (step 8).
+#[derive(Debug, Clone, Copy)]
+struct Negative {
+    /// log2 of `kappa` at the corner, but for what is heard.
+    size: f64,
+    /// Up to what eavesdroppers' harm counts at the corner, bit/s/Hz, and how often I's axis is off by so much that the user is taken
+    /// to hear nothing.
+    most: f64,
+    lost: f64,
+    /// What is added at most at any pose.
+    anywhere: f64,
+}
+
+impl Negative {
+    /// Nothing.
+    const NONE: Self = Self { size: f64::NEG_INFINITY, most: 0.0, lost: 0.0, anywhere: 0.0 };
+
+    /// An upper bound on what is added, where eavesdroppers' mean harm is at least `heard`, counting up to so much `above` what
+    /// it counts up to at the corner.
+    fn part(&self, heard: f64, above: f64) -> f64 {
+        let here = root(self.size + above - heard) + self.lost * (self.most + above);
+        here.min(self.anywhere).min(heard)
+    }
+}
+
+/// The least root of `y = 2^(size + y)`, from above; infinite where there is none.
+fn root(size: f64) -> f64 {
+    let kappa = size.exp2();
+    if kappa > POSITIVE {
+        return f64::INFINITY;
+    }
+    (0..ROUNDS).fold(1.0 / LN_2, |y, _| kappa * y.exp2())
 }
 
 /// An upper bound on `log2(1 + E a_0) - E max_j log2(1 + a_j 2^-s_j)` below a corner of the interface.
@@ -321,14 +448,26 @@ struct Rate {
     user: f64,
     /// Of each eavesdropper: the mean at the corner, and how fast it rises as s falls. It is convex in s.
     heard: [(f64, f64); 2],
+    negative: Negative,
 }
 
 impl Rate {
     /// The bound `below` the corner.
     fn at(&self, below: [f64; 2]) -> f64 {
         let [(a, rise_a), (b, rise_b)] = self.heard;
-        self.user - (a + rise_a * below[0]).max(b + rise_b * below[1])
+        let heard = (a + rise_a * below[0]).max(b + rise_b * below[1]);
+        self.user - heard + self.negative.part(heard, below[0].max(below[1]))
     }
+}
+
+/// [`Law::least_within`] of a gain that is not all swing: `1 + c (F + W s) = (1 + c F) (1 + c W s / (1 + c F))`; `most` in bit/s/Hz.
+fn gained(law: &Law, gain: Gain, scale: f64, floor: f64, share: f64, offset: &Offset) -> Least {
+    let flat = 1.0 + scale * gain.flat;
+    let floor = ((1.0 + floor) / flat - 1.0).max(0.0);
+    let least = law.least_within(scale * gain.swing / flat, floor, share, offset);
+    let more = flat.log2();
+    // The whole rises no slower: by what the flat part adds where nothing ends the range.
+    Least { mean: more + least.mean, most: more + least.most.ln_1p() / LN_2, ..least }
 }
 
 /// The least of the larger of two SINRs `scale_k sin^2 psi_k` over all axes: the angles to two lines add up to at
@@ -361,17 +500,19 @@ impl Search<'_> {
         threshold: f64,
     ) -> (f64, bool) {
         let [(p_i, roll_i, pitch_i), (p_j, roll_j, pitch_j)] = poses;
+        self.ask(threshold);
+        let mean = self.links.eavesdropper.j.mean;
         let moment = self.law.second_moment(roll_j, pitch_j);
         let jamming = self.pair.map(|e| {
             let line = e - p_j;
             let u = line.normalize();
-            self.links.rho.j * power_share * (1.0 - u.dot(&(moment * u))) / line.norm_squared()
+            self.links.rho.j * power_share * mean.at(1.0 - u.dot(&(moment * u))) / line.norm_squared()
         });
         let node = Node { position: Cell::at(&p_i), roll: [roll_i; 2], pitch: [pitch_i; 2], s: [[0, 0]; 2] };
         let rate = self.rate_at(&node, self.law, jamming.map(|b| b.ln_1p() / LN_2)).at([0.0; 2]);
         let harm = self.jammer.harm_at(&p_j, roll_j, pitch_j, jamming);
         // The law at a point and over a class differ by rounding alone where the class is tight.
         let below = !self.jammer.harms(jamming.map(f64::ln), harm + 1e-6);
-        (rate - harm + allowance(threshold), below)
+        (rate - harm + self.correction() + 2.0 * self.margins[1], below)
     }
 }

@@ -3,6 +3,7 @@
 use std::f64::consts::FRAC_PI_2;
 
 use super::law::{Law, Offset, Range};
+use super::link::Gain;
 
 /// Parts of the circle of axes at one angle to the null.
 const ARCS: usize = 8;
@@ -11,11 +12,22 @@ const ARCS: usize = 8;
 ///
 /// `sin^2(off/2) = sin^2(x/2) + cos(roll) cos(line roll) sin^2(y/2)`: the circle is cut into arcs of x, of which each has
 /// a least y.
-pub(super) fn least_harm(law: &Law, power: f64, line: Range, off: f64) -> (f64, f64) {
+pub(super) fn least_harm(law: &Law, gains: &[Gain], power: f64, line: Range, off: f64) -> (f64, f64) {
+    let harm = |gain: &Gain| {
+        // 1 + c (F + W s) = (1 + c F) (1 + c W s / (1 + c F)).
+        let flat = 1.0 + power * gain.flat;
+        let (value, slope) = ideal_harm(law, power * gain.swing / flat, line, off);
+        (flat.log2() + value, (flat - 1.0 + slope) / flat)
+    };
+    gains.iter().map(harm).fold((f64::NEG_INFINITY, 0.0), |best, at| if at.0 > best.0 { at } else { best })
+}
+
+/// The same of a gain of `sin^2`.
+fn ideal_harm(law: &Law, power: f64, line: Range, off: f64) -> (f64, f64) {
     let at = |x: Range, y: f64| {
         let roll = [line[0] + x[0], (line[1] + x[1]).min(FRAC_PI_2)];
         let offset = Offset { roll, line_roll: line, roll_off: x, pitch_off: [y; 2] };
-        law.least_mean(power, 0.0, &offset)
+        law.least_mean(power, &offset)
     };
     if off == 0.0 {
         return at([0.0; 2], 0.0);
@@ -81,7 +93,8 @@ mod tests {
             let roll = (-axis.y).clamp(-1.0, 1.0).asin();
             let power = 10.0_f64.powf(rng.random_range(STATED)) / (std * std);
             let truth = fine_mean(std, power, [roll, axis.x.atan2(axis.z)], &line);
-            let (bound, _) = least_harm(law, power, class, off);
+            let ideal = [Gain { flat: 0.0, swing: 1.0 }];
+            let (bound, _) = least_harm(law, &ideal, power, class, off);
             over = over.max(bound - truth);
             assert!(
                 bound <= truth + TAKEN * QUADRATURE,

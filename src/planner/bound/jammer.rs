@@ -9,6 +9,7 @@ use nalgebra::Vector3;
 use super::cell::{Cell, Region};
 use super::harm::least_harm;
 use super::law::{Law, Range, line_angles};
+use super::link::Links;
 
 /// `E G - sin^2` of the desired angle, over the variance of the noise, is at most this: 2 for the spread and half for
 /// the mean's shift (a test of this module takes the maximum).
@@ -25,10 +26,10 @@ const RATIO_STEP: f64 = 0.02;
 const RATIO_REACH: f64 = 12.0;
 /// Parts of the cosine of the line's roll.
 const ROLLS: usize = 48;
-/// The first step off the exact null, in standard deviations of the noise, and how steps grow.
+/// The first step off the exact null, in what blurs it, and how steps grow.
 const OFF_FIRST: f64 = 0.06;
 const OFF_GROWTH: f64 = 1.25;
-/// Beyond so many standard deviations steps grow faster: the best axes are nearer.
+/// Beyond so many of it steps grow faster: the best axes are nearer.
 const OFF_FINE: f64 = 0.8;
 const OFF_GROWTH_BEYOND: f64 = 1.6;
 /// Grid of log2 of the power per area.
@@ -55,6 +56,7 @@ struct Class {
 pub(super) struct Jammer<'a> {
     law: &'a Law,
     region: &'a Region,
+    links: &'a Links,
     /// The eavesdroppers that count.
     eavesdroppers: [Vector3<f64>; 2],
     /// log2 of the largest power per area.
@@ -78,13 +80,17 @@ pub(super) struct Jammer<'a> {
 }
 
 impl<'a> Jammer<'a> {
-    pub fn new(law: &'a Law, region: &'a Region, rho: f64, eavesdroppers: [Vector3<f64>; 2]) -> Self {
-        let most_power = (rho / region.bounds.least_distance_squared(&Vector3::zeros())).log2() + 1e-9;
+    pub fn new(law: &'a Law, region: &'a Region, links: &'a Links, eavesdroppers: [Vector3<f64>; 2]) -> Self {
+        let most_power =
+            (links.rho.j / region.bounds.least_distance_squared(&Vector3::zeros())).log2() + 1e-9;
         let cosine = |k: usize| (k as f64 / ROLLS as f64).acos();
         let rolls: Vec<Range> = (0..ROLLS).map(|k| [cosine(k + 1), cosine(k)]).collect();
-        let mut offs = vec![[0.0, (OFF_FIRST * law.variance().sqrt()).min(FRAC_PI_2)]];
+        // What blurs a null: the noise, and what comes by it.
+        let null = &links.user.j.mean;
+        let blur = (law.variance() + null.flat / null.swing).sqrt();
+        let mut offs = vec![[0.0, (OFF_FIRST * blur).min(FRAC_PI_2)]];
         while let Some(&[_, from]) = offs.last().filter(|off| off[1] < FRAC_PI_2) {
-            let growth = if from < OFF_FINE * law.variance().sqrt() { OFF_GROWTH } else { OFF_GROWTH_BEYOND };
+            let growth = if from < OFF_FINE * blur { OFF_GROWTH } else { OFF_GROWTH_BEYOND };
             offs.push([from, (from * growth).min(FRAC_PI_2)]);
         }
         let points = ((most_power - LEAST_POWER) / POWER_STEP).ceil().max(1.0) as usize + 1;
@@ -101,6 +107,7 @@ impl<'a> Jammer<'a> {
             found,
             law,
             region,
+            links,
             eavesdroppers,
             most_power,
             rolls,
@@ -176,11 +183,12 @@ impl<'a> Jammer<'a> {
     /// Computes a point of a class's table, and of the exact null's.
     fn tabulate(&mut self, class: usize, point: usize) {
         let roll = self.classes[class].roll;
+        let gains = &self.links.user.j.least;
         let power = (LEAST_POWER + point as f64 * POWER_STEP).exp2();
         for class in [roll, class] {
             let Class { roll, off, ref mut harm } = self.classes[class];
             if harm[point].0.is_nan() {
-                harm[point] = least_harm(self.law, power, self.rolls[roll], self.offs[off][0]);
+                harm[point] = least_harm(self.law, gains, power, self.rolls[roll], self.offs[off][0]);
                 if class == roll {
                     return;
                 }
@@ -310,6 +318,7 @@ impl<'a> Jammer<'a> {
         let extents = (cell.hi - cell.lo) * 0.5;
         let farthest = cell.greatest_distance_squared(&Vector3::zeros());
         let noise = NOISE * self.law.variance();
+        let gain = self.links.eavesdropper.j.mean;
         let mut power = 0.0_f64;
         // Of each eavesdropper: the logarithm of the power at the centre, its gradient, the curvature's share.
         let mut tangents = [(0.0, Vector3::zeros()); 2];
@@ -328,13 +337,14 @@ impl<'a> Jammer<'a> {
             // kappa = (d_J0 / d_Jj) sin(angle at J) = |p x e| / d_Jj^2.
             let kappa = (height + radius) * length / nearest_squared;
             let root = ((kappa * kappa + ratio * ratio * noise).sqrt() + ratio * off).min(ratio);
-            power = power.max(wanted / (root * root));
+            power = power.max(wanted / (gain.swing * root * root + gain.flat * ratio * ratio));
             let line = centre - e;
             let apart = line.norm_squared();
             if height > 1.5 * radius && nearest > 0.5 * radius {
                 let low = height - radius;
                 let sine = (low * length / (apart.sqrt() + radius).powi(2) / ratio).min(1.0);
-                let rise = ((1.0 + noise / (sine * sine)).sqrt() + off / sine).ln() * 2.0;
+                let swung = gain.swing * ((1.0 + noise / (sine * sine)).sqrt() + off / sine).powi(2);
+                let rise = (swung + gain.flat / (sine * sine)).ln();
                 let curvature = 0.5 * radius * radius * (2.0 / (low * low) + 4.0 / nearest_squared);
                 let here = 2.0 * (height * length / apart).ln();
                 let slope = aside * (2.0 / (height * height)) - line * (4.0 / apart);
@@ -401,7 +411,7 @@ impl Jammer<'_> {
         let off = position.normalize().cross(&axis).norm().min(1.0).asin();
         let power = self.power(&Cell::at(position), off, wanted).exp();
         let line = line_angles(position, position).map_or(0.0, |[roll, _]| roll[0].abs());
-        least_harm(self.law, power, [line; 2], off).0
+        least_harm(self.law, &self.links.user.j.least, power, [line; 2], off).0
     }
 }
 

@@ -114,6 +114,14 @@ pub(super) struct Offset {
     pub pitch_off: Range,
 }
 
+/// Of a box of offsets: a lower bound on a mean, on how fast it rises with log2 of the scale, and the SINR up to which draws count.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Least {
+    pub mean: f64,
+    pub rise: f64,
+    pub most: f64,
+}
+
 /// What a box of offsets is reduced to.
 struct Nearest {
     /// The least size of the roll offset from the line, and the least pitch offset, signed.
@@ -130,7 +138,7 @@ struct Nearest {
 struct Mean<'a> {
     law: &'a Law,
     scale: f64,
-    floor: f64,
+    within: Range,
     at: &'a Nearest,
 }
 
@@ -141,9 +149,9 @@ impl pulp::NullaryFnOnce for Mean<'_> {
     fn call(self) -> Self::Output {
         // On the line's own roll pitch brings nothing nearer.
         if self.at.x > 0.0 {
-            self.law.mean_inline::<true>(self.scale, self.floor, self.at)
+            self.law.mean_inline::<true>(self.scale, self.within, self.at)
         } else {
-            self.law.mean_inline::<false>(self.scale, self.floor, self.at)
+            self.law.mean_inline::<false>(self.scale, self.within, self.at)
         }
     }
 }
@@ -175,9 +183,16 @@ impl Law {
         self.std_rad * self.std_rad
     }
 
-    /// A lower bound on `E log2 max(1 + scale G, 1 + floor)` over a box of offsets.
-    pub fn least_mean(&self, scale: f64, floor: f64, offset: &Offset) -> (f64, f64) {
-        let mut least = (f64::INFINITY, f64::INFINITY);
+    /// A lower bound on `E log2(1 + scale G)` over a box of offsets.
+    pub fn least_mean(&self, scale: f64, offset: &Offset) -> (f64, f64) {
+        let Least { mean, rise, .. } = self.least_within(scale, 0.0, f64::INFINITY, offset);
+        (mean, rise)
+    }
+
+    /// The same of `scale G` no less than `floor`, and no more than so many times its `share` of the box's nearest pose in
+    /// the mean.
+    pub fn least_within(&self, scale: f64, floor: f64, share: f64, offset: &Offset) -> Least {
+        let mut least = Least { mean: f64::INFINITY, rise: f64::INFINITY, most: 0.0 };
         let turned = plus(offset.roll, offset.line_roll);
         let opposite = [-offset.line_roll[1], -offset.line_roll[0]];
         let images = [
@@ -195,11 +210,18 @@ impl Law {
                 let small = y.abs() + 3.5 * self.std_rad < FRAC_PI_2;
                 let Aside { x, bend, flat } = Aside::new(roll_off, line_roll, small);
                 let at = Nearest { x, y, bend, line: line_cos * line_cos, flat };
-                let (value, slope) = self.mean(scale, floor, &at);
-                least = (least.0.min(value), least.1.min(slope));
+                let gain = 4.0 * near + 2.0 * self.variance();
+                let most = if share.is_finite() { (share * scale * gain).max(2.0 * floor) } else { share };
+                let (mean, rise) = self.mean(scale, [floor, most], &at);
+                least = Least {
+                    mean: least.mean.min(mean),
+                    rise: least.rise.min(rise),
+                    most: least.most.max(most),
+                };
             }
         }
-        if least.0.is_finite() { least } else { (scale.max(floor).ln_1p() / LN_2, 0.0) }
+        let all = scale.max(floor);
+        if least.mean.is_finite() { least } else { Least { mean: all.ln_1p() / LN_2, rise: 0.0, most: all } }
     }
 
     /// A lower bound on `E log2(1 + scale G)` of an axis `off` the line: noise takes it straight there.
@@ -217,17 +239,17 @@ impl Law {
     }
 
     /// In the widest vectors that this machine has; the result is the same in all.
-    fn mean(&self, scale: f64, floor: f64, at: &Nearest) -> (f64, f64) {
-        pulp::Arch::new().dispatch(Mean { law: self, scale, floor, at })
+    fn mean(&self, scale: f64, within: Range, at: &Nearest) -> (f64, f64) {
+        pulp::Arch::new().dispatch(Mean { law: self, scale, within, at })
     }
 
     #[inline(always)]
-    fn mean_inline<const APART: bool>(&self, scale: f64, floor: f64, at: &Nearest) -> (f64, f64) {
+    fn mean_inline<const APART: bool>(&self, scale: f64, within: Range, at: &Nearest) -> (f64, f64) {
         let &Nearest { x, y, bend, line, flat } = at;
         let (sx, cx) = x.sin_cos();
         let away = bend < 0.0;
         let (sy, cy) = y.sin_cos();
-        let floor = 1.0 + floor;
+        let [floor, most] = within.map(|x| 1.0 + x);
         // So many factors of a lane stay below 1e300, or the logarithm is taken at once.
         let together = if scale.max(floor) > 1e24 { 1 } else { 12 };
         let mut sum = LogSum::default();
@@ -256,8 +278,9 @@ impl Law {
                 let across = line * sin_pitch * sin_pitch;
                 let gain = across + a * a * (1.0 - across);
                 let x = 1.0 + scale * gain;
-                products[m] *= if x > floor { x } else { floor };
-                shares[m] += if x > floor { (x - 1.0) / x } else { 0.0 };
+                let raised = if x > floor { x } else { floor };
+                products[m] *= if raised < most { raised } else { most };
+                shares[m] += if x > floor && x < most { (x - 1.0) / x } else { 0.0 };
             }
             if (g + 1) % together == 0 {
                 for p in &mut products {
@@ -385,7 +408,7 @@ mod tests {
                     roll_off: minus(axis[0], line[0]),
                     pitch_off: minus(axis[1], line[1]),
                 };
-                law.least_mean(scale, 0.0, &offset).0
+                law.least_mean(scale, &offset).0
             };
             let point = at(axis.map(|x| [x; 2]), line.map(|x| [x; 2]));
             under = under.max(point - truth);
@@ -434,8 +457,9 @@ mod tests {
 
     #[test]
     fn val_spread_of_a_mean_over_its_geometric_mean() {
-        // Step 1's S: E G over exp(E ln G), over offsets and rolls; the limit is 2 e^gamma = 3.56.
-        let mut worst: f64 = 0.0;
+        // Step 1's S: E G over exp(E ln G), over offsets and rolls; the limit is 2 e^gamma = 3.56. Step 8's t: the same of
+        // (E G^3)^(1/3), whose limit is 15^(1/3) as much.
+        let (mut worst, mut loudest): (f64, f64) = (0.0, 0.0);
         for degrees in [1.0_f64, 5.0, 10.0] {
             let std = degrees.to_radians();
             let law = Law::new(std, 96);
@@ -446,9 +470,16 @@ mod tests {
                     let scale = 1e12;
                     let log = fine_mean(std, scale, [roll, 0.0], &u) - scale.log2();
                     worst = worst.max(mean / log.exp2());
+                    let gain =
+                        |roll: f64, pitch: f64| antenna_axis(roll, pitch, 0.0).cross(&u).norm_squared();
+                    let at = |k: usize| std * normal::quantile((k as f64 + 0.5) / 200.0);
+                    let cubes = (0..200).flat_map(|a| (0..200).map(move |b| (a, b)));
+                    let cubes: f64 = cubes.map(|(a, b)| gain(roll + at(a), at(b)).powi(3)).sum();
+                    loudest = loudest.max((cubes / 40_000.0).cbrt() / log.exp2());
                 }
             }
         }
         assert!(worst > 1.7 && worst < 4.5, "{worst}");
+        assert!(loudest > 3.0 && loudest < 11.0, "{loudest}");
     }
 }

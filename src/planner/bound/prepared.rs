@@ -46,15 +46,17 @@ pub(super) struct Prepared {
     pair: [usize; 2],
     /// What branch and bound over the positions bounds.
     pub steady_kind: BoundKind,
+    /// What the decoupled bound bounds.
+    pub jittered_kind: BoundKind,
+    jitters: bool,
 }
 
 impl Prepared {
     /// `None` where neither branch and bound holds: over uncertain positions the mean may exceed every rate at the
     /// estimates.
     pub fn new(problem: &Problem) -> Option<Self> {
-        // Measured patterns, scattering and errors of poses are in none of the derivations.
-        let uncertain = problem.errs() || problem.eavesdroppers.iter().any(|e| e.uncertainty.is_present());
-        if uncertain || problem.fading.is_present() {
+        // Measured patterns and errors of poses are in none of the derivations.
+        if problem.errs() || problem.eavesdroppers.iter().any(|e| e.uncertainty.is_present()) {
             return None;
         }
         let jitter = &problem.jitter;
@@ -65,13 +67,21 @@ impl Prepared {
         // Nearer to a node the links are not those of the formulas.
         let apart = |node: &Vector3<f64>| region.bounds.least_distance_squared(node) > NEAREST_M * NEAREST_M;
         let apart = apart(&Vector3::zeros()) && links.eavesdroppers.iter().all(apart);
-        let covered = euler && jitters && apart && !problem.free_yaw && problem.has_ideal_link();
+        let leaks = links.scatters || links.user.j.mean.flat > 0.0;
+        let covered = apart && if jitters { euler && !problem.free_yaw } else { leaks };
+        let [steady_kind, jittered_kind] = match (links.scatters, jitters) {
+            (true, _) => [BoundKind::BranchAndBoundSigned, BoundKind::DecoupledSigned],
+            (false, true) => [BoundKind::WithoutJitter, BoundKind::Decoupled],
+            (false, false) => [BoundKind::BranchAndBound, BoundKind::Decoupled],
+        };
         Some(Self {
             pair: if covered { decisive_pair(problem, &links) } else { [0, 0] },
             links,
             region,
-            law: covered.then(|| Law::new(jitter.std_rad, POINTS)),
-            steady_kind: if jitters { BoundKind::WithoutJitter } else { BoundKind::BranchAndBound },
+            law: covered.then(|| if jitters { Law::new(jitter.std_rad, POINTS) } else { Law::new(0.0, 1) }),
+            steady_kind,
+            jittered_kind,
+            jitters,
         })
     }
 
@@ -81,11 +91,7 @@ impl Prepared {
     pub fn lower_steady(&self, bandwidth_hz: f64, lower_bps: f64, budget: &Budget, bound: &mut Bound) {
         let mut search = steady::Search::new(&self.links, &self.region, budget);
         let mut lower_bps = lower_bps;
-        let gap = if self.steady_kind == BoundKind::WithoutJitter {
-            budget.relative_gap.min(STEADY_GAP)
-        } else {
-            budget.relative_gap
-        };
+        let gap = if self.jitters { budget.relative_gap.min(STEADY_GAP) } else { budget.relative_gap };
         let cap_bps = bound.upper_bound_bps;
         loop {
             let least_bps = lower_bps * (1.0 + gap);
@@ -127,14 +133,14 @@ impl Prepared {
             let shown = outcome == Outcome::Excluded;
             if shown {
                 bound.upper_bound_bps = threshold_bps;
-                bound.kind = BoundKind::DecoupledSigned;
+                bound.kind = self.jittered_kind;
             }
             (shown, left)
         };
         if lower_bps > 0.0 {
             narrow(wanted, budget.boxes / LEAST_PART, &mut shows);
         }
-        if bound.kind == BoundKind::DecoupledSigned {
+        if bound.kind == self.jittered_kind {
             return;
         }
         let part = Budget { boxes: budget.boxes / 10, ..*budget };

@@ -5,7 +5,7 @@ use nalgebra::Vector3;
 use super::budget::Budget;
 use super::cell::{Cell, Region};
 use super::form::{Axis, Form, exclude};
-use super::link::Links;
+use super::link::{Gain, Links};
 use crate::radio::link::NEAREST_M;
 
 /// Taken off every comparison that excludes: the rounding of some fifty operations, doubled, and then a thousand.
@@ -63,7 +63,10 @@ impl<'a> Search<'a> {
     pub fn run(&mut self, threshold: f64) -> Outcome {
         let smallest = self.budget.resolution_m;
         self.stack.clear();
-        let relaxed_threshold = Threshold::new(threshold);
+        let relaxed_threshold = Threshold::new(threshold - self.links.shortfall(f64::INFINITY));
+        if relaxed_threshold.sinr <= 0.0 {
+            return Outcome::Stuck;
+        }
         // Beyond this distance from the user not even a silent jammer and deaf eavesdroppers give the threshold.
         let reach = (self.links.rho.i / relaxed_threshold.sinr).sqrt() * (1.0 + MARGIN);
         let Some(i) = self.region.bounds.cut_to(reach) else { return Outcome::Excluded };
@@ -78,7 +81,7 @@ impl<'a> Search<'a> {
             if self.region.too_close(&node.i, &node.j) {
                 continue;
             }
-            let Some(open) = self.relaxed.examine(self.links, &node, &relaxed_threshold) else { continue };
+            let Some(open) = self.relaxed.examine(self.links, &node, threshold) else { continue };
             let Open { axis, loss_i, loss_j, interference, loss_between } = open;
             let (p_i, p_j) = (node.i.centre(), node.j.centre());
             if outcome == Outcome::Excluded
@@ -162,23 +165,24 @@ struct Open {
 /// The relaxation of one pair of boxes, with its storage.
 #[derive(Debug)]
 struct Relaxed {
-    /// rho_I / (1 + b_j), b_j bounded above over J's box.
+    /// rho_I / (1 + b_j) of each eavesdropper, b_j bounded above over J's box.
     strength: Vec<f64>,
     /// The same at the centre of J's box.
     strength_centre: Vec<f64>,
-    /// Direction to, distance from the centre, relative radius of I's box seen from each eavesdropper.
+    /// Of each eavesdropper, by each of its least gains.
     lines: Vec<Line>,
 }
 
-/// One eavesdropper seen from I's box.
+/// One eavesdropper seen from I's box, by one of its least gains.
 #[derive(Debug, Clone, Copy)]
 struct Line {
+    eavesdropper: usize,
     direction: Vector3<f64>,
-    /// 1 / distance^2 from the centre.
+    /// The gain's swing / distance^2 from the centre.
     inverse_square: f64,
     /// Largest change of the inverted position, relative to it.
     spread: f64,
-    /// What is received whatever the axis: f / distance^2, from the farthest point of the box.
+    /// What is received whatever the axis: the gain's flat part / distance^2, from the farthest point of the box.
     leak: f64,
 }
 
@@ -188,38 +192,44 @@ impl Relaxed {
     }
 
     /// `None` if no configuration with its positions in these boxes reaches the threshold.
-    fn examine(&mut self, links: &Links, node: &Node, t: &Threshold) -> Option<Open> {
+    fn examine(&mut self, links: &Links, node: &Node, threshold: f64) -> Option<Open> {
         let Node { i, j, interference: [least, most], axis: hint } = node;
         let (centre, radius) = (i.centre(), i.radius() * (1.0 + MARGIN));
         let nearest_squared = i.least_distance_squared(&Vector3::zeros()) * (1.0 - MARGIN);
-        let interference = links.rho.i / (nearest_squared * t.sinr) * (1.0 + MARGIN) - 1.0;
+        let Gain { swing: depth, .. } = links.user.i.mean;
+        let across = links.user.i.mean.most();
+        let t = &Threshold::new(threshold - links.shortfall(*most));
+        let interference = links.rho.i * across / (nearest_squared * t.sinr) * (1.0 + MARGIN) - 1.0;
         if interference < *least {
             return None;
         }
         let interference = interference.min(*most);
+        let t = &Threshold::new(threshold - links.shortfall(interference));
         self.jam(links, j, interference);
-        let depth = 1.0 - links.floor.i;
         self.lines.clear();
-        for e in &links.eavesdroppers {
+        for (eavesdropper, e) in links.eavesdroppers.iter().enumerate() {
             let line = e - centre;
             let distance = line.norm();
             let nearest = i.least_distance_squared(e).sqrt();
             // Nearer than this the link is not that of the formulas, and weaker.
             let spread = if nearest > NEAREST_M { radius / nearest } else { f64::INFINITY };
             let direction = line.try_normalize(0.0).unwrap_or_else(Vector3::z);
-            let leak = if links.floor.i > 0.0 && nearest > NEAREST_M {
-                links.floor.i / i.greatest_distance_squared(e) * (1.0 - MARGIN)
-            } else {
-                0.0
-            };
-            let inverse_square = depth / (distance * distance);
-            self.lines.push(Line { direction, inverse_square, spread, leak });
+            let farthest_squared = i.greatest_distance_squared(e);
+            for gain in &links.eavesdropper.i.least {
+                let leak = if gain.flat > 0.0 && nearest > NEAREST_M {
+                    gain.flat / farthest_squared * (1.0 - MARGIN)
+                } else {
+                    0.0
+                };
+                let inverse_square = gain.swing / (distance * distance);
+                self.lines.push(Line { eavesdropper, direction, inverse_square, spread, leak });
+            }
         }
         let distance = centre.norm();
         let towards = if distance > 0.0 { centre / distance } else { Vector3::z() };
         let chord = chord(radius, distance);
         let gain = links.rho.i / (t.power * nearest_squared * (1.0 + least)) * (1.0 + MARGIN);
-        let user = User { gain, depth, chord, towards };
+        let user = User { gain, across, depth, chord, towards };
         let Axis::Maybe(axis) = exclude(|y| self.tightest(y, &user, t), hint, MARGIN, STEPS) else {
             return None;
         };
@@ -227,12 +237,11 @@ impl Relaxed {
         let own = links.rho.i / (t.power * distance * distance * (1.0 + least));
         let away = axis.dot(&towards).abs();
         let loss_user =
-            gain * (1.0 - depth * (away - chord).max(0.0).powi(2)) - own * (1.0 - depth * away * away);
+            gain * (across - depth * (away - chord).max(0.0).powi(2)) - own * (across - depth * away * away);
         // One eavesdropper that hears well excludes, so the loudest counts: as bounded, with either box a point.
         let (mut bounded, mut point_i, mut point_j) = (0.0_f64, 0.0_f64, 0.0_f64);
-        for ((line, &strength), &at_centre) in
-            self.lines.iter().zip(&self.strength).zip(&self.strength_centre)
-        {
+        for line in &self.lines {
+            let [strength, at_centre] = [&self.strength, &self.strength_centre].map(|s| s[line.eavesdropper]);
             let sine = axis.cross(&line.direction).norm();
             let kept = line.leak + line.inverse_square * (sine - line.spread).max(0.0).powi(2);
             bounded = bounded.max(strength * kept);
@@ -241,8 +250,8 @@ impl Relaxed {
         }
         let (loss_i, loss_j) = (loss_user + point_i - bounded, point_j - bounded);
         let ratio = (1.0 + interference) / (1.0 + least);
-        let loss_between = if links.floor.j > 0.0 && ratio.is_finite() && ratio > 1.0 + LEAST_RATIO {
-            own * (1.0 - depth * away * away) * (1.0 - 1.0 / ratio.sqrt())
+        let loss_between = if links.user.j.mean.flat > 0.0 && ratio.is_finite() && ratio > 1.0 + LEAST_RATIO {
+            own * (across - depth * away * away) * (1.0 - 1.0 / ratio.sqrt())
         } else {
             0.0
         };
@@ -294,25 +303,26 @@ impl Relaxed {
         let away = (cosine - user.chord).max(0.0);
         let one = 1.0 - 1.0 / t.power;
         let (mut loudest, mut at, mut heard) = (0, 0.0, -1.0);
-        for (j, (line, strength)) in self.lines.iter().zip(&self.strength).enumerate() {
+        for (j, line) in self.lines.iter().enumerate() {
             let sine = axis.cross(&line.direction).norm();
             let kept = (sine - line.spread).max(0.0);
-            let here = strength * (line.leak + line.inverse_square * kept * kept);
+            let here = self.strength[line.eavesdropper] * (line.leak + line.inverse_square * kept * kept);
             if here > heard {
                 (loudest, at, heard) = (j, sine, here);
             }
         }
-        let value = one + heard - user.gain * (1.0 - user.depth * away * away);
+        let value = one + heard - user.gain * (user.across - user.depth * away * away);
         let share = split_share(user.chord, cosine);
         let wanted = Form::new(
-            user.gain * (1.0 + user.depth * excess(share, user.chord)),
+            user.gain * (user.across + user.depth * excess(share, user.chord)),
             user.gain * user.depth * (1.0 - share),
             &user.towards,
         );
-        let Line { direction, inverse_square, spread, leak } = self.lines[loudest];
+        let Line { eavesdropper, direction, inverse_square, spread, leak } = self.lines[loudest];
+        let strength = self.strength[eavesdropper];
         let share = split_share(spread, at);
-        let weight = self.strength[loudest] * inverse_square;
-        let one = one + self.strength[loudest] * leak;
+        let weight = strength * inverse_square;
+        let one = one + strength * leak;
         let form = if share < 1.0 && weight.is_finite() {
             let kept = weight * (1.0 - share);
             Form::new(one + kept - weight * excess(share, spread), kept, &direction)
@@ -325,9 +335,12 @@ impl Relaxed {
 
 /// How loud J may be to an eavesdropper while the user bears so much (step 2).
 struct Jamming {
-    /// rho_J, and times `1 - f`.
     rho: f64,
+    /// Of J's mean gains, with `G_0 = F_0 + W_0 g^2` towards the user and `F_1 + W_1 sin^2` towards an eavesdropper: `W_1`, `W_1 / W_0`,
+    /// and `F_1 - F_0 W_1 / W_0` if that is positive.
     swing: f64,
+    ratio: f64,
+    rest: f64,
     /// What the user bears at most, and what J's null leaks to it at full power.
     interference: f64,
     leak: f64,
@@ -338,17 +351,19 @@ struct Jamming {
 impl Jamming {
     /// With J at most this far from the user.
     fn new(links: &Links, interference: f64, distance: f64) -> Self {
-        let (rho, floor) = (links.rho.j, links.floor.j);
-        let leak = floor * rho / (distance * distance);
+        let (rho, user, node) = (links.rho.j, links.user.j.mean, links.eavesdropper.j.mean);
+        let leak = user.flat * rho / (distance * distance);
         let share = if leak > interference { interference / leak } else { 1.0 };
-        Self { rho, swing: (1.0 - floor) * rho, interference, leak, share }
+        let ratio = node.swing / user.swing;
+        let rest = (node.flat - user.flat * ratio).max(0.0);
+        Self { rho, swing: node.swing, ratio, rest, interference, leak, share }
     }
 
     /// The largest b_j where `sin(u_J0, u_Jj) / d_Jj` and `d_J0 / d_Jj` are at most so much, and `d_Jj^2` at least.
     fn at(&self, sine_per_m: f64, ratio: f64, nearest_squared: f64) -> f64 {
         let (k, leak) = (self.interference, self.leak);
-        let straight = self.swing * sine_per_m * sine_per_m;
-        let mixed = sine_per_m * ratio * self.swing.sqrt();
+        let straight = self.rho * (self.swing * sine_per_m * sine_per_m + self.rest / nearest_squared);
+        let mixed = sine_per_m * ratio * (self.rho * self.swing * self.ratio).sqrt();
         // Of `a v + b sqrt(v (1 - v))`, v the leak's share of what the user bears.
         let share = if leak > 0.0 {
             let (a, b) = (straight * k / leak, 2.0 * mixed * k / leak.sqrt());
@@ -359,7 +374,7 @@ impl Jamming {
             self.share
         };
         let both = (share * (k - share * leak).max(0.0)).sqrt();
-        let all = straight * share + k * ratio * ratio + 2.0 * mixed * both;
+        let all = straight * share + self.ratio * k * ratio * ratio + 2.0 * mixed * both;
         all.min(self.rho * self.share / nearest_squared)
     }
 }
@@ -371,9 +386,10 @@ fn between([low, high]: [f64; 2]) -> f64 {
 
 /// The user seen from I's box.
 struct User {
-    /// Largest SINR over 2^T in the plane of maximum gain.
+    /// SINR over 2^T at a gain of one, from the nearest point.
     gain: f64,
-    /// 1 - f of I's dipole.
+    /// The largest mean gain towards the user, and its swing.
+    across: f64,
     depth: f64,
     /// Largest change of the direction.
     chord: f64,

@@ -4,7 +4,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::*;
 use crate::planner::cap;
-use crate::planner::problem::{JitterModel, Objective, Pattern, Uncertainty};
+use crate::planner::problem::{Fading, JitterModel, Objective, Pattern, Rician, Uncertainty};
 use crate::planner::{Options, plan_slot};
 use crate::role::PerVehicle;
 
@@ -121,9 +121,9 @@ fn val_chain_under_jitter_holds_at_every_known_plan() {
         let sigma = [1.0, 2.0, 5.0, 10.0].iter().position(|d| *d == row[2]).unwrap();
         losses[sigma].push(relaxed / row[3] - 1.0);
     }
-    // And not by so much that nothing could be shown.
+    // And not by so much that nothing could be shown. At 10 deg, and rates of 8 bit/s/Hz, negative draws may add what is heard.
     let mean = losses.map(|l| l.iter().sum::<f64>() / l.len() as f64);
-    for (mean, limit) in mean.iter().zip([0.01, 0.015, 0.03, 0.06]) {
+    for (mean, limit) in mean.iter().zip([0.01, 0.015, 0.03, 0.15]) {
         assert!(*mean < limit, "{mean:?}");
     }
     println!("mean loss of the chain {mean:?}");
@@ -148,7 +148,7 @@ fn spec_near_a_node_the_bound_is_without_the_decoupled_formulas() {
     let mut p = problem(&scenario(2, 9), 0.5, 1.0_f64.to_radians());
     p.eavesdroppers[0].position_enu_m.z = 100.0;
     let bound = best_bound(&p, 20e6, Budget { boxes: 20_000, ..Budget::JITTER }).unwrap();
-    assert_ne!(bound.kind, BoundKind::DecoupledSigned);
+    assert_ne!(bound.kind, BoundKind::Decoupled);
     assert!(bound.upper_bound_bps >= 20e6 && bound.upper_bound_bps <= cap(&p).unwrap());
 }
 
@@ -158,10 +158,10 @@ fn spec_bound_is_deterministic_and_falls_back() {
     let budget = Budget { boxes: 400_000, relative_gap: 0.03, ..Budget::JITTER };
     let bound = best_bound(&p, 25.4e6, budget).unwrap();
     assert_eq!(bound, best_bound(&p, 25.4e6, budget).unwrap());
-    assert_eq!(bound.kind, BoundKind::DecoupledSigned);
+    assert_eq!(bound.kind, BoundKind::Decoupled);
     let mut body = p.clone();
     body.jitter.model = JitterModel::Body;
-    assert_ne!(best_bound(&body, 24e6, budget).unwrap().kind, BoundKind::DecoupledSigned);
+    assert_ne!(best_bound(&body, 24e6, budget).unwrap().kind, BoundKind::Decoupled);
     let mut uncertain = p;
     uncertain.eavesdroppers[0].uncertainty = Uncertainty::Disc { radius_m: 50.0 };
     for objective in [Objective::Nominal, Objective::Mean, Objective::WorstCase] {
@@ -224,16 +224,53 @@ fn leaky(nodes: &[f64], [i, j]: [f64; 2]) -> Problem {
     p
 }
 
+/// Scattered about both kinds of receivers, not alike.
+fn scattering(mut p: Problem, user_db: f64, eavesdropper_db: f64) -> Problem {
+    p.fading = Fading { user: Rician::from_db(user_db), eavesdropper: Rician::from_db(eavesdropper_db) };
+    p
+}
+
 #[test]
-fn val_with_floors_the_bound_is_above_the_plan_and_well_below_the_cap() {
-    for k in 0..6 {
-        let p = leaky(&scenario(2, k), [[30.0, 20.0], [20.0, 30.0], [30.0, 30.0]][k % 3]);
-        let rate = plan_slot(&p, &Options::default()).unwrap().secrecy_rate_bps;
-        let bound = best_bound(&p, rate, Budget { boxes: 400_000, ..Budget::STEADY }).unwrap();
-        assert!(bound.upper_bound_bps >= rate, "{k}: {bound:?} {rate}");
-        assert_eq!(bound.kind, BoundKind::BranchAndBound, "{k}");
-        let closed = (cap(&p).unwrap() - bound.upper_bound_bps) / (cap(&p).unwrap() - rate);
-        assert!(closed > 0.2, "{k}: of the way from the cap to the plan {closed}");
+fn val_where_nulls_are_blurred_the_bound_is_above_the_plan_and_well_below_the_cap() {
+    for (k, degrees) in [0.0_f64, 2.0, 5.0].into_iter().enumerate() {
+        let mut leaks = leaky(&scenario(2, 4 + k), [30.0, 25.0]);
+        leaks.jitter.std_rad = degrees.to_radians();
+        let scatters = scattering(leaks.clone(), 20.0, 18.0);
+        for (p, kind, least) in
+            [(leaks, BoundKind::Decoupled, 0.4), (scatters, BoundKind::DecoupledSigned, 0.3)]
+        {
+            let rate = plan_slot(&p, &Options::default()).unwrap().secrecy_rate_bps;
+            let bound = best_bound(&p, rate, Budget { boxes: 100_000, ..Budget::JITTER }).unwrap();
+            let closed = (cap(&p).unwrap() - bound.upper_bound_bps) / (cap(&p).unwrap() - rate);
+            println!("{degrees} deg: {bound:?} over {rate}, of the way from the cap to the plan {closed}");
+            assert!(bound.upper_bound_bps >= rate && bound.kind == kind, "{degrees}: {bound:?} {rate}");
+            assert!(closed > least, "{degrees}: of the way from the cap to the plan {closed}");
+        }
+    }
+}
+
+#[test]
+fn prop_where_nulls_are_blurred_false_thresholds_are_never_certified() {
+    let mut rng = ChaCha8Rng::seed_from_u64(29);
+    let budget = Budget { boxes: 4_000, resolution_m: 20.0, ..Budget::JITTER };
+    for round in 0..12 {
+        let nodes: Vec<f64> = (0..2 * (1 + round % 4)).map(|_| rng.random_range(-500.0..500.0)).collect();
+        let mut p = leaky(&nodes, [rng.random_range(15.0..40.0), rng.random_range(15.0..40.0)]);
+        p.jitter.std_rad = [0.0_f64, 1.0, 2.0, 5.0][round / 2 % 4].to_radians();
+        if round % 2 == 0 {
+            p = scattering(p, rng.random_range(5.0..20.0), rng.random_range(5.0..20.0));
+        }
+        let plan =
+            plan_slot(&p, &Options { starts: Some(4), score_samples: 512, ..Options::default() }).unwrap();
+        let below = [0.999, 0.98, 0.9].map(|share| share * plan.secrecy_rate_bps);
+        for answer in certify_each(&p, below, budget).unwrap() {
+            assert!(matches!(answer, Certificate::NotCertified { .. }), "{round}: {plan:?} {answer:?}");
+        }
+        // Branch and bound over the positions by itself.
+        let prepared = Prepared::new(&p).unwrap();
+        let mut search = steady::Search::new(&prepared.links, &prepared.region, &budget);
+        let outcome = search.run(below[0] * 1e-6);
+        assert_ne!(outcome, steady::Outcome::Excluded, "{round}: {plan:?}");
     }
 }
 
@@ -244,7 +281,8 @@ fn prop_with_floors_false_thresholds_are_never_certified() {
     for round in 0..40 {
         let nodes: Vec<f64> = (0..2 * (1 + round % 4)).map(|_| rng.random_range(-500.0..500.0)).collect();
         let p = leaky(&nodes, [rng.random_range(10.0..50.0), rng.random_range(10.0..50.0)]);
-        let links = Prepared::new(&p).unwrap().links;
+        let prepared = Prepared::new(&p).unwrap();
+        let links = &prepared.links;
         // The best of many random configurations near the user, at any power of J.
         let mut best: f64 = 0.0;
         for _ in 0..2_000 {
@@ -257,8 +295,9 @@ fn prop_with_floors_false_thresholds_are_never_certified() {
         }
         let plan = plan_slot(&p, &Options { starts: Some(8), ..Options::default() }).unwrap();
         for rate_bps in [best * 1e6, plan.secrecy_rate_bps] {
-            let answer = certify(&p, 0.9999 * rate_bps, budget).unwrap();
-            assert!(matches!(answer, Certificate::NotCertified { .. }), "{round}: {rate_bps} {answer:?}");
+            let outcome =
+                steady::Search::new(&prepared.links, &prepared.region, &budget).run(0.9999e-6 * rate_bps);
+            assert_ne!(outcome, steady::Outcome::Excluded, "{round}: {rate_bps}");
         }
     }
 }
@@ -268,7 +307,7 @@ fn val_jamming_under_a_floor_is_no_more_than_its_bound_and_reaches_it() {
     // Axis and power of J by brute force: the angle from the null, towards the eavesdropper's line and beyond.
     let p = leaky(&[200.0, 0.0], [40.0, 20.0]);
     let links = Prepared::new(&p).unwrap().links;
-    let (rho, f) = (links.rho.j, links.floor.j);
+    let (rho, f) = (links.rho.j, links.user.j.mean.flat);
     for (distance, apart, sine, interference) in
         [(150.0_f64, 180.0_f64, 0.3_f64, 5e3_f64), (150.0, 120.0, 0.9, 40.0), (400.0, 250.0, 0.5, 1e6)]
     {
