@@ -127,14 +127,16 @@ fn with_link(mut p: Problem, (_, depth_db, k_db): Link) -> Problem {
 
 /// Gaps of the planner's own plans after a budget of boxes (of the ideal without jitter, where boxes take a tenth of the time, ten
 /// times as many), over every `every`-th scenario.
-fn gaps(boxes: usize, every: usize) {
+fn gaps(boxes: usize, every: usize, count: Option<usize>, std_deg: Option<f64>) {
     println!("gap of the certificate to the plan, {boxes} boxes; within 0.1, 0.3, 1, 2 and 5%");
     println!(
         " N  deg  link     scenarios  median %   mean %   most %  within                seconds: median, most  kinds"
     );
-    for n in [2, 3, 5, 10] {
+    for n in [2, 3, 5, 10].into_iter().filter(|n| count.is_none_or(|count| count == *n)) {
         let nodes = rows(&format!("eavesdroppers_n{}.csv", if n == 3 { 5 } else { n }));
-        for degrees in [0.0_f64, 1.0, 2.0, 5.0] {
+        for degrees in
+            [0.0, 1.0, 2.0, 5.0].into_iter().filter(|d| std_deg.is_none_or(|std_deg| std_deg == *d))
+        {
             for link in LINKS {
                 let (label, depth_db, k_db) = link;
                 let problems = nodes
@@ -259,14 +261,16 @@ fn main() {
         }
         Some("gaps") => {
             let every = arguments.get(2).map_or(10, |a| a.parse().expect("which of the scenarios"));
-            gaps(boxes(100_000), every);
+            let count = arguments.get(3).map(|a| a.parse().expect("a number of eavesdroppers"));
+            let std_deg = arguments.get(4).map(|a| a.parse().expect("degrees"));
+            gaps(boxes(100_000), every, count, std_deg);
         }
         Some("false-thresholds") => {
             let every = arguments.get(2).map_or(1, |a| a.parse().expect("which of the known plans"));
             false_thresholds(boxes(20_000_000), every);
         }
         _ => println!(
-            "usage: certify no-jitter [BOXES] | jitter [BOXES [DEGREES...]] | gaps [BOXES [EVERY]] | false-thresholds [BOXES [EVERY]]"
+            "usage: certify no-jitter [BOXES] | jitter [BOXES [DEGREES...]] | gaps [BOXES [EVERY [N [DEGREES]]]] | false-thresholds [BOXES [EVERY]]"
         ),
     }
 }
