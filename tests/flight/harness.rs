@@ -125,6 +125,8 @@ pub struct Setup {
     pub jitter_deg: Option<f64>,
     /// Nobody says where those are that move.
     pub unheard: bool,
+    /// How high above the mission's origin both stand before the flight, in metres.
+    pub roof_m: f64,
     pub seed: u64,
 }
 
@@ -146,6 +148,7 @@ impl Default for Setup {
             slip: None,
             jitter_deg: None,
             unheard: false,
+            roof_m: 0.0,
             seed: 1,
         }
     }
@@ -196,6 +199,7 @@ impl Flight {
         for role in Role::BOTH {
             let vehicle = &mut config.vehicles[index(role)];
             vehicle.radio_device = setup.devices[role];
+            vehicle.home_enu_m[2] = setup.roof_m;
             if setup.radio_apart {
                 vehicle.radio_place = RadioPlace::OnItsOwn;
             }

@@ -1,5 +1,7 @@
 //! The mission as it should go.
 
+use std::time::Duration;
+
 use veilwing::mission::Outcome;
 use veilwing::role::{PerVehicle, Role};
 
@@ -24,6 +26,33 @@ fn val_a_flight_serves_every_slot_as_planned() {
         assert!(flight.landed(role));
     }
     assert!(report.min_separation_m.unwrap() > 5.0);
+}
+
+/// Altitudes are the mission's, whatever the vehicles stand on.
+#[test]
+fn spec_vehicles_that_stand_on_a_roof_climb_to_the_bottom_of_the_band_and_land_on_it() {
+    let bottom_m = yard().mission.airspace.altitude_m[0];
+    let mut flight = Flight::new(Setup { roof_m: 6.0, ..Setup::default() });
+    let mut highest_m = PerVehicle { i: 0.0_f64, j: 0.0 };
+    while Role::BOTH.iter().any(|role| flight.said(*role, "airborne").is_none()) {
+        flight.pass(Duration::from_millis(100));
+        for role in Role::BOTH {
+            if flight.said(role, "airborne").is_none() {
+                highest_m[role] = highest_m[role].max(flight.place(role).z);
+            }
+        }
+        assert!(flight.now < Duration::from_secs(60), "{}", flight.story());
+    }
+    for role in Role::BOTH {
+        let highest_m = highest_m[role];
+        assert!(highest_m > bottom_m - 1.0 && highest_m < bottom_m + 1.0, "{role}: {highest_m}");
+    }
+    flight.fly_out();
+    flight.assert_safe();
+    for role in Role::BOTH {
+        assert_eq!(flight.outcomes[role], Some(Outcome::Completed), "{}", flight.story());
+        assert!(flight.landed(role) && (flight.place(role).z - 6.0).abs() < 0.1);
+    }
 }
 
 #[test]
