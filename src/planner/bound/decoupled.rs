@@ -429,7 +429,8 @@ impl Negative {
     /// An upper bound on what is added, where eavesdroppers' mean harm is at least `heard`, counting up to so much `above` what
     /// it counts up to at the corner.
     fn part(&self, heard: f64, above: f64) -> f64 {
-        let here = root(self.size + above - heard) + self.lost * (self.most + above);
+        let lost = self.lost * (self.most + above);
+        let here = lost + root(self.size + above - heard + lost);
         here.min(self.anywhere).min(heard)
     }
 }

@@ -135,7 +135,7 @@
 //!    smaller `c` keeps that product (A is concave in `c`, so it loses no more than `c` does), `T` is not reached if
 //!    `kappa = kappa_0 2^(log2(1 + E a_0) + log2(1 + x) - T - A) <= 1 / (e ln 2)`; below it the least root of `y = kappa 2^y` is all
 //!    that is added. Otherwise `V <= E A_0` says that `y = A` is enough. `E_I[1 / (1 + a_0)]` is bounded by two angles by which the noise
-//!    turns the axis, `sin^2(w/2) <= (x^2 + y^2) / 4`: what lies beyond the larger adds its probability times `c`. At any pose,
+//!    turns the axis, `sin^2(w/2) <= (x^2 + y^2) / 4`: what lies beyond the larger adds its probability times `c`, in kappa's exponent too. At any pose,
 //!    however near its null: `A_0 >= log2(1 + a_0) - log2(1 + b_0)` and `E log2 max(1 + a_0, 2^d) <= log2(1 + E a_0 + 2^d)`, so that with
 //!    `2^d = 2^-m (1 + E a_0)` and `alpha` so that `c = A + q + 1/ln 2` the sum is `y = log2(1 + 2^-m) + t 8^-q` and the root for
 //!    `kappa = (S + 1) 2^(q + m + 1/ln 2 - T) / (e ln 2)` (with the former two in its exponent); `t` bounds what counts beyond `c` by the third moment,
