@@ -338,21 +338,6 @@ mod tests {
     }
 
     #[test]
-    fn spec_who_is_stopped_before_its_way_rests_where_it_enters_and_after_it_where_it_leaves() {
-        let motion = on_track();
-        let (track, _) = motion.track.clone().unwrap();
-        let way = track.way().unwrap();
-        assert!(way.entry_s() < way.exit_s());
-        for (now, rests_s) in [(at(105), way.entry_s()), (at(200), way.exit_s())] {
-            assert!(motion.is_over(now) && !motion.is_on_way(now), "{now:?}");
-            let stopped = motion.stopped(now, &LIMITS);
-            assert_eq!((stopped.rests_s, stopped.is_at_rest(now)), (Some(rests_s), true), "{now:?}");
-            // Once more changes nothing.
-            assert_eq!(stopped.stopped(now, &LIMITS).rests_s, Some(rests_s), "{now:?}");
-        }
-    }
-
-    #[test]
     fn spec_what_is_asked_of_a_phase() {
         let since = at(0);
         // On the ground before anything was asked for; on the ground; outward; on its way home; ending.
