@@ -2,6 +2,7 @@
 //! floors, measured patterns and scattering.
 
 pub mod antenna;
+pub(crate) mod exponential;
 pub mod fading;
 pub mod jitter;
 pub mod link;

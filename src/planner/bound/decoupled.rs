@@ -8,6 +8,7 @@ use super::cell::{Cell, Region};
 use super::jammer::Jammer;
 use super::law::{ALL_ANGLES, Law, Least, Offset, Range, line_angles, minus};
 use super::link::{Gain, Links};
+use super::negative::{Asked, Negative};
 use super::steady::{Outcome, chord};
 use crate::radio::pattern::antenna_axis;
 
@@ -15,17 +16,8 @@ use crate::radio::pattern::antenna_axis;
 const SPREAD: f64 = 4.5;
 /// So many times more with scattered waves: e^gamma.
 const SCATTERED_SPREAD: f64 = 1.7811;
-/// 1 / (e ln 2): `y^+` is at most so much of `2^y`.
-const POSITIVE: f64 = 0.530_737_845;
 /// An eavesdropper counts up to so many times its mean SINR.
 const LOUDEST: f64 = 12.0;
-/// Standard deviations of the noise by which I's axis may be turned: usually, and but for what is taken to null the user.
-const NEAR: f64 = 4.0;
-const FAR: f64 = 7.0;
-/// `(8/27) s^3 / ln 2`, `s = 11` at least `(E G^3)^(1/3)` over `exp(E ln G)`, 8.8 for a null under noise of one angle.
-const LOUD: f64 = 570.0;
-/// Rounds in which the part of negative rates is found.
-const ROUNDS: usize = 4;
 /// Steps of the interface, a power of two.
 const STEPS: u16 = 1024;
 /// Parts of each side of an interface box, in which tangents and L are compared.
@@ -86,10 +78,8 @@ pub(super) struct Search<'a> {
     stack: Vec<Node>,
     resolution_m: f64,
     boxes: usize,
-    /// The rate asked for, bit/s/Hz.
-    threshold: f64,
-    /// What negative draws add at most at any pose that beats it.
-    anywhere: f64,
+    /// What the rate asked for says of negative draws, where they are bounded.
+    asked: Option<Asked>,
     /// `E b_0` over `2^l` is at most this.
     spread: f64,
     /// Of each mean for its quadrature, roughly and finely.
@@ -123,8 +113,7 @@ impl<'a> Search<'a> {
             stack: Vec::with_capacity(4096),
             resolution_m,
             boxes: 0,
-            threshold: 0.0,
-            anywhere: 0.0,
+            asked: None,
             spread: if jitters { SPREAD } else { 1.0 } * if links.scatters { SCATTERED_SPREAD } else { 1.0 },
             margins: if jitters { [ROUGH_QUADRATURE, QUADRATURE] } else { [0.0; 2] },
             clips: jitters && !links.scatters,
@@ -144,7 +133,7 @@ impl<'a> Search<'a> {
             return Outcome::Stuck;
         }
         let [rough, fine] = self.margins;
-        let wanted = threshold - self.correction() - 2.0 * fine;
+        let wanted = threshold - self.correction(threshold) - 2.0 * fine;
         let roughly = wanted - (rough - fine);
         let reach = (self.links.rho.i / (power - 1.0)).sqrt() * (1.0 + 1e-9);
         self.stack.clear();
@@ -357,91 +346,23 @@ impl<'a> Search<'a> {
             heard[k] = (mean, rise);
             most = most.max(up_to);
         }
-        let negative = if self.clips {
-            let std = law.variance().sqrt();
+        let negative = self.asked.map_or(Negative::NONE, |asked| {
             let farthest = node.position.greatest_distance_squared(&Vector3::zeros());
-            // 1 / (1 + a_0) where the noise turns the axis no further, and the probability that it does.
-            let faintest = |turned: f64| {
-                1.0 / (1.0 + self.links.rho.i / farthest * mean.at((off - turned).sin().powi(2)))
-            };
-            let beyond = |turned: f64| (-2.0 * ((0.5 * turned).sin() / std).powi(2)).exp();
-            let [near, far] = [(NEAR * std).min(0.5 * off), (FAR * std).min(0.75 * off)];
-            let faint = faintest(near) + beyond(near) * faintest(far);
-            let most = most + 1.0 / LN_2;
-            let size = self.disturbed() + most + faint.log2() + user;
-            Negative { size, most, lost: beyond(far), anywhere: self.anywhere }
-        } else {
-            Negative::NONE
-        };
+            let sinr = |sine_squared: f64| self.links.rho.i / farthest * mean.at(sine_squared);
+            Negative::new(&asked, law.variance().sqrt(), off, user, most, sinr)
+        });
         Rate { user, heard, negative }
     }
 
-    /// Takes up a threshold, and what follows from it alone.
-    fn ask(&mut self, threshold: f64) {
-        self.threshold = threshold;
-        self.anywhere = self.everywhere();
-    }
-
-    /// log2 of what step 8 has in common for all poses: `(S + 1) / (e ln 2)` over the threshold, with the user's correction.
-    fn disturbed(&self) -> f64 {
-        (POSITIVE * (self.spread + 1.0)).log2() + self.correction() - self.threshold
-    }
-
-    /// What step 8 adds at most at any pose: the least over what is taken off the eavesdroppers' harm and the user's rate.
-    fn everywhere(&self) -> f64 {
-        let mut least = f64::INFINITY;
-        for up_to in 0..24 {
-            let up_to = 0.5 * f64::from(up_to);
-            let cut = LOUD * (-3.0 * up_to).exp2();
-            for left in 0..24 {
-                let left = 0.5 * f64::from(left);
-                let lifted = (-left).exp2().ln_1p() / LN_2;
-                let size = self.disturbed() + up_to + 1.0 / LN_2 + left + lifted + cut;
-                least = least.min(cut + lifted + root(size));
-            }
-        }
-        least
-    }
-
     /// What step 1 adds at a threshold, `log2(1 + S / (2^T - S))`.
-    fn correction(&self) -> f64 {
-        (self.spread / ((self.threshold * LN_2).exp() - self.spread)).ln_1p() / LN_2
+    fn correction(&self, threshold: f64) -> f64 {
+        (self.spread / ((threshold * LN_2).exp() - self.spread)).ln_1p() / LN_2
     }
-}
 
-/// What is added where draws of the noise have a negative rate (step 8).
-#[derive(Debug, Clone, Copy)]
-struct Negative {
-    /// log2 of `kappa` at the corner, but for what is heard.
-    size: f64,
-    /// Up to what eavesdroppers' harm counts at the corner, bit/s/Hz, and how often I's axis is off by so much that the user is taken
-    /// to hear nothing.
-    most: f64,
-    lost: f64,
-    /// What is added at most at any pose.
-    anywhere: f64,
-}
-
-impl Negative {
-    /// Nothing.
-    const NONE: Self = Self { size: f64::NEG_INFINITY, most: 0.0, lost: 0.0, anywhere: 0.0 };
-
-    /// An upper bound on what is added, where eavesdroppers' mean harm is at least `heard`, counting up to so much `above` what
-    /// it counts up to at the corner.
-    fn part(&self, heard: f64, above: f64) -> f64 {
-        let lost = self.lost * (self.most + above);
-        let here = lost + root(self.size + above - heard + lost);
-        here.min(self.anywhere).min(heard)
+    /// Takes up a threshold.
+    fn ask(&mut self, threshold: f64) {
+        self.asked = self.clips.then(|| Asked::new(threshold, self.spread, self.correction(threshold)));
     }
-}
-
-/// The least root of `y = 2^(size + y)`, from above; infinite where there is none.
-fn root(size: f64) -> f64 {
-    let kappa = size.exp2();
-    if kappa > POSITIVE {
-        return f64::INFINITY;
-    }
-    (0..ROUNDS).fold(1.0 / LN_2, |y, _| kappa * y.exp2())
 }
 
 /// An upper bound on `log2(1 + E a_0) - E max_j log2(1 + a_j 2^-s_j)` below a corner of the interface.
@@ -461,11 +382,11 @@ impl Rate {
     }
 }
 
-/// [`Law::least_within`] of a gain that is not all swing: `1 + c (F + W s) = (1 + c F) (1 + c W s / (1 + c F))`; `most` in bit/s/Hz.
+/// [`Law::least_within`] of a gain that is not all swing; `most` in bit/s/Hz.
 fn gained(law: &Law, gain: Gain, scale: f64, floor: f64, share: f64, offset: &Offset) -> Least {
-    let flat = 1.0 + scale * gain.flat;
+    let (flat, scale) = gain.apart(scale);
     let floor = ((1.0 + floor) / flat - 1.0).max(0.0);
-    let least = law.least_within(scale * gain.swing / flat, floor, share, offset);
+    let least = law.least_within(scale, floor, share, offset);
     let more = flat.log2();
     // The whole rises no slower: by what the flat part adds where nothing ends the range.
     Least { mean: more + least.mean, most: more + least.most.ln_1p() / LN_2, ..least }
@@ -514,6 +435,6 @@ impl Search<'_> {
         let harm = self.jammer.harm_at(&p_j, roll_j, pitch_j, jamming);
         // The law at a point and over a class differ by rounding alone where the class is tight.
         let below = !self.jammer.harms(jamming.map(f64::ln), harm + 1e-6);
-        (rate - harm + self.correction() + 2.0 * self.margins[1], below)
+        (rate - harm + self.correction(threshold) + 2.0 * self.margins[1], below)
     }
 }

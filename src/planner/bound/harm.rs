@@ -14,9 +14,8 @@ const ARCS: usize = 8;
 /// a least y.
 pub(super) fn least_harm(law: &Law, gains: &[Gain], power: f64, line: Range, off: f64) -> (f64, f64) {
     let harm = |gain: &Gain| {
-        // 1 + c (F + W s) = (1 + c F) (1 + c W s / (1 + c F)).
-        let flat = 1.0 + power * gain.flat;
-        let (value, slope) = ideal_harm(law, power * gain.swing / flat, line, off);
+        let (flat, power) = gain.apart(power);
+        let (value, slope) = ideal_harm(law, power, line, off);
         (flat.log2() + value, (flat - 1.0 + slope) / flat)
     };
     gains.iter().map(harm).fold((f64::NEG_INFINITY, 0.0), |best, at| if at.0 > best.0 { at } else { best })

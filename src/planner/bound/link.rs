@@ -4,8 +4,8 @@ use std::f64::consts::LN_2;
 
 use nalgebra::Vector3;
 
-use super::exponential::{EULER, scaled_integral};
 use crate::planner::problem::{Pattern, Problem, Rician};
+use crate::radio::exponential::{EULER_GAMMA, ln_and_integral, scaled_integral};
 use crate::role::PerVehicle;
 
 /// A gain by the angle between axis and line: `flat + swing sin^2`.
@@ -19,6 +19,12 @@ impl Gain {
     /// Across the axis.
     pub fn most(&self) -> f64 {
         self.flat + self.swing
+    }
+
+    /// `1 + c (F + W s) = (1 + c F) (1 + c' s)`: the first factor and `c'`.
+    pub fn apart(&self, scale: f64) -> (f64, f64) {
+        let flat = 1.0 + scale * self.flat;
+        (flat, scale * self.swing / flat)
     }
 
     /// Where the sine of the angle has this square.
@@ -45,14 +51,14 @@ impl Reach {
         if !rician.is_present() {
             return Self { mean: dipole, least: vec![dipole] };
         }
-        let scattered = rician.scattered() * (1.0 - (1.0 - floor) / 3.0);
+        let scattered = rician.scattered() * Pattern::Dipole { floor }.mean();
         let share = |at_0: f64, slope: f64| Gain {
             flat: scattered * at_0 + slope * rician.direct() * dipole.flat,
             swing: slope * rician.direct() * dipole.swing,
         };
-        let null = (-EULER).exp();
+        let null = (-EULER_GAMMA).exp();
         let e = std::f64::consts::E;
-        let at_1 = (scaled_integral(1.0) / e).exp();
+        let at_1 = ln_and_integral(1.0).exp();
         let tangents = [[null, null], [at_1 / e, at_1 * (1.0 - 1.0 / e)], [0.0, 1.0]];
         Self { mean: share(1.0, 1.0), least: tangents.map(|[at_0, slope]| share(at_0, slope)).to_vec() }
     }
@@ -106,7 +112,11 @@ impl Links {
         if !self.user_scatters || mean <= 0.0 {
             return 0.0;
         }
-        if mean.is_infinite() { EULER / LN_2 } else { (mean.ln_1p() - scaled_integral(1.0 / mean)) / LN_2 }
+        if mean.is_infinite() {
+            EULER_GAMMA / LN_2
+        } else {
+            (mean.ln_1p() - scaled_integral(1.0 / mean)) / LN_2
+        }
     }
 
     /// What the relaxation makes of I at `p_i` with axis `y` and full power, and J at `p_j` with its null on the user and the

@@ -22,9 +22,9 @@
 //! | `decoupled-signed` | `E[A_0 - max_j A_j]` | the same with scattered waves | up to section 4 |
 //! | `branch-and-bound-signed` | `E[A_0 - max_j A_j]` over scattered waves | any jitter, which is left out; positions certain | proven, loose |
 //!
-//! Antennas are dipoles: `G = F + W sin^2` with `F = f`, `W = 1 - f` of a floor f. The best that a budget of boxes shows is given, never above the cap. Over uncertain positions the rate reported is a mean
-//! over them, which no rate at the estimates bounds: the cap alone is given (without jitter little is lost: the
-//! optimum lies half a percent below it).
+//! Antennas are dipoles: `G = F + W sin^2` with `F = f`, `W = 1 - f` of a floor f. The best that a budget of boxes shows is
+//! given, never above the cap. Over uncertain positions the rate reported is a mean over them, which no rate at the
+//! estimates bounds: the cap alone is given (without jitter little is lost: the optimum lies half a percent below it).
 //!
 //! The **cap** ([`cap`](super::cap())) is `R <= A_0 <= log2(1 + rho_I / d_min^2)`.
 //!
@@ -54,39 +54,43 @@
 //!
 //! *With floors*, `G = f + (1 - f) sin^2`, J's null leaks, and its power is worth a choice of its own. The range of `b_0`
 //! becomes a seventh side of a box, `[b, k]`, at first all that step 1 leaves. In step 1 the user's SINR is at most
-//! `a_0 / (1 + b)`, and `k` the box's own. In step 2, with `K = k d_J0^2 / rho_J`, `s = sin(u_J0, u_Jj)` and `g = sin(Y_J, u_J0)`,
-//! `b_0 <= k` reads `u (f + (1 - f) g^2) <= K`, so `u <= U = min(1, K / f)` and
-//! `b_j d_Jj^2 / rho_J <= u f + u (1 - f) (s + g)^2 <= K + (1 - f) u s^2 + 2 s sqrt((1 - f) u (K - f u))`. With `v = f u / K` the last
-//! two are `a v + b sqrt(v (1 - v))` but for a factor, concave and largest at `v = (1 + a / sqrt(a^2 + b^2)) / 2`, or at `U` if that
-//! is less. In step 3 the forms are those of `f |Y|^2 + (1 - f) |Y x u|^2`.
+//! `a_0 / (1 + b)`, and `k` the box's own. In step 2, with `K = k d_J0^2 / rho_J`, `s = sin(u_J0, u_Jj)` and
+//! `g = sin(Y_J, u_J0)`, `b_0 <= k` reads `u (f + (1 - f) g^2) <= K`, so `u <= U = min(1, K / f)` and
+//! `b_j d_Jj^2 / rho_J <= u f + u (1 - f) (s + g)^2 <= K + (1 - f) u s^2 + 2 s sqrt((1 - f) u (K - f u))`. With
+//! `v = f u / K` the last two are `a v + b sqrt(v (1 - v))` but for a factor, concave and largest at
+//! `v = (1 + a / sqrt(a^2 + b^2)) / 2`, or at `U` if that is less. In step 3 the forms are those of
+//! `f |Y|^2 + (1 - f) |Y x u|^2`.
 //!
-//! *With scattered waves* the received gain is `|sqrt(k G) + sqrt((1 - k) m) z|^2` (`radio::fading`), and by Jensen's inequality, used as in
-//! section 3, `R <= log2(1 + E a_0 + E b_0) - E log2(1 + b_0) - max_j log2(1 + a'_j / (1 + E b_j))`, `a'_j = exp(E ln a_j)`. Of the
-//! first two terms `log2(1 + E a_0 / (1 + E b_0))` is one part; the other, `log2(1 + E b_0) - E log2(1 + b_0)`, is largest where `b_0` has no
-//! direct path, and grows with `E b_0`: a box takes its largest interference (`Links::shortfall`). Means are gains of the form
-//! `F + W sin^2` again, those of the user and of eavesdroppers with an F and a W each, so that step 2 reads, with `F_0`, `W_0` of J towards
-//! the user and `F_1`, `W_1` towards eavesdroppers, `b_j d_Jj^2 / rho_J <= u F_1 + u W_1 (s + g)^2`, `u (F_0 + W_0 g^2) <= K`. `a'_j` is convex in
-//! `G_j`, and three of its tangents stand for it, each a gain of that form (`Reach`): in step 3 every eavesdropper has three forms.
+//! *With scattered waves* the received gain is `|sqrt(k G) + sqrt((1 - k) m) z|^2` (`radio::fading`), and by Jensen's
+//! inequality, used as in section 3, `R <= log2(1 + E a_0 + E b_0) - E log2(1 + b_0) - max_j log2(1 + a'_j / (1 + E b_j))`,
+//! `a'_j = exp(E ln a_j)`. Of the first two terms `log2(1 + E a_0 / (1 + E b_0))` is one part; the other,
+//! `log2(1 + E b_0) - E log2(1 + b_0)`, is largest where `b_0` has no direct path, and grows with `E b_0`: a box takes its
+//! largest interference (`Links::shortfall`). Means are gains of the form `F + W sin^2` again, those of the user and of
+//! eavesdroppers with an F and a W each, so that step 2 reads, with `F_0`, `W_0` of J towards the user and `F_1`, `W_1`
+//! towards eavesdroppers, `b_j d_Jj^2 / rho_J <= u F_1 + u W_1 (s + g)^2`, `u (F_0 + W_0 g^2) <= K`. `a'_j` is convex in
+//! `G_j`, and three of its tangents stand for it, each a gain of that form (`Reach`): in step 3 every eavesdropper has
+//! three forms.
 //!
 //! *Under jitter* of any law, with `[.]^+` inside or not, the bound holds as it stands: at each draw of the noise `R` is the
 //! rate of a configuration of the problem without noise (all axes are admitted, so noise past a tilt limit is covered),
 //! and a mean does not exceed the supremum.
 //!
 //! # 3. With jitter: the decoupled bound
-//! *Assumptions.* Euler jitter of roll and pitch, independent Gaussian, at yaw 0, or no jitter; positions certain; the airspace more
-//! than a millimetre from every node. It heeds what blurs a null; where nothing does, section 2 is sharper. Two eavesdroppers: dropping the others from the maximum only raises the rate, so any pair
-//! bounds the whole. Of the pairs among the six nearest to the user that one is taken against which the planner does worst
-//! (any choice is sound). Bounded is `V = E[(A_0 - max_j A_j)^+]`; with scattered waves that without `[.]^+`.
+//! *Assumptions.* Euler jitter of roll and pitch, independent Gaussian, at yaw 0, or no jitter; positions certain; the
+//! airspace more than a millimetre from every node. It heeds what blurs a null; where nothing does, section 2 is sharper.
+//! Two eavesdroppers: dropping the others from the maximum only raises the rate, so any pair bounds the whole. Of the pairs
+//! among the six nearest to the user that one is taken against which the planner does worst (any choice is sound). Bounded
+//! is `V = E[(A_0 - max_j A_j)^+]`; with scattered waves that without `[.]^+`.
 //!
-//! *Theorem.* With `F`, `L`, `S` and `y` as below, `V > T` implies `T < max_s [F(s) - L(s) + y] + log2(1 + S / (2^T - S))`; `y` is what
-//! negative draws add, 0 where none are taken up.
+//! *Theorem.* With `F`, `L`, `S` and `y` as below, `V > T` implies `T < max_s [F(s) - L(s) + y] + log2(1 + S / (2^T - S))`;
+//! `y` is what negative draws add, 0 where none are taken up.
 //!
 //! 1. *User.* For fixed J `A_0` is concave in `a_0`, and `log2(1 + E a_0 + b_0)` in `b_0`: by Jensen's inequality, twice,
-//!    `E A_0 <= log2(1 + E a_0) + log2(1 + x) - l`, `l = E log2(1 + b_0)`, `x = E b_0 / (1 + E a_0)`. Let `E b_0 <= S 2^l`. From
-//!    `2^T < 2^(E A_0) <= (1 + E a_0) (1 + x) 2^-l` follows `x < S (1 + x) / 2^T`, so `x < S / (2^T - S)`. `S = 4.5` is used:
-//!    `E b_0 / 2^l <= E G / exp(E ln G)`, which is `e^gamma = 1.78` for a null under isotropic noise and
-//!    `2 e^gamma = 3.56` for noise along one angle. A floor makes it less (its derivative in F is Jensen's inequality again), no noise 1,
-//!    and scattered waves `e^gamma` times as much at most.
+//!    `E A_0 <= log2(1 + E a_0) + log2(1 + x) - l`, `l = E log2(1 + b_0)`, `x = E b_0 / (1 + E a_0)`. Let `E b_0 <= S 2^l`.
+//!    From `2^T < 2^(E A_0) <= (1 + E a_0) (1 + x) 2^-l` follows `x < S (1 + x) / 2^T`, so `x < S / (2^T - S)`. `S = 4.5`
+//!    is used: `E b_0 / 2^l <= E G / exp(E ln G)`, which is `e^gamma = 1.78` for a null under isotropic noise and
+//!    `2 e^gamma = 3.56` for noise along one angle. A floor makes it less (its derivative in F is Jensen's inequality
+//!    again), no noise 1, and scattered waves `e^gamma` times as much at most.
 //! 2. *Eavesdroppers.* `max_j A_j` is convex in the `b_j` and the two noises are independent: by Jensen's inequality over J,
 //!    `E max_j A_j >= E_I max_j log2(1 + a_j 2^-s_j)`, `s_j = log2(1 + E b_j)`.
 //! 3. *Interface.* J enters through `l` and `s` alone. `F(s)` is the largest `log2(1 + E a_0) - E max_j log2(1 + a_j 2^-s_j)`
@@ -125,25 +129,28 @@
 //!    at each part's lower corner. Parts where `F - L` stays below the threshold fall away, and the halves of a box of
 //!    poses inherit what is left of `s`; no part left excludes the box.
 //!
-//! 8. *Negative draws.* `A_j` is convex in `b_j`: let `A'_j` be its tangent at `E b_j`, taken at `min(a_j, alpha_j)`. Then `A'_j <= A_j`,
-//!    its mean over J is `log2(1 + min(a_j, alpha_j) 2^-s_j)`, and `A'_j <= c` at every draw, `c = max_j log2(1 + alpha_j 2^-s_j) + 1/ln 2`,
-//!    since the slope times `E b_j` is below `1/ln 2`. So `(A_0 - max_j A_j)^+ <= A_0 - max_j A'_j + (c - A_0)^+`, and as
-//!    `y^+ <= 2^y / (e ln 2)` and the noises are independent, `E (c - A_0)^+ <= kappa_0 2^l`,
-//!    `kappa_0 = 2^c (S + 1) E_I[1 / (1 + a_0)] / (e ln 2)`. It is so small that `alpha` may be a dozen times the mean: eavesdroppers lose
-//!    nothing by it. With `A` the mean of `max_j A'_j`, `V > T` at `l` implies
-//!    `T < log2(1 + E a_0) + log2(1 + x) - l - A + kappa_0 2^l`, convex in l. At the l where `kappa_0 2^l` is `1/ln 2`, and at every larger one, where a
-//!    smaller `c` keeps that product (A is concave in `c`, so it loses no more than `c` does), `T` is not reached if
-//!    `kappa = kappa_0 2^(log2(1 + E a_0) + log2(1 + x) - T - A) <= 1 / (e ln 2)`; below it the least root of `y = kappa 2^y` is all
-//!    that is added. Otherwise `V <= E A_0` says that `y = A` is enough. `E_I[1 / (1 + a_0)]` is bounded by two angles by which the noise
-//!    turns the axis, `sin^2(w/2) <= (x^2 + y^2) / 4`: what lies beyond the larger adds its probability times `c`, in kappa's exponent too. At any pose,
-//!    however near its null: `A_0 >= log2(1 + a_0) - log2(1 + b_0)` and `E log2 max(1 + a_0, 2^d) <= log2(1 + E a_0 + 2^d)`, so that with
-//!    `2^d = 2^-m (1 + E a_0)` and `alpha` so that `c = A + q + 1/ln 2` the sum is `y = log2(1 + 2^-m) + t 8^-q` and the root for
-//!    `kappa = (S + 1) 2^(q + m + 1/ln 2 - T) / (e ln 2)` (with the former two in its exponent); `t` bounds what counts beyond `c` by the third moment,
-//!    `(z - 1)^+ <= 4 z^3 / 27`. The lesser of both is taken.
+//! 8. *Negative draws.* `A_j` is convex in `b_j`: let `A'_j` be its tangent at `E b_j`, taken at `min(a_j, alpha_j)`. Then
+//!    `A'_j <= A_j`, its mean over J is `log2(1 + min(a_j, alpha_j) 2^-s_j)`, and `A'_j <= c` at every draw,
+//!    `c = max_j log2(1 + alpha_j 2^-s_j) + 1/ln 2`, since the slope times `E b_j` is below `1/ln 2`. So
+//!    `(A_0 - max_j A_j)^+ <= A_0 - max_j A'_j + (c - A_0)^+`, and as `y^+ <= 2^y / (e ln 2)` and the noises are
+//!    independent, `E (c - A_0)^+ <= kappa_0 2^l`, `kappa_0 = 2^c (S + 1) E_I[1 / (1 + a_0)] / (e ln 2)`. It is so small
+//!    that `alpha` may be a dozen times the mean: eavesdroppers lose nothing by it. With `A` the mean of `max_j A'_j`,
+//!    `V > T` at `l` implies `T < log2(1 + E a_0) + log2(1 + x) - l - A + kappa_0 2^l`, convex in l. At the l where
+//!    `kappa_0 2^l` is `1/ln 2`, and at every larger one, where a smaller `c` keeps that product (A is concave in `c`, so
+//!    it loses no more than `c` does), `T` is not reached if
+//!    `kappa = kappa_0 2^(log2(1 + E a_0) + log2(1 + x) - T - A) <= 1 / (e ln 2)`; below it the least root of
+//!    `y = kappa 2^y` is all that is added. Otherwise `V <= E A_0` says that `y = A` is enough. `E_I[1 / (1 + a_0)]` is
+//!    bounded by two angles by which the noise turns the axis, `sin^2(w/2) <= (x^2 + y^2) / 4`: what lies beyond the larger
+//!    adds its probability times `c`, in kappa's exponent too. At any pose, however near its null:
+//!    `A_0 >= log2(1 + a_0) - log2(1 + b_0)` and `E log2 max(1 + a_0, 2^d) <= log2(1 + E a_0 + 2^d)`, so that with
+//!    `2^d = 2^-m (1 + E a_0)` and `alpha` so that `c = A + q + 1/ln 2` the sum is `y = log2(1 + 2^-m) + t 8^-q` and the
+//!    root for `kappa = (S + 1) 2^(q + m + 1/ln 2 - T) / (e ln 2)` (with the former two in its exponent); `t` bounds what
+//!    counts beyond `c` by the third moment, `(z - 1)^+ <= 4 z^3 / 27`. The lesser of both is taken.
 //!
-//! *Gains with a flat part* are `1 + c (F + W s) = (1 + c F) (1 + c W s / (1 + c F))` in every mean, `k_j` of step 4 has `F (d_J0/d_Jj)^2` beside `W` times
-//! the rest, and angles off the null are counted in `sqrt(sigma^2 + F / W)`. *Scattered waves*: means over them in steps 1 (of the user's)
-//! and 2 (of J's), and the tangents of section 2 for `l` and for what eavesdroppers hear, of which the best at a box's centre is taken.
+//! *Gains with a flat part* are `1 + c (F + W s) = (1 + c F) (1 + c W s / (1 + c F))` in every mean, `k_j` of step 4 has
+//! `F (d_J0/d_Jj)^2` beside `W` times the rest, and angles off the null are counted in `sqrt(sigma^2 + F / W)`. *Scattered
+//! waves*: means over them in steps 1 (of the user's) and 2 (of J's), and the tangents of section 2 for `l` and for what
+//! eavesdroppers hear, of which the best at a box's centre is taken.
 //!
 //! # 4. Margins of the decoupled bound, and what is not proven
 //! - Means are taken by a rule of 768 points; two margins of 0.008 bit/s/Hz, one for each side, stand for its error: twice
@@ -154,12 +161,13 @@
 //!   right angle to the line it falls again, towards the line's image half a turn of pitch away. Each image is taken by
 //!   itself and the least mean of them counts. Boxes about random axes and lines, steep ones and up to 10 deg among them, never
 //!   exceed the mean by more than the rule's error.
-//! - With scattered waves `[.]^+` inside the mean adds what the negative draws would take off. No bound on that is proven here: hence
-//!   the name of that kind.
+//! - With scattered waves `[.]^+` inside the mean adds what the negative draws would take off. No bound on that is proven
+//!   here: hence the name of that kind.
 //!
-//! Without jitter no rule is used, and there are no margins. The whole chain loses 0.2, 0.5, 1.6 and 13% at known plans at 1, 2, 5 and 10 deg, the
-//! last for negative draws (a test of this module prints it). What is tested: the whole chain at every known plan stays above its rate, the table of `L`
-//! below its `l`, and false thresholds are not certified (`examples/certify.rs` runs 500 of each kind).
+//! Without jitter no rule is used, and there are no margins. The whole chain loses 0.2, 0.5, 1.6 and 13% at known plans at
+//! 1, 2, 5 and 10 deg, the last for negative draws (a test of this module prints it). What is tested: the whole chain at
+//! every known plan stays above its rate, the table of `L` below its `l`, and false thresholds are not certified
+//! (`examples/certify.rs` runs 500 of each kind).
 //!
 //! *Not covered* by it, and given the bound of section 2 instead: body-axis jitter, yaw jitter, a free yaw under jitter.
 //! Covered by neither, and given the cap: measured patterns, errors of poses and of the user's position.
@@ -170,12 +178,12 @@
 mod budget;
 mod cell;
 mod decoupled;
-mod exponential;
 mod form;
 mod harm;
 mod jammer;
 mod law;
 mod link;
+mod negative;
 mod prepared;
 mod steady;
 
@@ -272,7 +280,7 @@ fn one_threshold(
         (search.run(threshold), prepared.steady_kind, search.boxes)
     } else {
         let (outcome, boxes) = prepared::run(searches, threshold, budget.boxes);
-        (outcome, prepared.jittered_kind, boxes)
+        (outcome, prepared.decoupled_kind, boxes)
     };
     let reason = match outcome {
         Outcome::Excluded => return Certificate::Certified { kind, boxes_used },
@@ -302,7 +310,7 @@ pub fn best_bound(problem: &Problem, lower_bound_bps: f64, budget: Budget) -> Re
     let Some(prepared) = Prepared::new(problem) else { return Ok(bound) };
     let lower_bps = if lower_bound_bps > 0.0 { lower_bound_bps } else { 0.0 };
     if prepared.law.is_some() {
-        prepared.lower_jittered(problem.radio.bandwidth_hz, lower_bps, &budget, &mut bound);
+        prepared.lower_decoupled(problem.radio.bandwidth_hz, lower_bps, &budget, &mut bound);
     } else {
         prepared.lower_steady(problem.radio.bandwidth_hz, lower_bps, &budget, &mut bound);
     }

@@ -47,7 +47,7 @@ pub(super) struct Prepared {
     /// What branch and bound over the positions bounds.
     pub steady_kind: BoundKind,
     /// What the decoupled bound bounds.
-    pub jittered_kind: BoundKind,
+    pub decoupled_kind: BoundKind,
     jitters: bool,
 }
 
@@ -69,7 +69,7 @@ impl Prepared {
         let apart = apart(&Vector3::zeros()) && links.eavesdroppers.iter().all(apart);
         let leaks = links.scatters || links.user.j.mean.flat > 0.0;
         let covered = apart && if jitters { euler && !problem.free_yaw } else { leaks };
-        let [steady_kind, jittered_kind] = match (links.scatters, jitters) {
+        let [steady_kind, decoupled_kind] = match (links.scatters, jitters) {
             (true, _) => [BoundKind::BranchAndBoundSigned, BoundKind::DecoupledSigned],
             (false, true) => [BoundKind::WithoutJitter, BoundKind::Decoupled],
             (false, false) => [BoundKind::BranchAndBound, BoundKind::Decoupled],
@@ -80,7 +80,7 @@ impl Prepared {
             region,
             law: covered.then(|| if jitters { Law::new(jitter.std_rad, POINTS) } else { Law::new(0.0, 1) }),
             steady_kind,
-            jittered_kind,
+            decoupled_kind,
             jitters,
         })
     }
@@ -116,7 +116,7 @@ impl Prepared {
 
     /// A wide gap first, which costs little and tabulates much that the others need; then narrower ones, and between the least
     /// that was shown and the largest that was not: whenever the boxes end, what was shown last is the bound.
-    pub fn lower_jittered(&self, bandwidth_hz: f64, lower_bps: f64, budget: &Budget, bound: &mut Bound) {
+    pub fn lower_decoupled(&self, bandwidth_hz: f64, lower_bps: f64, budget: &Budget, bound: &mut Bound) {
         let mut searches = self.searches(budget);
         let wanted = budget.relative_gap.max(1e-6);
         let mut left = budget.boxes;
@@ -133,14 +133,14 @@ impl Prepared {
             let shown = outcome == Outcome::Excluded;
             if shown {
                 bound.upper_bound_bps = threshold_bps;
-                bound.kind = self.jittered_kind;
+                bound.kind = self.decoupled_kind;
             }
             (shown, left)
         };
         if lower_bps > 0.0 {
             narrow(wanted, budget.boxes / LEAST_PART, &mut shows);
         }
-        if bound.kind == self.jittered_kind {
+        if bound.kind == self.decoupled_kind {
             return;
         }
         let part = Budget { boxes: budget.boxes / 10, ..*budget };
