@@ -683,3 +683,19 @@ fn regress_a_disc_that_holds_the_user_leaves_something_to_plan_for() {
     }
     assert!(least > 3.8, "{least}");
 }
+
+/// Wide positions without jitter: along J's exact null an axis of its own is a ridge on which a search stops; it lost 0.45
+/// bit/s/Hz here against 400 starts of other code (`--example judge -- wide-gaussians --missions 1 --first 23 --seed 2026`).
+#[test]
+fn regress_a_quantile_without_jitter_is_searched_along_the_null() {
+    let mut problem =
+        problem(&[[-52.9, 85.6], [396.6, 377.0], [320.6, 226.8], [-423.4, 189.1], [83.2, 373.6]], 0.0);
+    problem.eavesdroppers.iter_mut().for_each(|e| e.uncertainty = Uncertainty::Gaussian { std_m: 80.0 });
+    for (objective, least) in [(Objective::Quantile, 23.64), (Objective::Mean, 24.0)] {
+        problem.objective = objective;
+        let plan = plan_slot(&problem, &Options::default()).unwrap();
+        let scored = evaluate(&problem, &plan.vehicles, &EvaluateOptions::default()).unwrap();
+        let rate = scored.objective_rate_bps / problem.radio.bandwidth_hz;
+        assert!(rate > least, "{objective:?}: {rate}");
+    }
+}

@@ -5,7 +5,7 @@
 //! 1. *Screen.* From many starts, on few samples (or a soft maximum), with J's axis on the user (phase 2), which costs
 //!    next to nothing nearly everywhere and saves two variables. Under jitter all starts are followed for a few
 //!    iterations, and the better ones to the end.
-//! 2. *Polish.* The best distinct ends, all variables free, on more and more samples (or with a sharper maximum). Each
+//! 2. *Polish.* The best distinct ends, all variables free (J's axis stays on the user where nothing leaks at its null), on more and more samples (or with a sharper maximum). Each
 //!    stage goes on with the curvature that the one before has learnt.
 //!
 //! Where J's transmitter cannot give every power, it is screened between the least and the largest that it can give, and
@@ -146,7 +146,7 @@ impl<'a> Quick<'a> {
 
     /// The optimum next to a configuration.
     pub fn next_to(&mut self, from: &Raw) -> Option<Raw> {
-        let chart = chart(self.setup, false, powers::of(self.setup, from));
+        let chart = polishing(self.setup, from);
         let (target, settings) = (about(&self.samples), settings(100, POLISH_SAMPLES[0].2));
         self.memory.maximise(self.setup, &chart, target, from, &settings).map(|end| end.raw)
     }
@@ -228,15 +228,13 @@ fn candidates(own: usize, setup: &Setup, options: &Options) -> usize {
 /// Without anything random, at the estimated positions.
 fn exact(setup: &Setup, options: &Options, near: Option<Near>) -> Vec<Local> {
     // Where J's null leaks, its power and its axis are worth a search of their own.
-    let leaks = !setup.nulls_exactly();
-    let own = if leaks { SAMPLED_STARTS } else { EXACT_STARTS };
+    let own = if setup.nulls_exactly() { EXACT_STARTS } else { SAMPLED_STARTS };
     let count = options.starts.unwrap_or_else(|| own_starts(setup, own));
     let best = screen_exact(setup, setup, options, count, EXACT_POLISHED);
-    let free = leaks || count > starts::ELSEWHERE;
     let polished = parallel::map(options.threads, best.len(), |memory: &mut Memory, index| {
         let mut end = best[index];
-        let power = powers::of(setup, &end.raw);
-        let chart = if free { chart(setup, false, power) } else { chart(setup, true, nulled(setup, power)) };
+        let chart =
+            if count > starts::ELSEWHERE { free(setup, &end.raw) } else { polishing(setup, &end.raw) };
         for sharpness in POLISH_SHARPNESS {
             let target = Target::Exact(sharpness);
             end = memory.maximise(setup, &chart, target, &end.raw, &settings(100, 1e-9)).unwrap_or(end);
@@ -334,7 +332,7 @@ fn screen_at(
     distinct(setup, ends, candidates(most, setup, options))
 }
 
-/// All variables free, on more and more samples, fewer and fewer candidates.
+/// All variables free but as [`polishing`] has it, on more and more samples, fewer and fewer candidates.
 fn polish(
     setup: &Setup,
     options: &Options,
@@ -354,7 +352,7 @@ fn polish(
         let polished = parallel::map(options.threads, best.len(), |memory: &mut Memory, index| {
             let end = best[index];
             let solver = continued(100, tolerance, end.curvature);
-            let chart = chart(setup, false, powers::of(setup, &end.raw));
+            let chart = polishing(setup, &end.raw);
             Some(memory.maximise(setup, &chart, target, &end.raw, &solver).unwrap_or(end))
         });
         best = distinct(setup, polished, kept);
@@ -405,7 +403,7 @@ fn over_draws<T: OverDraws>(
         }
         let objective = T::new(setup, options.seed, resolution);
         let ends = parallel::map(options.threads, best.len(), |memory: &mut Memory, index| {
-            let chart = chart(setup, false, powers::of(setup, &best[index].raw));
+            let chart = polishing(setup, &best[index].raw);
             Some(objective.maximise(setup, &chart, best[index], memory))
         });
         best = distinct(setup, ends, kept);
@@ -453,6 +451,21 @@ fn can_null(setup: &Setup) -> bool {
 /// J's power where its null is exact: the largest costs nothing.
 pub(super) fn nulled(setup: &Setup, power: PowerChart) -> PowerChart {
     if can_null(setup) { PowerChart::Fixed(setup.highest_w[1]) } else { power }
+}
+
+/// All variables free about a configuration.
+fn free(setup: &Setup, raw: &Raw) -> Chart {
+    chart(setup, false, powers::of(setup, raw))
+}
+
+/// The same, but for J's axis where nothing leaks at its exact null: it stays on the user (phase 2). With the axis free J's
+/// power makes a ridge of it so narrow that a search over positions stops on its way along it.
+fn polishing(setup: &Setup, raw: &Raw) -> Chart {
+    if setup.nulls_exactly() {
+        chart(setup, true, nulled(setup, powers::of(setup, raw)))
+    } else {
+        free(setup, raw)
+    }
 }
 
 pub(super) fn chart(setup: &Setup, nulled: bool, power: PowerChart) -> Chart {
