@@ -113,11 +113,9 @@ impl Block<'_> {
                 m.k[l] = link.k[l];
                 m.inverse_m[l] = link.inverse_m[l];
                 if let Some(of) = self.waves.get(2 * node + vehicle) {
-                    wave = [0, 1].map(|part: usize| {
-                        let mut lane = wave[part];
-                        lane[l] = of[part][l];
-                        lane
-                    });
+                    for (wave, of) in wave.iter_mut().zip(of) {
+                        wave[l] = of[l];
+                    }
                 }
             }
             let of_user = self.waves.get(vehicle);
@@ -217,16 +215,25 @@ impl Links {
 
     #[inline(always)]
     fn place(&mut self, scene: &Scene, blocks: &Blocks<'_>, errors: Option<&Errors>, raw: &Raw) {
-        let eavesdroppers = blocks.draw.eavesdroppers.iter().map(|p| [p.x, p.y, p.z]);
-        self.0.clear();
-        self.0.extend(std::iter::once(scene.user).chain(eavesdroppers).enumerate().map(|(index, node)| {
-            let shift = errors.and_then(|errors| errors.nodes_m.get(index));
-            [0, 1].map(|v: usize| {
-                let offset = errors.map(|errors| &errors.vehicles[v].offset_m);
+        // No closures here nor below: they would leave the caller's vectors.
+        let eavesdroppers = &blocks.draw.eavesdroppers;
+        self.0.resize(1 + eavesdroppers.len(), [LinkLanes::ZERO; 2]);
+        for (index, links) in self.0.iter_mut().enumerate() {
+            let node = if index == 0 {
+                scene.user
+            } else {
+                let p = &eavesdroppers[index - 1];
+                [p.x, p.y, p.z]
+            };
+            for (v, link_of) in links.iter_mut().enumerate() {
+                let (mut offset, mut shift) = (None, None);
+                if let Some(errors) = errors {
+                    (offset, shift) = (Some(&errors.vehicles[v].offset_m), errors.nodes_m.get(index));
+                }
                 let vehicle = &raw[v * VEHICLE..(v + 1) * VEHICLE];
-                link(vehicle, scene.budget_m2_w * vehicle[POWER].max(0.0), offset, &node, shift)
-            })
-        }));
+                *link_of = link(vehicle, scene.budget_m2_w * vehicle[POWER].max(0.0), offset, &node, shift);
+            }
+        }
     }
 }
 
@@ -247,9 +254,13 @@ pub(super) fn link(
 ) -> LinkLanes {
     let mut out = LinkLanes::ZERO;
     for axis in 0..3 {
-        let apart = vehicle[axis] - node[axis];
-        for l in 0..LANES {
-            out.u[axis][l] = apart + offset.map_or(0.0, |offset| offset[axis][l]);
+        out.u[axis] = [vehicle[axis] - node[axis]; LANES];
+    }
+    if let Some(offset) = offset {
+        for axis in 0..3 {
+            for l in 0..LANES {
+                out.u[axis][l] += offset[axis][l];
+            }
         }
     }
     if let Some(shift) = shift {

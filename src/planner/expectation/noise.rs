@@ -59,8 +59,8 @@ impl Uniform {
     /// A coordinate of every point of a block.
     #[inline(always)]
     fn lane(&self, block: usize, dimension: usize) -> Lane {
-        if self.sequence == Sequence::Sobol && dimension < sobol::NET_DIMENSIONS {
-            return self.set.aligned((block * LANES) as u32, dimension);
+        if self.sequence == Sequence::Sobol {
+            return self.set.coordinates((block * LANES) as u32, dimension);
         }
         let mut out = [0.0; LANES];
         for (l, value) in out.iter_mut().enumerate() {

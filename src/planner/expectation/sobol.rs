@@ -73,6 +73,22 @@ fn sobol(index: u32, dimension: usize) -> u32 {
     x
 }
 
+/// The unscrambled point `index` in one of the first two dimensions: the bits of the index reversed, and their product with
+/// Pascal's triangle modulo 2, which is one of five factors.
+#[must_use]
+#[inline(always)]
+fn sobol_pair(index: u32, second: bool) -> u32 {
+    let mut x = index.reverse_bits();
+    if second {
+        x ^= x << 16;
+        x ^= (x & 0x00ff_00ff) << 8;
+        x ^= (x & 0x0f0f_0f0f) << 4;
+        x ^= (x & 0x3333_3333) << 2;
+        x ^= (x & 0x5555_5555) << 1;
+    }
+    x
+}
+
 /// The middle of a cell of the finest resolution: never 0 nor 1.
 #[inline(always)]
 fn middle(bits: u32) -> f64 {
@@ -118,28 +134,29 @@ impl Scrambled {
     /// Dimensions 0 to 5 are one net; from 6 on, (6, 7), (8, 9), ... are nets of two.
     #[must_use]
     pub fn coordinate(&self, index: u32, dimension: usize) -> f64 {
-        let scramble = mix(self.seed, dimension as u64);
-        let bits = if dimension < NET_DIMENSIONS {
-            sobol(index, dimension)
-        } else {
-            let pair = mix(self.seed, (1 << 32) + (dimension / 2) as u64);
-            // A nested scramble of the index maps every aligned power-of-two block of points onto another.
-            sobol(nested_scramble(index, pair as u32), dimension % 2)
-        };
-        middle(nested_scramble(bits, scramble as u32 ^ (scramble >> 32) as u32))
+        let [value] = self.coordinates(index, dimension);
+        value
     }
 
-    /// Coordinate `dimension` (of the net) of the points from `first` on, a multiple of their number, which is a power
-    /// of two: a point of the net is the exclusive or of those of its index's bits.
+    /// Coordinate `dimension` of the points from `first` on, which is a multiple of their number, a power of two.
     #[must_use]
     #[inline(always)]
-    pub fn aligned<const COUNT: usize>(&self, first: u32, dimension: usize) -> [f64; COUNT] {
+    pub fn coordinates<const COUNT: usize>(&self, first: u32, dimension: usize) -> [f64; COUNT] {
         let scramble = mix(self.seed, dimension as u64);
         let scramble = scramble as u32 ^ (scramble >> 32) as u32;
-        let base = sobol(first, dimension);
         let mut bits = [0; COUNT];
-        for (l, b) in bits.iter_mut().enumerate() {
-            *b = base ^ sobol(l as u32, dimension);
+        if dimension < NET_DIMENSIONS {
+            // A point of the net is the exclusive or of those of its index's bits.
+            let base = sobol(first, dimension);
+            for (l, b) in bits.iter_mut().enumerate() {
+                *b = base ^ sobol(l as u32, dimension);
+            }
+        } else {
+            let pair = mix(self.seed, (1 << 32) + (dimension / 2) as u64) as u32;
+            for (l, b) in bits.iter_mut().enumerate() {
+                // A nested scramble of the index maps every aligned power-of-two block of points onto another.
+                *b = sobol_pair(nested_scramble(first + l as u32, pair), dimension % 2 == 1);
+            }
         }
         let mut out = [0.0; COUNT];
         for (x, b) in out.iter_mut().zip(bits) {
@@ -178,11 +195,19 @@ mod tests {
     }
 
     #[test]
+    fn val_both_roads_to_the_first_two_dimensions_are_one() {
+        for index in (0..4096).chain((0..32).map(|bit| u32::MAX >> bit)) {
+            let pair = [false, true].map(|second| sobol_pair(index, second));
+            assert_eq!(pair, [0, 1].map(|dimension: usize| sobol(index, dimension)), "{index}");
+        }
+    }
+
+    #[test]
     fn val_points_in_one_go_are_the_points_one_by_one() {
         let set = Scrambled::new(11);
-        for dimension in 0..NET_DIMENSIONS {
+        for dimension in 0..NET_DIMENSIONS + 4 {
             for first in [0, 8, 2040] {
-                let all: [f64; 8] = set.aligned(first, dimension);
+                let all: [f64; 8] = set.coordinates(first, dimension);
                 let one_by_one = [0, 1, 2, 3, 4, 5, 6, 7].map(|l: u32| set.coordinate(first + l, dimension));
                 assert_eq!(all, one_by_one);
             }
