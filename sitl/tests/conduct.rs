@@ -205,6 +205,26 @@ fn spec_a_peer_that_is_not_heard_must_end_the_emission() {
     }
 }
 
+/// A vehicle whose own link is cut, too, cannot be told: what it was told before expires, within a cut link's bound.
+#[test]
+fn regress_a_peer_that_is_not_heard_ends_nothing_over_a_cut_link() {
+    for (endless, expected) in [(false, &[][..]), (true, &["S4"])] {
+        let mut flight = on_the_air();
+        let cut = Circumstances { from_peer: Passage::Cut, ..Circumstances::default() };
+        flight.world.set_circumstances(1, cut);
+        go_on(&mut flight, 400, [true, true], [true, true]);
+        flight.off(0);
+        go_on(&mut flight, 40, [false, true], [true, true]);
+        if endless {
+            flight.world.inject(Fault::TransmitterIgnoresExpiry { vehicle: 1 });
+        }
+        flight.world.inject(Fault::LinkLoss { vehicle: 1, on: true });
+        go_on(&mut flight, 900, [false, true], [true, true]);
+        assert_broken(&flight, &[]);
+        assert_eq!(excused(&flight), expected);
+    }
+}
+
 #[test]
 fn spec_i_follows_a_jammer_that_falls_silent_out_of_turn() {
     for (from_peer, expected) in
