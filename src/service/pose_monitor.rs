@@ -27,14 +27,15 @@
 //! compared with the one at its own time. By the other's clock it may be farther off, or less, by what the two differ times the speed: the
 //! vehicle serves while it is certainly within [`ARRIVED`] of the tolerance, and has lost its place where it is certainly beyond all of it:
 //! who falls behind has the time in between to end its part in order. What the plan bears there may be less than the tolerance: beyond that, down to what a vehicle can hold, the pose is
-//! not lost, but does not serve either.
+//! not lost, but does not serve either. Nobody comes on the air who was last seen on the silent turn to where service begins, farther
+//! from there than the tolerance.
 //!
 //! Jitter is taken to be independent from sample to sample, as the plan takes it. A body that swings slower than that
 //! counts as what it is, out of its pose.
 
 use std::time::Duration;
 
-use nalgebra::Vector3;
+use nalgebra::{UnitQuaternion, Vector3};
 
 use crate::geo::{Attitude, Enu, Pose};
 use crate::planner::track::{Slack, Track};
@@ -163,6 +164,8 @@ pub struct Reference {
     pub opens_at: Instant,
     /// ... by a clock that may be so far from the one by which the slot is agreed on.
     pub apart: Duration,
+    /// From when it is turned as serving the user asks for.
+    pub in_place_from: Instant,
 }
 
 impl Reference {
@@ -247,10 +250,25 @@ impl PoseMonitor {
 
     /// Whether the position is near enough to come on the air at. One that has come so near, and hangs on its way out again, holds
     /// its pose and no more: by its estimator's error it may be out of it.
-    #[must_use]
-    pub fn is_near(&self) -> bool {
+    fn is_near(&self) -> bool {
         let near = |at: Distance| at.error_m <= ARRIVED * self.tolerance.position_m - at.known_to_m;
         self.distance.is_some_and(near)
+    }
+
+    /// Whether it was turned as serving the user asks for when it was last seen, as the fast filter has it. On its way there it is on
+    /// its track, and yet may never arrive.
+    fn is_turned(&self) -> bool {
+        let Some(([_, fast, _], at)) = self.errors else { return false };
+        let asked = self.target.attitude(at.max(self.target.in_place_from));
+        let due = asked.rotation().inverse() * self.target.attitude(at).rotation();
+        let off = due * UnitQuaternion::from_scaled_axis(fast.error);
+        off.angle() <= self.tolerance.limit_rad(fast.share)
+    }
+
+    /// Whether one that holds its pose may come on the air there.
+    #[must_use]
+    pub fn may_begin(&self) -> bool {
+        self.is_near() && self.is_turned()
     }
 
     /// Feeds the attitude measured at `at`; a sample already fed is ignored.
@@ -316,7 +334,7 @@ mod tests {
     use rand::{RngExt, SeedableRng};
 
     use super::*;
-    use crate::planner::track::samples::on_a_way;
+    use crate::planner::track::samples::{between_users, on_a_way};
     use crate::planner::turning;
     use crate::role::PerVehicle;
 
@@ -325,7 +343,7 @@ mod tests {
     }
 
     fn still() -> Reference {
-        Reference { pose: pose(), track: None, opens_at: at(0), apart: Duration::ZERO }
+        Reference { pose: pose(), track: None, opens_at: at(0), apart: Duration::ZERO, in_place_from: at(0) }
     }
 
     fn at(ms: u64) -> Instant {
@@ -373,7 +391,7 @@ mod tests {
     fn spec_who_has_come_near_and_drifts_out_again_holds_its_pose_and_does_not_begin_there() {
         let mut monitor = PoseMonitor::new(still(), Tolerance::for_jitter(0.0));
         monitor.attitude(&pose().attitude(), at(0));
-        assert!(!monitor.is_near());
+        assert!(!monitor.may_begin());
         for (ms, off_m, holds, near) in [
             (0, 0.86, false, false),
             (1, 0.84, true, true),
@@ -382,8 +400,31 @@ mod tests {
             (4, 1.01, false, false),
         ] {
             monitor.position(pose().position_enu_m + Vector3::new(off_m, 0.0, 0.0), at(ms));
-            assert_eq!((monitor.check().is_ok(), monitor.is_near()), (holds, near), "{off_m}");
+            assert_eq!((monitor.check().is_ok(), monitor.may_begin()), (holds, near), "{off_m}");
         }
+    }
+
+    /// On its track at 45 deg/s as well as can be, and not to come on the air by a state that is a tenth of a second old.
+    #[test]
+    fn regress_who_was_last_seen_on_its_way_to_an_attitude_does_not_begin_there() {
+        let track = between_users(pose(), 0.0, 45f64.to_radians());
+        let in_place_ms = (1e3 * track.in_place()[0].unwrap()).round() as u64;
+        let target = Reference { track: Some(track.clone()), in_place_from: at(in_place_ms), ..still() };
+        let mut monitor = PoseMonitor::new(target, Tolerance::for_jitter(0.0));
+        monitor.position(pose().position_enu_m, at(0));
+        let mut begins_ms = None;
+        for ms in (0..=in_place_ms + 100).step_by(10) {
+            monitor.attitude(&track.attitude(1e-3 * ms as f64), at(ms));
+            assert_eq!(monitor.check(), Ok(()));
+            if monitor.may_begin() {
+                begins_ms = begins_ms.or(Some(ms));
+            } else {
+                assert_eq!(begins_ms, None, "{ms}");
+            }
+        }
+        // Three degrees before the end of the turn.
+        let before_ms = in_place_ms - begins_ms.unwrap();
+        assert!((40..=80).contains(&before_ms), "{before_ms}");
     }
 
     #[test]

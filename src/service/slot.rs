@@ -67,10 +67,20 @@ impl Slot {
         let track = terms.tracks.as_ref().map(|tracks| tracks[role].clone());
         let track = if carried_on { track } else { track.map(Track::from_rest) };
         let opens_at = commitment.opens_at;
-        let reference = Reference { pose: vehicle.pose, track: track.clone(), opens_at, apart };
         let closes_at = opens_at + terms.length;
         let turned = track.as_ref().map_or([None; 2], Track::in_place);
         let turned = turned.map(|since_s| since_s.map(|since_s| opens_at.after_s(since_s)));
+        let in_place = [
+            turned[0].map_or(opens_at, |at| at.max(opens_at)),
+            turned[1].map_or(closes_at, |at| at.min(closes_at)),
+        ];
+        let reference = Reference {
+            pose: vehicle.pose,
+            track: track.clone(),
+            opens_at,
+            apart,
+            in_place_from: in_place[0],
+        };
         Self {
             commitment,
             power_w: vehicle.tx_power_w,
@@ -78,10 +88,7 @@ impl Slot {
             carried_on,
             radiate_from: commitment.opens_at + terms.radiate_from,
             radiate_until: commitment.opens_at + terms.radiate_until,
-            in_place: [
-                turned[0].map_or(opens_at, |at| at.max(opens_at)),
-                turned[1].map_or(closes_at, |at| at.min(closes_at)),
-            ],
+            in_place,
             closes_at,
             closing: false,
             monitor: PoseMonitor::new(reference, tolerance.leaning(terms.lean_rad[role])),

@@ -410,7 +410,7 @@ impl SlotService {
                 && slot.is_some_and(|slot| {
                     // J is off once I is (S3), where its pose is none that serves, and not lost either.
                     let owed = self.role == Role::J && leases_outstanding;
-                    let placed = self.interlock.is_on() || slot.monitor.is_near();
+                    let placed = self.interlock.is_on() || slot.monitor.may_begin();
                     placed && slot.monitor.check().is_ok() && (slot.monitor.serves() || owed)
                 }),
             // A lease vouches for J's part of the motion that I flies.
