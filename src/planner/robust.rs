@@ -6,8 +6,8 @@
 //! 5% quantile of the F_d is smoothed into their mean with a triangular weight about its rank, over the lowest tenth at first
 //! and narrower at the end. Few draws matter to it, and many are needed lest a dozen variables fit the few that do: of many
 //! draws those that are lowest at the present x are searched over, and those that have become low join them, until the
-//! quantile over all gains no more. Where nothing changes within a slot a draw is one sample, so that there are as many more of
-//! them.
+//! quantile over them gains no more. Which are low a few attitudes tell; how low they are is averaged over more of them, the
+//! finer the more. Where nothing changes within a slot a draw is one sample, so that there are as many more of them.
 //!
 //! *Worst case.* `max_x min_e F(x, e)`, e within the discs (for a Gaussian: within the circle that holds 95%). A finite
 //! set E of positions stands for the discs; in turn, x maximises the soft minimum of `F(x, e)` over E, and the worst e for
@@ -36,15 +36,22 @@ use super::worst::{Look, SETTLED, radius_m, worst_positions};
 /// How finely an objective over draws is resolved.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Resolution {
-    /// To sort out many candidates.
+    /// To sort out many candidates by their first steps.
+    First,
+    /// To sort out several.
     Coarse,
     /// To compare few.
     Medium,
     /// For the plan.
     Fine,
 }
+/// Iterations of a local search, and of a candidate's first steps.
+const ITERATIONS: usize = 60;
+const FIRST_ITERATIONS: usize = 12;
+/// Attitudes for sorting out, and for which draws are the lowest.
+const FEW: usize = 32;
 /// Of the ranks that a quantile weighs, so many times as many draws are the lowest that it is searched over.
-const LOWEST_TIMES: f64 = 2.0;
+const LOWEST_TIMES: f64 = 1.5;
 /// A gain of the quantile, in nats, that is worth another round.
 const WORTH: f64 = 1e-4;
 /// Sharpness of the soft minimum, per nat.
@@ -93,13 +100,14 @@ pub trait OverDraws: Sync {
 pub struct Quantile {
     seed: u64,
     draws: Vec<Draw>,
-    /// Samples of the attitudes that all draws meet.
-    count: usize,
-    /// All draws.
+    /// All draws, over few attitudes: which of them are the lowest.
     all: Samples,
     combination: Combination,
     clip: bool,
-    rounds: usize,
+    /// Attitudes that all draws meet, and most rounds over so many: one after the other.
+    rounds: &'static [(usize, usize)],
+    /// Iterations of a round.
+    iterations: usize,
     /// So many draws are searched over.
     lowest: usize,
 }
@@ -107,21 +115,22 @@ pub struct Quantile {
 impl OverDraws for Quantile {
     fn new(setup: &Setup, seed: u64, resolution: Resolution) -> Self {
         // Draws where something changes within a slot, and where nothing does.
-        let ([varying, steady], count, rounds, width) = match resolution {
-            Resolution::Coarse => ([256, 1024], 32, 1, QUANTILE),
-            Resolution::Medium => ([512, 2048], 32, 2, QUANTILE),
+        let coarsely = matches!(resolution, Resolution::First | Resolution::Coarse);
+        let ([varying, steady], rounds, width): (_, &[_], _) = match resolution {
+            Resolution::First | Resolution::Coarse => ([256, 1024], &[(FEW, 1)], QUANTILE),
+            Resolution::Medium => ([512, 2048], &[(FEW, 2)], QUANTILE),
             // Of 64 attitudes a dozen variables fit some: up to 0.16 bit/s/Hz over fresh ones.
-            Resolution::Fine => ([2048, 16_384], 256, 4, 0.4 * QUANTILE),
+            Resolution::Fine => ([2048, 16_384], &[(64, 3), (256, 3)], 0.4 * QUANTILE),
         };
         let of = if setup.varies() { varying } else { steady };
         let draws = Samples::draws_of(setup.problem, of, sobol::mix(seed, 2));
         Self {
             seed,
-            all: Samples::shared(setup.problem, count, draws.clone(), sobol::mix(seed, 1)),
+            all: Samples::shared(setup.problem, FEW, draws.clone(), sobol::mix(seed, 1)),
             draws,
-            count,
             combination: Combination::Quantile { of, width },
-            clip: resolution != Resolution::Coarse,
+            clip: !coarsely,
+            iterations: if resolution == Resolution::First { FIRST_ITERATIONS } else { ITERATIONS },
             rounds,
             lowest: (LOWEST_TIMES * (QUANTILE + width) * of as f64) as usize,
         }
@@ -130,20 +139,28 @@ impl OverDraws for Quantile {
     fn maximise(&self, setup: &Setup, chart: &Chart, start: Local, memory: &mut Memory) -> Local {
         let &Self { combination, clip, .. } = self;
         let mut is_low = vec![false; self.draws.len()];
-        let mut best = Local { value: self.value(setup, &start.raw, &mut is_low, memory), ..start };
-        let mut at = best;
-        for _ in 0..self.rounds {
-            let low = self.draws.iter().zip(&is_low).filter(|(_, low)| **low).map(|(draw, _)| draw.clone());
-            let samples = Samples::shared(setup.problem, self.count, low, sobol::mix(self.seed, 1));
-            let target = Target::OverDraws { samples: &samples, combination, clip };
-            at = memory.maximise(setup, chart, target, &at.raw, &settings(60, at.curvature)).unwrap_or(at);
-            let value = self.value(setup, &at.raw, &mut is_low, memory);
-            let gain = value - best.value;
-            if gain > 0.0 {
-                best = Local { value, ..at };
-            }
-            if gain < WORTH && gain > -WORTH {
-                break;
+        self.join(setup, &start.raw, &mut is_low, memory);
+        let mut best = start;
+        for &(attitudes, rounds) in self.rounds {
+            let mut low = self.low(setup, attitudes, &is_low);
+            best.value = memory.over_draws(setup, &best.raw, &low, combination, clip);
+            let mut at = best;
+            for _ in 0..rounds {
+                let target = Target::OverDraws { samples: &low, combination, clip };
+                at = memory
+                    .maximise(setup, chart, target, &at.raw, &settings(self.iterations, at.curvature))
+                    .unwrap_or(at);
+                let promised = at.value;
+                self.join(setup, &at.raw, &mut is_low, memory);
+                low = self.low(setup, attitudes, &is_low);
+                at.value = memory.over_draws(setup, &at.raw, &low, combination, clip);
+                let gain = at.value - best.value;
+                if gain > 0.0 {
+                    best = at;
+                }
+                if gain.abs() < WORTH || at.value >= promised - WORTH {
+                    break;
+                }
             }
         }
         best
@@ -151,11 +168,16 @@ impl OverDraws for Quantile {
 }
 
 impl Quantile {
-    /// The smoothed quantile over all draws; the lowest of them join `is_low`.
-    fn value(&self, setup: &Setup, raw: &Raw, is_low: &mut [bool], memory: &mut Memory) -> f64 {
-        let value = memory.over_draws(setup, raw, &self.all, self.combination, self.clip);
+    /// The lowest draws of a configuration join `is_low`.
+    fn join(&self, setup: &Setup, raw: &Raw, is_low: &mut [bool], memory: &mut Memory) {
+        memory.over_draws(setup, raw, &self.all, self.combination, self.clip);
         memory.draws.lowest_first().iter().take(self.lowest).for_each(|draw| is_low[*draw] = true);
-        value
+    }
+
+    /// Those draws, with so many attitudes.
+    fn low(&self, setup: &Setup, attitudes: usize, is_low: &[bool]) -> Samples {
+        let low = self.draws.iter().zip(is_low).filter(|(_, low)| **low).map(|(draw, _)| draw.clone());
+        Samples::shared(setup.problem, attitudes, low, sobol::mix(self.seed, 1))
     }
 }
 
@@ -174,7 +196,7 @@ pub struct WorstCase {
 impl OverDraws for WorstCase {
     fn new(setup: &Setup, seed: u64, resolution: Resolution) -> Self {
         let (count, least_step, sweeps, sharpness): (_, _, &[_], _) = match resolution {
-            Resolution::Coarse => (64, 3e-2, &[(false, 3), (true, 1)], &SHARPNESS[..1]),
+            Resolution::First | Resolution::Coarse => (64, 3e-2, &[(false, 3), (true, 1)], &SHARPNESS[..1]),
             Resolution::Medium => (128, 1e-2, &[(true, 8)], &SHARPNESS[..]),
             Resolution::Fine => (512, 3e-3, &[(true, 12)], &SHARPNESS[..]),
         };

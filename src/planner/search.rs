@@ -61,9 +61,11 @@ const POLISH_SAMPLES: [(usize, usize, f64); 3] = [(256, 6, 1e-4), (512, 3, 1e-5)
 const MEASURED_SAMPLES: [(usize, usize, f64); 2] = [(256, 3, 1e-4), (2048, 1, 1e-7)];
 /// Candidates that are improved for a quantile, and for a worst case: first so many of either screening.
 const FOR_QUANTILE: &[(Resolution, usize)] =
-    &[(Resolution::Coarse, 10), (Resolution::Medium, 5), (Resolution::Fine, 2)];
+    &[(Resolution::First, 10), (Resolution::Coarse, 8), (Resolution::Medium, 5), (Resolution::Fine, 2)];
 const FOR_WORST_CASE: &[(Resolution, usize)] =
     &[(Resolution::Coarse, 12), (Resolution::Medium, 4), (Resolution::Fine, 2)];
+/// A candidate that is behind the best by more, in nats, is not looked at finely.
+const BEHIND: f64 = 0.15;
 /// Below this mean rate, in nats, with every node at several places, the signed rate and [.]^+ have optima of their own.
 const LITTLE: f64 = 1.5;
 /// Samples that share a draw of uncertain positions; without jitter a block, whose samples are then all the same.
@@ -400,6 +402,10 @@ fn over_draws<T: OverDraws>(
         };
         if stage > 0 {
             best.truncate(kept);
+        }
+        if resolution == Resolution::Fine && near.is_none() {
+            let least = best.first().map_or(f64::NEG_INFINITY, |end| end.value - BEHIND);
+            best.retain(|end| end.value >= least);
         }
         let objective = T::new(setup, options.seed, resolution);
         let ends = parallel::map(options.threads, best.len(), |memory: &mut Memory, index| {
