@@ -3,7 +3,9 @@
 //! An attitude loop without feed-forward of rates, PX4's among them, follows a turn at a steady rate so much later: the inverse of its
 //! gain and the links' delays, 0.15 to 0.2 s, which are 7 to 9 deg at 45 deg/s. While a user is served that counts, so the attitude
 //! that is commanded is the track's so much ahead. How much is learnt from the turns themselves: where the reference turns at the
-//! rate `w` (rad/s, in the body), an error of attitude `e` is a time of `e . w / |w|^2`.
+//! rate `w` (rad/s, in the body), an error of attitude `e` is a time of `e . w / |w|^2`. A link that stands still for a while holds up
+//! setpoints as it does states, and the vehicle with them: that is no lag. One that is late for that reason in a turn near its
+//! largest rate stays late to the turn's end, which teaches nothing any more.
 
 use std::time::Duration;
 
@@ -29,6 +31,9 @@ const STEADY_WITHIN: f64 = 0.05;
 /// Half the time over which a rate is taken.
 const STEP: Duration = Duration::from_millis(10);
 
+/// States that are older, or farther apart, come over a link that has stood still.
+const HELD_UP: Duration = Duration::from_millis(250);
+
 /// Of a position, before anything is learnt.
 const PLACE_BEFOREHAND_S: f64 = 0.03;
 /// Slower motion says nothing over the estimator's noise, m/s.
@@ -36,18 +41,42 @@ const LEAST_SPEED_M_S: f64 = 2.0;
 /// The share of what a sample of it says that is taken over.
 const PLACE_GAIN: f64 = 0.02;
 
+/// What has been heard of a vehicle.
+#[derive(Debug, Clone, Default)]
+struct Heard {
+    last: Option<Instant>,
+    /// Its link has stood still since it last followed.
+    held_up: bool,
+}
+
+impl Heard {
+    /// Whether a state that was measured at `at` is a new one.
+    fn is_news(&mut self, at: Instant, now: Instant) -> bool {
+        let before = self.last.replace(at);
+        let apart = before.map_or(Duration::ZERO, |last| at.saturating_since(last));
+        self.held_up |= now.saturating_since(at).max(apart) > HELD_UP;
+        before.is_none_or(|last| at > last)
+    }
+
+    /// Whether it is held up no more once what it follows is as slow as it is now.
+    fn follows(&mut self, is_slow: bool) -> bool {
+        self.held_up &= !is_slow;
+        !self.held_up
+    }
+}
+
 /// How late the vehicle is where it is told to be on a way: links and loops have a position with its velocity and acceleration ahead,
 /// and yet some hundredths of a second late, and each tenth on the way to the autopilot is one more. Learnt and led likewise: of an error
 /// `e` at the velocity `v` it is `e . v / |v|^2`.
 #[derive(Debug, Clone)]
 pub(super) struct PlaceLag {
     lag_s: f64,
-    heard: Option<Instant>,
+    heard: Heard,
 }
 
 impl Default for PlaceLag {
     fn default() -> Self {
-        Self { lag_s: PLACE_BEFOREHAND_S, heard: None }
+        Self { lag_s: PLACE_BEFOREHAND_S, heard: Heard::default() }
     }
 }
 
@@ -58,13 +87,14 @@ impl PlaceLag {
     }
 
     /// Learns from the position that was measured at `at`, while the vehicle follows `motion`.
-    pub fn hear(&mut self, motion: &Motion, position_enu_m: &Enu, at: Instant) {
-        if self.heard.replace(at).is_some_and(|heard| at <= heard) || !motion.is_on_way(at) {
+    pub fn hear(&mut self, motion: &Motion, position_enu_m: &Enu, at: Instant, now: Instant) {
+        if !self.heard.is_news(at, now) || !motion.is_on_way(at) {
             return;
         }
         let meant = motion.sample(at);
         let velocity = meant.velocity_enu_m_s.vector();
-        if velocity.norm() < LEAST_SPEED_M_S {
+        let is_slow = velocity.norm() < LEAST_SPEED_M_S;
+        if !self.heard.follows(is_slow) || is_slow {
             return;
         }
         let late_s = (meant.position_enu_m - position_enu_m).dot(&velocity) / velocity.norm_squared();
@@ -79,12 +109,12 @@ impl PlaceLag {
 #[derive(Debug, Clone)]
 pub(super) struct AttitudeLag {
     lag_s: f64,
-    heard: Option<Instant>,
+    heard: Heard,
 }
 
 impl Default for AttitudeLag {
     fn default() -> Self {
-        Self { lag_s: BEFOREHAND_S, heard: None }
+        Self { lag_s: BEFOREHAND_S, heard: Heard::default() }
     }
 }
 
@@ -95,13 +125,14 @@ impl AttitudeLag {
     }
 
     /// Learns from the attitude that was measured at `at`, while the vehicle follows `motion`.
-    pub fn hear(&mut self, motion: &Motion, attitude: &Attitude, at: Instant) {
-        if self.heard.replace(at).is_some_and(|heard| at <= heard) {
+    pub fn hear(&mut self, motion: &Motion, attitude: &Attitude, at: Instant, now: Instant) {
+        if !self.heard.is_news(at, now) {
             return;
         }
         let rate = rate_at(motion, at);
         let square = rate.norm_squared();
-        if square < LEAST_RATE_RAD_S.powi(2) {
+        let is_slow = square < LEAST_RATE_RAD_S.powi(2);
+        if !self.heard.follows(is_slow) || is_slow {
             return;
         }
         let was = rate_at(motion, at - STEADY);
@@ -147,7 +178,7 @@ mod tests {
             // To and fro, as jitter is.
             let off = jitter_rad * f64::from(k % 4).mul_add(1.0, -1.5);
             let off = nalgebra::UnitQuaternion::from_scaled_axis(Vector3::new(off, -off, off));
-            lag.hear(&motion, &Attitude::from_rotation(was * off), at);
+            lag.hear(&motion, &Attitude::from_rotation(was * off), at, at);
         }
         lag.lead().as_secs_f64()
     }
@@ -180,7 +211,7 @@ mod tests {
             for k in 0..3000u32 {
                 let at = start + Duration::from_millis(20) * k;
                 let flown = motion.commanded(at.after_s(-late_s), [Duration::ZERO, lag.lead()]);
-                lag.hear(&motion, &flown.position_enu_m, at);
+                lag.hear(&motion, &flown.position_enu_m, at, at);
             }
             assert!((lag.lead().as_secs_f64() - late_s).abs() < 0.01, "{late_s}: {:?}", lag.lead());
         }
@@ -195,12 +226,51 @@ mod tests {
         let at = (1..60).map(|k| start + Duration::from_secs(k)).find(is_fast).unwrap();
         let behind = motion.sample(at.after_s(-0.3)).position_enu_m;
         let mut lag = PlaceLag::default();
-        lag.hear(&motion, &behind, at);
+        lag.hear(&motion, &behind, at, at);
         let learnt = lag.lead();
         assert_ne!(learnt, PlaceLag::default().lead());
-        lag.hear(&motion, &behind, at);
-        lag.hear(&motion, &behind, at.after_s(-0.02));
+        lag.hear(&motion, &behind, at, at);
+        lag.hear(&motion, &behind, at.after_s(-0.02), at);
         assert_eq!(lag.lead(), learnt);
+    }
+
+    /// What was measured in it comes in one go, or not at all; and who was held up in a turn is late to its end. The next turn
+    /// teaches again.
+    #[test]
+    fn regress_a_link_that_stands_still_is_no_lag() {
+        let ms = |ms: u64| Instant::from_start(Duration::from_millis(ms));
+        let turn = |from_rad: f64, to_rad: f64| {
+            let attitude = |pitch_rad| Attitude::from_euler(0.0, pitch_rad, 0.0);
+            let start = Start { position_enu_m: Enu::new(0.0, 0.0, 30.0), attitude: attitude(from_rad) };
+            let mut trajectory = Trajectory::rest(&start);
+            trajectory.turn(attitude(to_rad), 0.0, &Limits::new(5.0, 3.0, 15f64.to_radians()));
+            trajectory
+        };
+        let turns = [Motion::new(turn(0.0, 1.5), ms(1000)), Motion::new(turn(1.5, 0.0), ms(8000))];
+        for arrives in [true, false] {
+            let mut lag = AttitudeLag::default();
+            for at_ms in (1000..15_000).step_by(20) {
+                // Its setpoints and states are held up from 2000 to 2800, in the first turn.
+                let late_ms = match at_ms {
+                    2000..2800 => at_ms - 1850,
+                    2800..8000 => 950,
+                    _ => 250,
+                };
+                let now = ms(if (2000..2800).contains(&at_ms) { 2800 } else { at_ms });
+                let motion = &turns[usize::from(at_ms >= 8000)];
+                let attitude = motion.sample(ms(at_ms - late_ms)).attitude;
+                if arrives || now == ms(at_ms) {
+                    lag.hear(motion, &attitude, ms(at_ms), now);
+                }
+                if at_ms == 7900 {
+                    let learnt_s = lag.lead().as_secs_f64();
+                    assert!((learnt_s - 0.25).abs() < 0.01, "before it stood still, {arrives}: {learnt_s}");
+                    lag.lag_s = 0.1;
+                }
+            }
+            let learnt_s = lag.lead().as_secs_f64();
+            assert!((learnt_s - 0.25).abs() < 0.01, "the next turn, {arrives}: {learnt_s}");
+        }
     }
 
     #[test]
@@ -209,11 +279,8 @@ mod tests {
         let motion = Motion::new(Trajectory::rest(&start), Instant::ZERO);
         let mut lag = AttitudeLag::default();
         for k in 0..100 {
-            lag.hear(
-                &motion,
-                &Attitude::from_euler(0.1, 0.0, 0.0),
-                Instant::from_start(Duration::from_millis(20 * k)),
-            );
+            let at = Instant::from_start(Duration::from_millis(20 * k));
+            lag.hear(&motion, &Attitude::from_euler(0.1, 0.0, 0.0), at, at);
         }
         assert_eq!(lag.lead(), Duration::from_secs_f64(BEFOREHAND_S));
     }

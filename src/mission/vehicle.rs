@@ -13,7 +13,7 @@ impl Executive {
         }
         if let Some(motion) = self.phase.motion() {
             if let Some((attitude, measured_at)) = self.autopilot.attitude() {
-                self.lag.hear(motion, &attitude, measured_at);
+                self.lag.hear(motion, &attitude, measured_at, now);
                 let in_slot =
                     |slot: &Slot| (slot.commitment.opens_at..slot.radiate_until).contains(&measured_at);
                 if self.service.slot().is_some_and(in_slot) {
@@ -21,7 +21,7 @@ impl Executive {
                 }
             }
             if let Some((position, measured_at)) = self.autopilot.position(now) {
-                self.place_lag.hear(motion, &position, measured_at);
+                self.place_lag.hear(motion, &position, measured_at, now);
             }
             let sample = motion.commanded(now, [self.lag.lead(), self.place_lag.lead()]);
             let setpoint = Setpoint {

@@ -27,15 +27,14 @@
 //! compared with the one at its own time. By the other's clock it may be farther off, or less, by what the two differ times the speed: the
 //! vehicle serves while it is certainly within [`ARRIVED`] of the tolerance, and has lost its place where it is certainly beyond all of it:
 //! who falls behind has the time in between to end its part in order. What the plan bears there may be less than the tolerance: beyond that, down to what a vehicle can hold, the pose is
-//! not lost, but does not serve either. Nobody comes on the air who was last seen on the silent turn to where service begins, farther
-//! from there than the tolerance.
+//! not lost, but does not serve either. Nobody comes on the air who was last seen on the silent turn to where service begins.
 //!
 //! Jitter is taken to be independent from sample to sample, as the plan takes it. A body that swings slower than that
 //! counts as what it is, out of its pose.
 
 use std::time::Duration;
 
-use nalgebra::{UnitQuaternion, Vector3};
+use nalgebra::Vector3;
 
 use crate::geo::{Attitude, Enu, Pose};
 use crate::planner::track::{Slack, Track};
@@ -255,14 +254,13 @@ impl PoseMonitor {
         self.distance.is_some_and(near)
     }
 
-    /// Whether it was turned as serving the user asks for when it was last seen, as the fast filter has it. On its way there it is on
-    /// its track, and yet may never arrive.
+    /// Whether it was to be turned as serving the user asks for when it was last seen, and was, as the fast filter has it, whatever
+    /// the jitter may have added. On its way there it is on its track, and yet may never arrive.
     fn is_turned(&self) -> bool {
         let Some(([_, fast, _], at)) = self.errors else { return false };
         let asked = self.target.attitude(at.max(self.target.in_place_from));
-        let due = asked.rotation().inverse() * self.target.attitude(at).rotation();
-        let off = due * UnitQuaternion::from_scaled_axis(fast.error);
-        off.angle() <= self.tolerance.limit_rad(fast.share)
+        let due = asked.rotation().angle_to(&self.target.attitude(at).rotation());
+        due <= HELD_RAD && fast.error.norm() <= self.tolerance.attitude_rad
     }
 
     /// Whether one that holds its pose may come on the air there.
@@ -422,9 +420,9 @@ mod tests {
                 assert_eq!(begins_ms, None, "{ms}");
             }
         }
-        // Three degrees before the end of the turn.
+        // A degree before the end of the turn.
         let before_ms = in_place_ms - begins_ms.unwrap();
-        assert!((40..=80).contains(&before_ms), "{before_ms}");
+        assert!((10..=30).contains(&before_ms), "{before_ms}");
     }
 
     #[test]
