@@ -425,6 +425,23 @@ fn spec_fence_and_band_break_f1() {
     }
 }
 
+/// Three metres inside the fence, and by its estimate six metres outside, until it is back where it is to be by that.
+#[test]
+fn regress_a_jump_of_the_estimate_leads_nobody_out_of_the_fence() {
+    let mut tight = config();
+    tight.airspace.area_enu_m = vec![[-100.0, -100.0], [100.0, -100.0], [100.0, 100.0], [-100.0, 100.0]];
+    let mut flight = on_station(tight);
+    let goals = [[-97.0, 15.0, 30.0], flight.goals(0)[1]];
+    flight.stream(20_000, goals, None, |_| {});
+    flight.world.inject(Fault::EstimatorReset { vehicle: 0, jump_enu_m: [-9.0, 0.0, 0.0] });
+    flight.stream(10_000, goals, None, |_| {});
+    assert!(flight.position(0)[0] > -90.0, "{:?}", flight.position(0));
+    assert_eq!(flight.invariants(), vec![]);
+    // Who then goes out by what it knows, and in truth, is out.
+    flight.stream(20_000, [[-120.0, 15.0, 30.0], goals[1]], None, |_| {});
+    assert_eq!(names(&flight), ["F1"]);
+}
+
 #[test]
 fn spec_the_pilot_may_leave_the_band() {
     let mut tight = config();

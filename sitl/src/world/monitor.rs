@@ -54,8 +54,9 @@ pub(crate) struct Seen {
     /// How far off it is by what it is judged by, metres and degrees.
     pub error: (f64, f64),
     pub position: Vector3<f64>,
-    /// Where an estimator that a fault has misled takes it to be. Poses and the geofence are judged there: a lie that
-    /// nobody aboard can see through is nobody's violation. Distances between vehicles are judged at the truth.
+    /// Where an estimator that a fault has misled takes it to be. Poses are judged there, and the geofence and no-fly areas there
+    /// and at the truth: a lie that nobody aboard can see through is nobody's violation. Distances between vehicles are judged at
+    /// the truth.
     pub supposed: Vector3<f64>,
     pub home: Vector3<f64>,
     pub airborne: bool,
@@ -259,10 +260,13 @@ impl Monitor {
         let p = seen.supposed;
         let at_home = (p.xy() - seen.home.xy()).norm() <= HOME_COLUMN_M;
         let free = seen.airborne && seen.confined;
-        let beyond_m = if free && !at_home { beyond_fence_m(&airspace.area_enu_m, p.x, p.y) } else { 0.0 };
+        // A jump of the estimate puts nobody out of bounds; it has to be both in truth and by what is known aboard.
+        let least = |beyond: &dyn Fn(Vector3<f64>) -> f64| beyond(p).min(beyond(seen.position));
+        let beyond_m = least(&|p| beyond_fence_m(&airspace.area_enu_m, p.x, p.y));
+        let beyond_m = if free && !at_home { beyond_m } else { 0.0 };
         let breach = Breach::Fence { beyond_m, position_m: [p.x, p.y] };
         self.set(now, Some(v), breach, beyond_m > FENCE_MARGIN_M);
-        let inside = airspace.no_fly.iter().map(|area| inside_no_fly_m(area, p)).enumerate();
+        let inside = airspace.no_fly.iter().map(|area| least(&|p| inside_no_fly_m(area, p))).enumerate();
         let deepest = inside.max_by(|a, b| a.1.total_cmp(&b.1)).filter(|(_, inside_m)| *inside_m > 0.0);
         let (area, inside_m) = deepest.unwrap_or_default();
         let breach = Breach::NoFly { area, inside_m, position_m: p.into() };
