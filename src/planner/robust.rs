@@ -42,9 +42,13 @@ pub enum Resolution {
     Coarse,
     /// To compare few.
     Medium,
-    /// For the plan.
+    /// To choose.
     Fine,
+    /// For the plan.
+    Finest,
 }
+/// Of a local search, nats.
+const TOLERANCE: f64 = 1e-6;
 /// Iterations of a local search, and of a candidate's first steps.
 const ITERATIONS: usize = 60;
 const FIRST_ITERATIONS: usize = 12;
@@ -104,10 +108,13 @@ pub struct Quantile {
     all: Samples,
     combination: Combination,
     clip: bool,
-    /// Attitudes that all draws meet, and most rounds over so many: one after the other.
-    rounds: &'static [(usize, usize)],
-    /// Iterations of a round.
+    /// Attitudes that all draws meet.
+    attitudes: usize,
+    /// Most rounds, and iterations of each.
+    rounds: usize,
     iterations: usize,
+    /// Of a round, nats.
+    tolerance: f64,
     /// So many draws are searched over.
     lowest: usize,
 }
@@ -116,11 +123,12 @@ impl OverDraws for Quantile {
     fn new(setup: &Setup, seed: u64, resolution: Resolution) -> Self {
         // Draws where something changes within a slot, and where nothing does.
         let coarsely = matches!(resolution, Resolution::First | Resolution::Coarse);
-        let ([varying, steady], rounds, width): (_, &[_], _) = match resolution {
-            Resolution::First | Resolution::Coarse => ([256, 1024], &[(FEW, 1)], QUANTILE),
-            Resolution::Medium => ([512, 2048], &[(FEW, 2)], QUANTILE),
+        let ([varying, steady], attitudes, rounds, width, tolerance) = match resolution {
+            Resolution::First | Resolution::Coarse => ([256, 1024], FEW, 1, QUANTILE, TOLERANCE),
+            Resolution::Medium => ([512, 2048], FEW, 2, QUANTILE, TOLERANCE),
+            Resolution::Fine => ([2048, 16_384], 64, 3, 0.4 * QUANTILE, TOLERANCE),
             // Of 64 attitudes a dozen variables fit some: up to 0.16 bit/s/Hz over fresh ones.
-            Resolution::Fine => ([2048, 16_384], &[(64, 3), (256, 3)], 0.4 * QUANTILE),
+            Resolution::Finest => ([2048, 16_384], 256, 3, 0.4 * QUANTILE, 10.0 * TOLERANCE),
         };
         let of = if setup.varies() { varying } else { steady };
         let draws = Samples::draws_of(setup.problem, of, sobol::mix(seed, 2));
@@ -130,8 +138,10 @@ impl OverDraws for Quantile {
             draws,
             combination: Combination::Quantile { of, width },
             clip: !coarsely,
-            iterations: if resolution == Resolution::First { FIRST_ITERATIONS } else { ITERATIONS },
+            attitudes,
             rounds,
+            tolerance,
+            iterations: if resolution == Resolution::First { FIRST_ITERATIONS } else { ITERATIONS },
             lowest: (LOWEST_TIMES * (QUANTILE + width) * of as f64) as usize,
         }
     }
@@ -140,27 +150,24 @@ impl OverDraws for Quantile {
         let &Self { combination, clip, .. } = self;
         let mut is_low = vec![false; self.draws.len()];
         self.join(setup, &start.raw, &mut is_low, memory);
-        let mut best = start;
-        for &(attitudes, rounds) in self.rounds {
-            let mut low = self.low(setup, attitudes, &is_low);
-            best.value = memory.over_draws(setup, &best.raw, &low, combination, clip);
-            let mut at = best;
-            for _ in 0..rounds {
-                let target = Target::OverDraws { samples: &low, combination, clip };
-                at = memory
-                    .maximise(setup, chart, target, &at.raw, &settings(self.iterations, at.curvature))
-                    .unwrap_or(at);
-                let promised = at.value;
-                self.join(setup, &at.raw, &mut is_low, memory);
-                low = self.low(setup, attitudes, &is_low);
-                at.value = memory.over_draws(setup, &at.raw, &low, combination, clip);
-                let gain = at.value - best.value;
-                if gain > 0.0 {
-                    best = at;
-                }
-                if gain.abs() < WORTH || at.value >= promised - WORTH {
-                    break;
-                }
+        let mut low = self.low(setup, &is_low);
+        let mut best =
+            Local { value: memory.over_draws(setup, &start.raw, &low, combination, clip), ..start };
+        let mut at = best;
+        for _ in 0..self.rounds {
+            let target = Target::OverDraws { samples: &low, combination, clip };
+            let solver = settings(self.iterations, self.tolerance, at.curvature);
+            at = memory.maximise(setup, chart, target, &at.raw, &solver).unwrap_or(at);
+            let promised = at.value;
+            self.join(setup, &at.raw, &mut is_low, memory);
+            low = self.low(setup, &is_low);
+            at.value = memory.over_draws(setup, &at.raw, &low, combination, clip);
+            let gain = at.value - best.value;
+            if gain > 0.0 {
+                best = at;
+            }
+            if gain.abs() < WORTH || at.value >= promised - WORTH {
+                break;
             }
         }
         best
@@ -174,10 +181,10 @@ impl Quantile {
         memory.draws.lowest_first().iter().take(self.lowest).for_each(|draw| is_low[*draw] = true);
     }
 
-    /// Those draws, with so many attitudes.
-    fn low(&self, setup: &Setup, attitudes: usize, is_low: &[bool]) -> Samples {
+    /// Those draws, with all attitudes.
+    fn low(&self, setup: &Setup, is_low: &[bool]) -> Samples {
         let low = self.draws.iter().zip(is_low).filter(|(_, low)| **low).map(|(draw, _)| draw.clone());
-        Samples::shared(setup.problem, attitudes, low, sobol::mix(self.seed, 1))
+        Samples::shared(setup.problem, self.attitudes, low, sobol::mix(self.seed, 1))
     }
 }
 
@@ -198,7 +205,7 @@ impl OverDraws for WorstCase {
         let (count, least_step, sweeps, sharpness): (_, _, &[_], _) = match resolution {
             Resolution::First | Resolution::Coarse => (64, 3e-2, &[(false, 3), (true, 1)], &SHARPNESS[..1]),
             Resolution::Medium => (128, 1e-2, &[(true, 8)], &SHARPNESS[..]),
-            Resolution::Fine => (512, 3e-3, &[(true, 12)], &SHARPNESS[..]),
+            Resolution::Fine | Resolution::Finest => (512, 3e-3, &[(true, 12)], &SHARPNESS[..]),
         };
         let samples = Samples::shared(setup.problem, count, [estimates(setup)], sobol::mix(seed, 1));
         Self { samples, least_step, sweeps, sharpness }
@@ -219,7 +226,9 @@ impl OverDraws for WorstCase {
                 for q in self.sharpness {
                     let combination = Combination::SoftMinimum(*q);
                     let target = Target::OverDraws { samples: &samples, combination, clip };
-                    at = memory.maximise(setup, chart, target, &at.raw, &settings(40, None)).unwrap_or(at);
+                    at = memory
+                        .maximise(setup, chart, target, &at.raw, &settings(40, TOLERANCE, None))
+                        .unwrap_or(at);
                 }
                 let promised = at.value;
                 let value;
@@ -241,7 +250,7 @@ fn estimates(setup: &Setup) -> Vec<Vector3<f64>> {
     setup.problem.eavesdroppers.iter().map(|e| e.position_enu_m).collect()
 }
 
-fn settings(iterations: usize, curvature: Option<Matrix>) -> Solver {
+fn settings(iterations: usize, tolerance: f64, curvature: Option<Matrix>) -> Solver {
     let usual = active_set::Settings::default();
-    Solver::ActiveSet(active_set::Settings { iterations, tolerance: 1e-6, curvature, ..usual })
+    Solver::ActiveSet(active_set::Settings { iterations, tolerance, curvature, ..usual })
 }

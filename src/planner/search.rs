@@ -61,8 +61,13 @@ const POLISH_SAMPLES: [(usize, usize, f64); 3] = [(256, 6, 1e-4), (512, 3, 1e-5)
 /// more exact takes four times as long for a thousandth of a bit/s/Hz.
 const MEASURED_SAMPLES: [(usize, usize, f64); 3] = [(256, 3, 1e-4), (512, 1, 1e-5), (2048, 1, 1e-5)];
 /// Candidates that are improved for a quantile, and for a worst case: first so many of either screening.
-const FOR_QUANTILE: &[(Resolution, usize)] =
-    &[(Resolution::First, 10), (Resolution::Coarse, 8), (Resolution::Medium, 5), (Resolution::Fine, 2)];
+const FOR_QUANTILE: &[(Resolution, usize)] = &[
+    (Resolution::First, 10),
+    (Resolution::Coarse, 8),
+    (Resolution::Medium, 5),
+    (Resolution::Fine, 2),
+    (Resolution::Finest, 1),
+];
 const FOR_WORST_CASE: &[(Resolution, usize)] =
     &[(Resolution::Coarse, 12), (Resolution::Medium, 4), (Resolution::Fine, 2)];
 /// A candidate that is behind the best by more, in nats, is not looked at finely.
