@@ -162,7 +162,7 @@ fn regress_digests_of_plans() {
         .collect();
     assert_eq!(
         digests,
-        ["360b472d795d33dd", "508a77ee41e6b45b", "48db51031504a313", "eeb9de7f8820cd11", "ff7bf6c11bb40e4c"]
+        ["360b472d795d33dd", "508a77ee41e6b45b", "48db51031504a313", "eeb9de7f8820cd11", "f79da6bccb7586ea"]
     );
 }
 
