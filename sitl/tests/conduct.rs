@@ -225,6 +225,24 @@ fn regress_a_peer_that_is_not_heard_ends_nothing_over_a_cut_link() {
     }
 }
 
+/// Nor can one be told that leaves its pose over a cut link: a fifth of a second is longer than is forgiven over a good one.
+#[test]
+fn regress_over_a_cut_link_who_is_out_of_pose_is_off_by_what_it_was_told() {
+    for (cut, expected) in [(true, &[][..]), (false, &[("S2", "J radiates out of its pose")][..])] {
+        let mut flight = on_the_air();
+        flight.off(0);
+        go_on(&mut flight, 20, [false, true], [true, true]);
+        flight.world.inject(Fault::LinkLoss { vehicle: 1, on: cut });
+        flight.world.inject(Fault::EstimatorReset { vehicle: 1, jump_enu_m: [4.0, 0.0, 0.0] });
+        go_on(&mut flight, 240, [false, true], [true, false]);
+        flight.world.inject(Fault::LinkLoss { vehicle: 1, on: false });
+        flight.off(1);
+        go_on(&mut flight, 400, [false, false], [true, false]);
+        assert_broken(&flight, expected);
+        assert_eq!(excused(&flight), Vec::<&str>::new());
+    }
+}
+
 #[test]
 fn spec_i_follows_a_jammer_that_falls_silent_out_of_turn() {
     for (from_peer, expected) in

@@ -172,11 +172,12 @@ impl Monitor {
 
     /// How much later than on good ways the sign of what befalls a vehicle and the command that answers it may arrive:
     /// state that is older is used for nothing, and a command that is later has expired. One that is dead or stopped answers nothing, and
-    /// what it commanded before expires (S5).
+    /// over a link that is cut no answer arrives until it is mended: what was commanded before expires (S5, S4).
     pub(super) fn sign_and_command(&self, v: usize, now: Duration) -> Duration {
         let side = &self.sides[v];
         let way = side.vehicle_way.longest(now).saturating_sub(GOOD_WAY);
-        let expiry = if side.gone_since.is_some() { LEASE } else { side.expiry(now) };
+        let mended = side.mended_at.is_some_and(|at| now <= at + REACTION);
+        let expiry = if self.cannot_act(v) || mended { LEASE } else { side.expiry(now) };
         way.min(STATE_LIMIT) + way.min(LEASE).max(expiry)
     }
 
