@@ -5,8 +5,9 @@
 //! 1. *Screen.* From many starts, on few samples (or a soft maximum), with J's axis on the user (phase 2), which costs
 //!    next to nothing nearly everywhere and saves two variables. Under jitter all starts are followed for a few
 //!    iterations, and the better ones to the end.
-//! 2. *Polish.* The best distinct ends, all variables free (J's axis stays on the user where nothing leaks at its null), on more and more samples (or with a sharper maximum). Each
-//!    stage goes on with the curvature that the one before has learnt.
+//! 2. *Polish.* The best distinct ends, all variables free (but J's axis where nothing leaks at its null on the user), on
+//!    more and more samples (or with a sharper maximum). Each stage goes on with the curvature that the one before has
+//!    learnt.
 //!
 //! Where J's transmitter cannot give every power, it is screened between the least and the largest that it can give, and
 //! silent; every candidate is then polished at each of the levels about its own power, and the best is kept: nothing is

@@ -242,8 +242,7 @@ impl Monitor {
         let link_cut = of(side.cut_since, CUT);
         // Of a companion that is gone S5 says how long, and of one whose off cannot reach its vehicle a cut link's bound.
         let allowed = LEASED + under_way + side.expiry(now);
-        let told_by_others = side.gone_since.is_some() || side.cut_since.is_some();
-        let unheard = of(side.unheard_since.filter(|_| !told_by_others), allowed);
+        let unheard = of(side.unheard_since.filter(|_| !self.cannot_act(v)), allowed);
         self.lasting(now, Some(v), out_of_control, |after| Breach::OutOfControl { after });
         self.lasting(now, Some(v), bad_estimate, |after| Breach::BadEstimate { after });
         self.lasting(now, Some(v), state_late, |after| Breach::StateLate { after });
