@@ -659,6 +659,40 @@ mod reference {
 
 /// An eavesdropper that may stand beside the user, or where it stands: there is no secrecy there whatever the plan, and a search
 /// that takes that place for the worst has the less to climb. 3.69 bit/s/Hz with it, 3.89 without.
+/// Many short steps along the edge of the area, each of which rounds.
+#[test]
+fn regress_no_plan_drifts_over_an_edge_that_it_slides_along() {
+    let mut problem = problem(&[[181.897_365_534_144_26, 322.811_802_262_751_5]], 0.0);
+    problem.jitter.std_rad = 0.028_185_685_042_575_99;
+    problem.eavesdroppers[0].position_enu_m.z = 11.529_573_490_813_116;
+    problem.eavesdroppers.push(Eavesdropper {
+        position_enu_m: Vector3::new(243.277_297_829_726_34, -322.400_857_373_584_76, 0.0),
+        uncertainty: Uncertainty::None,
+    });
+    problem.user_enu_m = Vector3::new(282.736_784_249_682_4, 0.0, 5.0);
+    problem.airspace.area_enu_m = [
+        [144.246_858_324_371_52, 0.0],
+        [214.161_310_411_378_9, 268.549_789_117_739_8],
+        [-45.612_180_886_587_38, 199.840_021_750_719_7],
+        [-379.119_256_132_469_4, 182.574_211_254_587_82],
+        [-336.084_563_703_574_4, -161.849_795_652_643_4],
+        [-71.780_969_484_627_93, -314.492_975_873_336_26],
+        [200.728_603_054_202_18, -251.705_706_864_410_3],
+    ]
+    .map(Vector2::from)
+    .to_vec();
+    problem.airspace.altitude_m = [60.0, 60.0];
+    problem.airspace.min_separation_m = 0.0;
+    problem.radio.max_power_w = PerVehicle { i: 0.510_844_881_519_145_5, j: 1.087_491_512_734_301_4 };
+    problem.radio.reference_gain = 0.000_154_971_068_355_913_44;
+    problem.vehicles.i.max_tilt_rad = 0.484_283_575_062_408_43;
+    problem.vehicles.j.airframe = Airframe::Conventional;
+    for method in METHODS {
+        let plan = plan_slot(&problem, &Options { method, starts: Some(6), ..Options::default() }).unwrap();
+        assert_sound(&problem, &plan, &format!("{method:?}"));
+    }
+}
+
 #[test]
 fn regress_a_disc_that_holds_the_user_leaves_something_to_plan_for() {
     let mut problem = problem(&[[-15.9, -24.3], [-327.1, -125.5]], 1.0);

@@ -296,6 +296,37 @@ fn spec_out_of_pose_breaks_s1_and_s2() {
     }
 }
 
+/// A motion has just begun two metres aside of where both are: J may still be on the one before, where that is told, I not.
+#[test]
+fn spec_j_need_not_have_taken_up_a_motion_that_has_just_begun() {
+    let aside = |mut pose: PlannedPose| {
+        pose.position_enu_m[0] += 2.0;
+        pose
+    };
+    for (begun, told_before, expected) in [
+        ([false, true], true, &[][..]),
+        ([false, true], false, &["S1", "S2"]),
+        ([true, false], true, &["S1"]),
+    ] {
+        let mut flight = on_station(config());
+        let poses = config().slots[0].poses;
+        let newest = [0, 1].map(|k: usize| if begun[k] { aside(poses[k]) } else { poses[k] });
+        let flown = Flown {
+            poses: newest,
+            j_behind: if told_before { poses[1] } else { newest[1] },
+            most_w: poses.map(|pose| pose.tx_power_w),
+        };
+        let (goals, dbm) = (flight.goals(0), [0, 1].map(|k| flight.planned_dbm(0, k)));
+        flight.stream(2000, goals, Some(0), |f| {
+            f.world.follow(0, flown);
+            for k in [1, 0] {
+                f.clients[k].power(&mut f.world, dbm[k], 0, 300);
+            }
+        });
+        assert_eq!(names(&flight), expected, "{begun:?} {told_before}");
+    }
+}
+
 #[test]
 fn spec_off_that_the_hop_to_the_radio_holds_up_may_come_with_the_expiry_and_no_later() {
     let late = Manners { delay_s: 0.1, spread_s: 0.06, ..Manners::default() };

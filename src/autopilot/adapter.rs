@@ -248,6 +248,13 @@ impl Autopilot {
         self.pump(now);
     }
 
+    /// Whether the vehicle is told to be turned as [`set_setpoint`](Self::set_setpoint) asked last: the tilt rate has caught up, and
+    /// nothing keeps it level.
+    #[must_use]
+    pub fn commands_as_asked(&self) -> bool {
+        self.stream.commands_as_asked()
+    }
+
     /// Stops the setpoints and whatever else is pursued; the autopilot stays in its mode.
     pub fn release(&mut self, now: Instant) {
         self.control.drop(&mut self.commands);

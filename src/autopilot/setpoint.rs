@@ -18,6 +18,8 @@ use crate::time::Instant;
 const IDLE_THRUST: f64 = 0.05;
 /// How fast thrust rises to find the one that lifts the vehicle, 1/s.
 const SPOOL_RATE_S: f64 = 0.2;
+/// An attitude so near to the one asked for is that one: at 45 deg/s it is 10 ms.
+const AS_ASKED_RAD: f64 = 0.5f64.to_radians();
 
 /// Where the vehicle should be at an instant, in the mission frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -92,6 +94,8 @@ struct Run {
     since: Instant,
     sent_at: Instant,
     commanded: Attitude,
+    /// What is left from there to the attitude that was asked for, radians.
+    short_rad: f64,
 }
 
 impl Stream {
@@ -123,6 +127,12 @@ impl Stream {
     pub(super) fn streamed_for(&self, now: Instant) -> Duration {
         let run = self.run.filter(|run| now.saturating_since(run.sent_at) <= self.lifetime);
         run.map_or(Duration::ZERO, |run| now.saturating_since(run.since))
+    }
+
+    /// Whether the attitude that went out last is the one that was asked for, and not one that the vehicle may not, or cannot yet,
+    /// be told to leave.
+    pub(super) fn commands_as_asked(&self) -> bool {
+        self.run.is_some_and(|run| run.short_rad <= AS_ASKED_RAD)
     }
 
     /// Takes a setpoint for `now` and sends it in the form that actuation and firmware ask for. The attitude that it
@@ -174,7 +184,8 @@ impl Stream {
         let dt_s = self.run.map_or(self.period, |run| now.saturating_since(run.sent_at)).as_secs_f64();
         let attitude = self.ramp(setpoint.attitude, around, dt_s);
         let since = self.run.map_or(now, |run| run.since);
-        self.run = Some(Run { since, sent_at: now, commanded: attitude });
+        let short_rad = attitude.angle_to(&setpoint.attitude);
+        self.run = Some(Run { since, sent_at: now, commanded: attitude, short_rad });
         match self.actuation {
             Actuation::ThrustVector => out.send(self.thrust_vector(setpoint, attitude, around, dt_s, now)),
             Actuation::Position => out.send(position(setpoint, Some(attitude), around, now)),
@@ -405,6 +416,24 @@ mod tests {
             let commanded = stream.set(&setpoint(1.0), Some(&around), now, &mut out).unwrap();
             assert!((commanded.tilt_rad() - expected_rad).abs() < 1e-9, "{}", commanded.tilt_rad());
         }
+    }
+
+    #[test]
+    fn spec_one_that_is_turned_at_its_rate_or_kept_level_is_not_commanded_as_asked() {
+        let mut stream = stream(Actuation::Pose);
+        let mut out = Outbox::default();
+        let mut now = Instant::ZERO;
+        let mut commands_as_asked = |roll_rad: f64, may_tilt: bool| {
+            now = now + PERIOD;
+            let around = Surroundings { may_tilt, ..around(Footing::Airborne) };
+            stream.set(&setpoint(roll_rad), Some(&around), now, &mut out).unwrap();
+            stream.commands_as_asked()
+        };
+        assert!(commands_as_asked(0.0, true));
+        // 10 mrad a period: two are left, one, none.
+        assert_eq!([0.03; 3].map(|rad| commands_as_asked(rad, true)), [false, false, true]);
+        assert!([0.04, 0.05].into_iter().all(|rad| commands_as_asked(rad, true)));
+        assert!(!commands_as_asked(0.06, false));
     }
 
     #[test]

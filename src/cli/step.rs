@@ -92,13 +92,12 @@ impl fmt::Display for Done {
         write!(f, "done {}", micros(self.to))?;
         let Some(Flies { slot, alike, both }) = &self.flown else { return Ok(()) };
         write!(f, " {slot} {}", u8::from(*alike))?;
-        for (pose, most_w) in both.poses.iter().zip(both.most_w) {
+        let [i, j] = both.poses;
+        let poses = [i, j, both.j_behind].into_iter().flat_map(|pose| {
             let [east, north, up] = pose.position_enu_m;
-            let numbers =
-                [east, north, up, pose.roll_rad, pose.pitch_rad, pose.yaw_rad, pose.tx_power_w, most_w];
-            numbers.iter().try_for_each(|number| write!(f, " {number}"))?;
-        }
-        Ok(())
+            [east, north, up, pose.roll_rad, pose.pitch_rad, pose.yaw_rad, pose.tx_power_w]
+        });
+        poses.chain(both.most_w).try_for_each(|number| write!(f, " {number}"))
     }
 }
 
@@ -119,16 +118,17 @@ impl Flies {
     fn read<'a>(slot: &str, mut words: impl Iterator<Item = &'a str>) -> Option<Self> {
         let (slot, alike) = (slot.parse().ok()?, words.next()? == "1");
         let numbers = words.map(|word| word.parse().ok()).collect::<Option<Vec<f64>>>()?;
-        let numbers: [f64; 16] = numbers.try_into().ok()?;
-        let pose = |v: usize| sim::PlannedPose {
-            position_enu_m: [0, 1, 2].map(|k: usize| numbers[8 * v + k]),
-            roll_rad: numbers[8 * v + 3],
-            pitch_rad: numbers[8 * v + 4],
-            yaw_rad: numbers[8 * v + 5],
-            tx_power_w: numbers[8 * v + 6],
+        let numbers: [f64; 23] = numbers.try_into().ok()?;
+        let pose = |of: usize| sim::PlannedPose {
+            position_enu_m: [0, 1, 2].map(|k: usize| numbers[7 * of + k]),
+            roll_rad: numbers[7 * of + 3],
+            pitch_rad: numbers[7 * of + 4],
+            yaw_rad: numbers[7 * of + 5],
+            tx_power_w: numbers[7 * of + 6],
             lean_deg: 0.0,
         };
-        let both = sim::Flown { poses: [pose(0), pose(1)], most_w: [numbers[7], numbers[15]] };
+        let both =
+            sim::Flown { poses: [pose(0), pose(1)], j_behind: pose(2), most_w: [numbers[21], numbers[22]] };
         Some(Self { slot, alike, both })
     }
 }
@@ -167,7 +167,7 @@ mod tests {
             tx_power_w: 1e-7,
             lean_deg: 0.0,
         };
-        let both = sim::Flown { poses: [pose(1.0), pose(-7.0)], most_w: [0.5, 2e-7] };
+        let both = sim::Flown { poses: [pose(1.0), pose(-7.0)], j_behind: pose(-6.5), most_w: [0.5, 2e-7] };
         for flown in
             [None, Some(Flies { slot: 3, alike: true, both }), Some(Flies { slot: 0, alike: false, both })]
         {

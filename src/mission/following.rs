@@ -80,20 +80,30 @@ pub struct Flown {
     tracks: PerVehicle<Followed>,
 }
 
+/// Both vehicles at an instant of such a slot.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Due {
+    /// Pose and power, by the motion that I flies.
+    pub vehicles: PerVehicle<VehiclePlan>,
+    /// J's by the one before, so long as I may be on while J has not taken up the newest.
+    pub behind: VehiclePlan,
+    /// What each may be told to radiate by either of them, in watts.
+    pub most_w: PerVehicle<f64>,
+}
+
 impl Flown {
-    /// Pose and power of both at an instant, and what each may be told to radiate in W: by the motion that it is on or, so long as I
-    /// may be on while J has not taken that up, by the one before.
+    /// What both are to do at an instant.
     #[must_use]
-    pub fn at(&self, now: Instant) -> PerVehicle<(VehiclePlan, f64)> {
+    pub fn at(&self, now: Instant) -> Due {
         let since_s = now.seconds_since(self.opens_at);
-        self.tracks.as_ref().map(|track| {
-            let behind = track.as_of(since_s - GRACE.as_secs_f64());
-            // The other's clock may be ahead.
-            let powers_w = [track, &behind]
-                .into_iter()
-                .flat_map(|track| [0.0, APART_S].map(|s| track.tx_power_w(since_s + s)));
-            (track.vehicle(since_s), powers_w.fold(0.0, f64::max))
-        })
+        let behind = self.tracks.as_ref().map(|track| track.as_of(since_s - GRACE.as_secs_f64()));
+        // The other's clock may be ahead.
+        let most_w = PerVehicle::from_fn(|role| {
+            let both = [&self.tracks[role], &behind[role]].into_iter();
+            both.flat_map(|track| [0.0, APART_S].map(|s| track.tx_power_w(since_s + s))).fold(0.0, f64::max)
+        });
+        let vehicles = self.tracks.as_ref().map(|track| track.vehicle(since_s));
+        Due { vehicles, behind: behind.j.vehicle(since_s), most_w }
     }
 }
 

@@ -4,8 +4,8 @@
 //! gain and the links' delays, 0.15 to 0.2 s, which are 7 to 9 deg at 45 deg/s. While a user is served that counts, so the attitude
 //! that is commanded is the track's so much ahead. How much is learnt from the turns themselves: where the reference turns at the
 //! rate `w` (rad/s, in the body), an error of attitude `e` is a time of `e . w / |w|^2`. A link that stands still for a while holds up
-//! setpoints as it does states, and the vehicle with them: that is no lag. One that is late for that reason in a turn near its
-//! largest rate stays late to the turn's end, which teaches nothing any more.
+//! setpoints as it does states, and the vehicle with them: that is no lag. Nor is one that is kept level for a while. Who is
+//! late for such a reason in a turn near its largest rate stays late to the turn's end, which teaches nothing any more.
 
 use std::time::Duration;
 
@@ -45,7 +45,7 @@ const PLACE_GAIN: f64 = 0.02;
 #[derive(Debug, Clone, Default)]
 struct Heard {
     last: Option<Instant>,
-    /// Its link has stood still since it last followed.
+    /// Its link has stood still, or it was kept from following, since it last followed.
     held_up: bool,
 }
 
@@ -122,6 +122,11 @@ impl AttitudeLag {
     /// So long before it is due an attitude is commanded where the vehicle must be on its track.
     pub fn lead(&self) -> Duration {
         Duration::from_secs_f64(self.lag_s)
+    }
+
+    /// The vehicle is not told to follow the motion: it is late for that reason, to the turn's end.
+    pub fn hold_up(&mut self) {
+        self.heard.held_up = true;
     }
 
     /// Learns from the attitude that was measured at `at`, while the vehicle follows `motion`.
@@ -271,6 +276,26 @@ mod tests {
             let learnt_s = lag.lead().as_secs_f64();
             assert!((learnt_s - 0.25).abs() < 0.01, "the next turn, {arrives}: {learnt_s}");
         }
+    }
+
+    /// It stays late to the turn's end, when it may turn at last.
+    #[test]
+    fn regress_a_vehicle_that_is_kept_level_has_no_lag() {
+        let start = Start { position_enu_m: Enu::new(0.0, 0.0, 30.0), attitude: Attitude::level() };
+        let mut trajectory = Trajectory::rest(&start);
+        let rate_rad_s = 45f64.to_radians();
+        trajectory.turn(Attitude::from_euler(1.5, 0.0, 0.0), 0.0, &Limits::new(5.0, 3.0, rate_rad_s));
+        let motion = Motion::new(trajectory, Instant::from_start(Duration::from_secs(1)));
+        let mut lag = AttitudeLag::default();
+        for k in 0..300u32 {
+            let at = Instant::from_start(Duration::from_millis(20) * k);
+            if (50..80).contains(&k) {
+                lag.hold_up();
+            } else {
+                lag.hear(&motion, &motion.sample(at.after_s(-0.8)).attitude, at, at);
+            }
+        }
+        assert_eq!(lag.lead(), Duration::from_secs_f64(BEFOREHAND_S));
     }
 
     #[test]

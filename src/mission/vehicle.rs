@@ -13,7 +13,11 @@ impl Executive {
         }
         if let Some(motion) = self.phase.motion() {
             if let Some((attitude, measured_at)) = self.autopilot.attitude() {
-                self.lag.hear(motion, &attitude, measured_at, now);
+                if self.autopilot.commands_as_asked() {
+                    self.lag.hear(motion, &attitude, measured_at, now);
+                } else {
+                    self.lag.hold_up();
+                }
                 let in_slot =
                     |slot: &Slot| (slot.commitment.opens_at..slot.radiate_until).contains(&measured_at);
                 if self.service.slot().is_some_and(in_slot) {

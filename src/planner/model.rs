@@ -68,6 +68,8 @@ pub struct Memory {
 const MOST_CROSSINGS: usize = 4;
 /// A position this deep in a cut (in units of the chart's length) lies on it.
 const ON_CUT: f64 = 1e-9;
+/// How far, in the same units, the rounding of many steps along an active limit may lead over it before it is taken back.
+const DRIFT: f64 = 1e-13;
 
 impl Memory {
     /// The objective in nats per hertz, its gradient written to `gradient`.
@@ -147,7 +149,10 @@ impl Memory {
             }
             // A feasible set without an interior (a band of one altitude) is for the active-set method alone.
             let solver = if strictly { *solver } else { active(solver) };
-            let outcome = self.solve(setup, chart, target, &mut constraints, &x, &solver);
+            let mut outcome = self.solve(setup, chart, target, &mut constraints, &x, &solver);
+            if constraints.violation(&outcome.x) > DRIFT {
+                repair(&mut constraints, &mut outcome.x, false);
+            }
             let value = -outcome.value;
             let gained = best.as_ref().is_none_or(|b| value > b.value + 1e-9);
             if gained {

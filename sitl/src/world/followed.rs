@@ -1,6 +1,6 @@
 //! Slots in which motions are made anew: what the companions say that they fly, as the host hears it from I's. The plan before the
 //! flight knows nothing of it, so the world holds each vehicle to what I goes by: a J that does not fly what I takes it to fly is out of
-//! its pose.
+//! its pose. Just after a motion has begun I takes it to fly that one or the one before, which are nearly the same as long.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -16,6 +16,8 @@ const KEPT: Duration = Duration::from_millis(1500);
 pub struct Flown {
     /// I and J; the power that protects at that instant.
     pub poses: [PlannedPose; 2],
+    /// J on the motion before, where it need not have taken up the newest yet.
+    pub j_behind: PlannedPose,
     /// The most that each may be at by then, since what is to come is commanded ahead, watts.
     pub most_w: [f64; 2],
 }
@@ -41,10 +43,23 @@ impl Followed {
 
     /// What a vehicle was to do at an instant of a slot: as told last before.
     pub fn reference(&self, slot: usize, vehicle: usize, at: Duration) -> Option<Reference> {
-        let of_slot = || self.told.iter().filter(|(_, of, _)| *of == slot);
-        let (_, _, flown) = of_slot().rfind(|(told, ..)| *told <= at).or_else(|| of_slot().next())?;
-        let about = of_slot().filter(|(told, ..)| *told + LOWERED >= at && *told <= at);
+        let flown = self.at(slot, at)?;
+        let about = self.of_slot(slot).filter(|(told, ..)| *told + LOWERED >= at && *told <= at);
         let most_w = about.map(|(.., flown)| flown.most_w[vehicle]).fold(flown.most_w[vehicle], f64::max);
         Some(Reference { most_w, ..Reference::from(&flown.poses[vehicle]) })
+    }
+
+    /// The same of J, if it is still on the motion before.
+    pub fn behind(&self, slot: usize, at: Duration) -> Option<Reference> {
+        Some(Reference::from(&self.at(slot, at)?.j_behind))
+    }
+
+    fn at(&self, slot: usize, at: Duration) -> Option<&Flown> {
+        let before = self.of_slot(slot).rfind(|(told, ..)| *told <= at);
+        before.or_else(|| self.of_slot(slot).next()).map(|(.., flown)| flown)
+    }
+
+    fn of_slot(&self, slot: usize) -> impl DoubleEndedIterator<Item = &(Duration, usize, Flown)> {
+        self.told.iter().filter(move |(_, of, _)| *of == slot)
     }
 }

@@ -36,11 +36,13 @@ use radio::Emitter;
 use receiver::{Kind, Receiver};
 use report::FlightReport;
 use score::{PoseError, SlotScore};
-use trail::Trail;
+use trail::{Step, Trail};
 use turning::Openings;
 
 /// Relative difference from the planned power that still protects (INTERFACES: "at its planned power").
 const PLANNED_POWER_MARGIN: f64 = 0.01;
+/// J's place among the vehicles.
+const J: usize = 1;
 
 /// The world at one instant.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -296,6 +298,20 @@ impl World {
         }
     }
 
+    /// How far a vehicle in this pose is from where a slot has it at an instant, and where that is.
+    fn judge(
+        &self,
+        (slot, vehicle): (usize, usize),
+        at: Duration,
+        position: &Vector3<f64>,
+        attitude: &UnitQuaternion<f64>,
+    ) -> (Off, Reference) {
+        let judged = |plan: Reference| (self.config.tolerance.judge(&plan, position, attitude), plan);
+        let newest = judged(self.reference(slot, vehicle, at));
+        let behind = (vehicle == J).then(|| self.followed.behind(slot, at)).flatten().map(judged);
+        behind.filter(|(off, _)| *off < newest.0).unwrap_or(newest)
+    }
+
     /// `of_i`: what the plan of I's slot asks of this vehicle.
     fn seen(&self, k: usize, of_i: Option<Reference>) -> Seen {
         let vehicle = &self.vehicles[k];
@@ -305,7 +321,11 @@ impl World {
         let mode = vehicle.mode();
         let power_w = vehicle.transmitter().power_w();
         let own = vehicle.own_attitude();
-        let off = plan.map_or(Off::Much, |p| self.config.tolerance.judge(&p, &supposed, &own));
+        let (off, error) = slot.map_or((Off::Much, (0.0, 0.0)), |slot| {
+            let (off, held_to) = self.judge((slot, k), self.now, &supposed, &own);
+            let error = (supposed - held_to.position).norm();
+            (off, (error, own.angle_to(&held_to.attitude).to_degrees()))
+        });
         let turns_on = power_w.is_some() && !self.monitor.radiated(k);
         Seen {
             power_w,
@@ -313,9 +333,7 @@ impl World {
             slot,
             plan,
             off,
-            error: plan.map_or((0.0, 0.0), |p| {
-                ((supposed - p.position).norm(), own.angle_to(&p.attitude).to_degrees())
-            }),
+            error,
             position: vehicle.position_enu_m(),
             supposed,
             home: vehicle.home_enu_m(),
@@ -336,8 +354,9 @@ impl World {
             begins_out: turns_on
                 && slot.is_some_and(|slot| {
                     let late = self.monitor.command_is_late_by(k, self.now);
-                    let plan = |at| self.reference(slot, k, at);
-                    self.trails[k].was_out(off, plan, &self.config.tolerance, self.now, late)
+                    let judge =
+                        |step: &Step| self.judge((slot, k), step.at, &step.position, &step.attitude).0;
+                    self.trails[k].was_out(off, judge, self.now, late)
                 }),
         }
     }

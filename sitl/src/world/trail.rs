@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use nalgebra::{UnitQuaternion, Vector3};
 
-use super::config::{Off, Reference, Tolerance};
+use super::config::Off;
 use super::monitor::{FAINT_REACTION, POSE_REACTION};
 
 /// No command is carried out later: it expires.
@@ -13,10 +13,13 @@ const LATEST: Duration = Duration::from_millis(650);
 
 /// One instant.
 #[derive(Debug, Clone, Copy)]
-struct Step {
-    at: Duration,
-    position: Vector3<f64>,
-    attitude: UnitQuaternion<f64>,
+pub(crate) struct Step {
+    /// When.
+    pub at: Duration,
+    /// Where it took itself to be, metres.
+    pub position: Vector3<f64>,
+    /// How it was turned, without the jitter.
+    pub attitude: UnitQuaternion<f64>,
 }
 
 /// The last steps, as far back as anything may be overlooked.
@@ -39,8 +42,7 @@ impl Trail {
     pub fn was_out(
         &self,
         off: Off,
-        plan: impl Fn(Duration) -> Reference,
-        tolerance: &Tolerance,
+        judge: impl Fn(&Step) -> Off,
         now: Duration,
         under_way: Duration,
     ) -> bool {
@@ -50,8 +52,6 @@ impl Trail {
             Off::Much => POSE_REACTION,
         };
         let recent = self.steps.iter().rev().take_while(|step| step.at + reaction + under_way >= now);
-        recent
-            .map(|step| tolerance.judge(&plan(step.at), &step.position, &step.attitude))
-            .all(|was| was >= off)
+        recent.map(judge).all(|was| was >= off)
     }
 }

@@ -5,6 +5,7 @@ use veilwing_sitl as sim;
 
 use crate::config::Mission;
 use crate::geo::Attitude;
+use crate::mission::following::Due;
 use crate::planner::following::Who;
 use crate::planner::plan::VehiclePlan;
 use crate::planner::problem::{Airframe, JitterAxes, JitterModel, NoFly};
@@ -104,21 +105,22 @@ pub(super) fn world_over(
     })
 }
 
-/// What both fly, with what each may be told to radiate.
+/// What both fly, in the world's words.
 #[must_use]
-pub fn flown(both: &PerVehicle<(VehiclePlan, f64)>) -> sim::Flown {
-    let pose = |role: Role| {
-        let (VehiclePlan { pose, tx_power_w }, _) = both[role];
-        sim::PlannedPose {
-            position_enu_m: pose.position_enu_m.into(),
-            roll_rad: pose.roll_rad,
-            pitch_rad: pose.pitch_rad,
-            yaw_rad: pose.yaw_rad,
-            tx_power_w,
-            lean_deg: 0.0,
-        }
+pub fn flown(due: &Due) -> sim::Flown {
+    let pose = |VehiclePlan { pose, tx_power_w }: VehiclePlan| sim::PlannedPose {
+        position_enu_m: pose.position_enu_m.into(),
+        roll_rad: pose.roll_rad,
+        pitch_rad: pose.pitch_rad,
+        yaw_rad: pose.yaw_rad,
+        tx_power_w,
+        lean_deg: 0.0,
     };
-    sim::Flown { poses: Role::BOTH.map(pose), most_w: Role::BOTH.map(|role| both[role].1) }
+    sim::Flown {
+        poses: Role::BOTH.map(|role| pose(due.vehicles[role])),
+        j_behind: pose(due.behind),
+        most_w: Role::BOTH.map(|role| due.most_w[role]),
+    }
 }
 
 /// How somebody moves, if it does.
