@@ -21,6 +21,7 @@ mod hosts;
 mod kinds;
 mod manners;
 mod metadata;
+mod moments;
 mod moving;
 mod mutations;
 mod nominal;
