@@ -100,24 +100,26 @@ fn spec_setpoints_after_the_pilot_took_over_break_f2() {
 
 #[test]
 fn spec_taking_the_vehicle_back_breaks_f2_unless_an_operator_asked_for_it() {
-    for asked in [false, true] {
+    // At the vehicle itself, or at the other one, whose companion tells it.
+    for asked in [None, Some(0), Some(1)] {
         let mut flight = on_the_air();
-        let mut station = Client::ground_station(0, 1);
         flight.world.inject(Fault::PilotMode { vehicle: 0 });
         flight.off(0);
-        if asked {
+        if let Some(vehicle) = asked {
+            let mut station = Client::ground_station(vehicle, 1);
             let start = COMMAND_LONG_DATA {
                 command: MavCmd::MAV_CMD_MISSION_START,
-                target_system: 1,
+                target_system: station.system(),
                 target_component: 191,
                 ..COMMAND_LONG_DATA::DEFAULT
             };
             station.send(&mut flight.world, &MavMessage::COMMAND_LONG(start));
+            go_on(&mut flight, 1300, [false, true], [true, true]);
         }
         flight.clients[0].command(&mut flight.world, MavCmd::MAV_CMD_DO_SET_MODE, &[1.0, 6.0]);
         go_on(&mut flight, 1300, [false, true], [true, true]);
         assert!(flight.world.snapshot().vehicles[0].companion_controlled);
-        let expected: &[_] = if asked { &[] } else { &[("F2", "took the vehicle back")] };
+        let expected: &[_] = if asked.is_some() { &[] } else { &[("F2", "took the vehicle back")] };
         assert_broken(&flight, expected);
     }
 }

@@ -131,6 +131,8 @@ pub struct Vehicle {
     utc_start_us: u64,
     /// Bytes and frames are of this time.
     now: Duration,
+    /// An operator's order to fly has passed that nobody has asked for yet.
+    ordered: bool,
     hop: RadioHop,
     ticks: u64,
 }
@@ -182,6 +184,7 @@ impl Vehicle {
             mission,
             utc_start_us,
             now: Duration::ZERO,
+            ordered: false,
             dynamics,
             hop: RadioHop::new(seed, index),
             ticks: 0,
@@ -211,10 +214,20 @@ impl Vehicle {
         }
     }
 
+    /// Whether an operator's order to fly has passed since this was last asked.
+    pub(crate) fn take_order(&mut self) -> bool {
+        std::mem::take(&mut self.ordered)
+    }
+
+    /// An operator has ordered its companion to fly, or the other one, which tells it.
+    pub(crate) fn operator_ordered(&mut self) {
+        self.autopilot.operator_ordered();
+    }
+
     fn take(&mut self, link: usize, bytes: &[u8], now: Duration) {
         let messages = self.router.receive(link, bytes);
         if self.router.take_order_to_fly() && link != COMPANION_LINK {
-            self.autopilot.operator_ordered();
+            self.ordered = true;
         }
         for (from, component, message) in messages {
             if component == autopilot::COMPONENT {

@@ -134,7 +134,11 @@ impl World {
         let Some(target) = self.vehicles.get_mut(vehicle) else { return };
         let before = target.transmitter().emission();
         target.handle(link, bytes, self.now);
-        if target.transmitter().emission() != before {
+        let (ordered, after) = (target.take_order(), target.transmitter().emission());
+        if ordered {
+            self.vehicles.iter_mut().for_each(Vehicle::operator_ordered);
+        }
+        if after != before {
             self.watch();
         }
     }

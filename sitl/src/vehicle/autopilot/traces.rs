@@ -20,8 +20,8 @@ pub(crate) struct Taken {
     pub at: Duration,
     /// When HEARTBEAT has shown that.
     pub shown: Option<Shown>,
-    /// An operator has ordered something of the companion since.
-    ordered: bool,
+    /// An operator has ordered something of the companion since: it may take the vehicle.
+    pub ordered: bool,
     /// The vehicle has been disarmed since.
     pub disarmed: bool,
 }
