@@ -131,8 +131,6 @@ pub struct Vehicle {
     utc_start_us: u64,
     /// Bytes and frames are of this time.
     now: Duration,
-    /// An operator's order to fly has passed that nobody has asked for yet.
-    ordered: bool,
     hop: RadioHop,
     ticks: u64,
 }
@@ -184,7 +182,6 @@ impl Vehicle {
             mission,
             utc_start_us,
             now: Duration::ZERO,
-            ordered: false,
             dynamics,
             hop: RadioHop::new(seed, index),
             ticks: 0,
@@ -215,8 +212,8 @@ impl Vehicle {
     }
 
     /// Whether an operator's order to fly has passed since this was last asked.
-    pub(crate) fn take_order(&mut self) -> bool {
-        std::mem::take(&mut self.ordered)
+    pub(crate) fn take_order_to_fly(&mut self) -> bool {
+        self.router.take_order_to_fly()
     }
 
     /// An operator has ordered its companion to fly, or the other one, which tells it.
@@ -226,9 +223,6 @@ impl Vehicle {
 
     fn take(&mut self, link: usize, bytes: &[u8], now: Duration) {
         let messages = self.router.receive(link, bytes);
-        if self.router.take_order_to_fly() && link != COMPANION_LINK {
-            self.ordered = true;
-        }
         for (from, component, message) in messages {
             if component == autopilot::COMPONENT {
                 self.autopilot.handle(from, message, now, &mut self.router);

@@ -8,6 +8,7 @@ use std::collections::{BTreeMap, VecDeque};
 use mavlink::Message;
 use mavlink::dialects::ardupilotmega::{MavCmd, MavMessage, STATUSTEXT_DATA};
 
+use super::COMPANION_LINK;
 use super::signing::Signing;
 use crate::wire::{self, Decoder, Frame, WireCounters};
 
@@ -49,7 +50,7 @@ pub(crate) struct Router {
     out: VecDeque<(usize, Vec<u8>)>,
     signing: Signing,
     text_id: u16,
-    /// An order to begin, or to go on, for a component that is not aboard has come by.
+    /// An order to begin, or to go on, for a component that is not aboard has come by, from others than the companion.
     order_to_fly: bool,
 }
 
@@ -140,8 +141,8 @@ impl Router {
         };
         let target = (message.target_system_id().unwrap_or(0), message.target_component_id().unwrap_or(0));
         let passing_by = command_of(&message).filter(|_| !self.components.contains(&target.1));
-        self.order_to_fly |=
-            matches!(passing_by, Some(MavCmd::MAV_CMD_MISSION_START | MavCmd::MAV_CMD_DO_PAUSE_CONTINUE));
+        self.order_to_fly |= link != COMPANION_LINK
+            && matches!(passing_by, Some(MavCmd::MAV_CMD_MISSION_START | MavCmd::MAV_CMD_DO_PAUSE_CONTINUE));
         // A key goes to nobody for whom it is not meant.
         if !matches!(message, MavMessage::SETUP_SIGNING(_)) {
             self.forward(link, target, frame.bytes);

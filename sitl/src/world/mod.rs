@@ -134,7 +134,7 @@ impl World {
         let Some(target) = self.vehicles.get_mut(vehicle) else { return };
         let before = target.transmitter().emission();
         target.handle(link, bytes, self.now);
-        let (ordered, after) = (target.take_order(), target.transmitter().emission());
+        let (ordered, after) = (target.take_order_to_fly(), target.transmitter().emission());
         if ordered {
             self.vehicles.iter_mut().for_each(Vehicle::operator_ordered);
         }
@@ -302,16 +302,18 @@ impl World {
         }
     }
 
-    /// How far a vehicle in this pose is from where a slot has it at an instant, and where that is.
+    /// How far a vehicle in this pose is from where a slot has it at an instant, and where that is: as the newest motion has it, or of
+    /// J the one before.
     fn judge(
         &self,
+        newest: Reference,
         (slot, vehicle): (usize, usize),
         at: Duration,
         position: &Vector3<f64>,
         attitude: &UnitQuaternion<f64>,
     ) -> (Off, Reference) {
         let judged = |plan: Reference| (self.config.tolerance.judge(&plan, position, attitude), plan);
-        let newest = judged(self.reference(slot, vehicle, at));
+        let newest = judged(newest);
         let behind = (vehicle == J).then(|| self.followed.behind(slot, at)).flatten().map(judged);
         behind.filter(|(off, _)| *off < newest.0).unwrap_or(newest)
     }
@@ -325,8 +327,8 @@ impl World {
         let mode = vehicle.mode();
         let power_w = vehicle.transmitter().power_w();
         let own = vehicle.own_attitude();
-        let (off, error) = slot.map_or((Off::Much, (0.0, 0.0)), |slot| {
-            let (off, held_to) = self.judge((slot, k), self.now, &supposed, &own);
+        let (off, error) = slot.zip(plan).map_or((Off::Much, (0.0, 0.0)), |(slot, plan)| {
+            let (off, held_to) = self.judge(plan, (slot, k), self.now, &supposed, &own);
             let error = (supposed - held_to.position).norm();
             (off, (error, own.angle_to(&held_to.attitude).to_degrees()))
         });
@@ -358,8 +360,10 @@ impl World {
             begins_out: turns_on
                 && slot.is_some_and(|slot| {
                     let late = self.monitor.command_is_late_by(k, self.now);
-                    let judge =
-                        |step: &Step| self.judge((slot, k), step.at, &step.position, &step.attitude).0;
+                    let judge = |step: &Step| {
+                        let plan = self.reference(slot, k, step.at);
+                        self.judge(plan, (slot, k), step.at, &step.position, &step.attitude).0
+                    };
                     self.trails[k].was_out(off, judge, self.now, late)
                 }),
         }

@@ -293,12 +293,12 @@ impl Monitor {
             let setpoint = traces.setpoint_at?;
             setpoint.checked_sub(since?).filter(|after| *after > allowed)
         };
-        let taken = side.knows_of(traces.taken).and_then(|taken| side.sign(taken.shown));
-        // PX4 wants setpoints before it gives its mode.
-        let ordered = traces.taken.is_some_and(|taken| taken.ordered);
+        // PX4 wants setpoints before it gives its mode to one that is ordered to fly.
+        let unasked = traces.taken.filter(|taken| !taken.ordered);
+        let taken = side.knows_of(unasked).and_then(|taken| side.sign(taken.shown));
         let mended_at = side.mended_at.unwrap_or_default();
         let way = side.vehicle_way.longest(mended_at.max(taken.unwrap_or_default()));
-        let goes_on = after(taken.filter(|_| !ordered), REACTION + way + self.allowance);
+        let goes_on = after(taken, REACTION + way + self.allowance);
         // What a cut or a freeze held up arrives when it is over.
         let gone = side.gone_since.map(|gone| gone.max(mended_at));
         let under_way = STEPS + side.vehicle_way.longest(gone.unwrap_or_default()) + self.allowance;
