@@ -48,10 +48,10 @@ use super::plan::SlotPlan;
 use super::problem::Problem;
 use super::search as slot_search;
 use super::setup::Setup;
-use super::solver::boxed;
+use super::solver::boxed::Descent;
 use super::solver::limited::Settings;
 use super::turning::{self, Joint, Protected, Tolerance};
-use super::volume::objective::{COARSE, Case, MEDIUM};
+use super::volume::objective::{COARSE, Case, MEDIUM, View};
 use super::volume::{self, Fairness, Service, Ways};
 use super::{Found, Options, finish, parallel};
 use crate::geo::{Attitude, Enu, EnuAcceleration, EnuVelocity};
@@ -62,15 +62,33 @@ use objective::Objective;
 
 /// What a motion must gain over the plan that turns, as a part of it.
 pub const WORTH_MOVING: f64 = 0.01;
-/// First steps from all starts, and more from the best of them.
-const FIRST: Settings = Settings { iterations: 60, tolerance: 1e-4, first_step: 0.5 };
-const SECOND: Settings = Settings { iterations: 200, tolerance: 1e-5, first_step: 0.3 };
-const LAST: Settings = Settings { iterations: 450, tolerance: 1e-6, first_step: 0.2 };
-/// What a limit counts in each of them.
-const STIFFNESS: [f64; 3] = [30.0, 100.0, 300.0];
-/// How many go on to the second and to the last.
-const SECONDS: usize = 4;
-const LASTS: usize = 2;
+/// A part of the search: one function, climbed in heats.
+struct Phase {
+    view: View,
+    /// What a limit counts.
+    stiffness: f64,
+    settings: Settings,
+    /// How many go into each heat, the best so far, and for how many iterations.
+    heats: [(usize, usize); 2],
+}
+
+const fn phase(
+    view: View,
+    stiffness: f64,
+    (tolerance, first_step): (f64, f64),
+    heats: [(usize, usize); 2],
+) -> Phase {
+    Phase { view, stiffness, settings: Settings { iterations: 0, tolerance, first_step }, heats }
+}
+
+/// Few steps from all starts, and ever more from ever fewer.
+const PHASES: [Phase; 3] = [
+    phase(COARSE, 30.0, (1e-4, 0.5), [(usize::MAX, 30), (8, 30)]),
+    phase(COARSE, 100.0, (1e-5, 0.3), [(4, 100), (2, 100)]),
+    phase(MEDIUM, 300.0, (1e-6, 0.2), [(2, 200), (1, 250)]),
+];
+/// How many of the last that are given up are kept: they may still be what can be flown.
+const SPARE: usize = 3;
 /// Of the largest angle that a turn may have, the part that is turned on the air on either side of the silence.
 const TURNED_ON_AIR: f64 = 0.5;
 
@@ -284,26 +302,28 @@ fn best<W: Ways>(
     let objectives: Vec<Objective<'_, '_, W>> =
         frames.iter().map(|frame| Objective::new(case, frame, *limits)).collect();
     let bounds: Vec<Vec<[f64; 2]>> = frames.iter().map(Frame::bounds).collect();
-    let climb = |at: &[(usize, Vec<f64>)], (view, stiffness), settings: &Settings| {
-        let mut ends = parallel::map(options.threads, at.len(), |memory: &mut Memory, k| {
-            let (index, x) = &at[k];
-            let mut cost = |x: &[f64], gradient: &mut [f64]| {
-                objectives[*index].cost(x, (view, stiffness), memory, gradient)
-            };
-            let end = boxed::minimise(&mut cost, &bounds[*index], x, settings);
-            (end.value, (*index, end.x))
-        });
-        ends.retain(|(value, _)| value.is_finite());
-        ends.sort_by(|a, b| a.0.total_cmp(&b.0));
-        ends.into_iter().map(|(_, at)| at).collect::<Vec<_>>()
-    };
-    at = climb(&at, (COARSE, STIFFNESS[0]), &FIRST);
-    at.truncate(SECONDS);
-    at = climb(&at, (COARSE, STIFFNESS[1]), &SECOND);
-    // What is given up here may still be what can be flown.
-    let others = at.split_off(LASTS.min(at.len()));
-    at = climb(&at, (MEDIUM, STIFFNESS[2]), &LAST);
-    at.extend(others);
+    let mut given_up = Vec::new();
+    for phase in &PHASES {
+        let mut climbing: Vec<(usize, Descent)> =
+            at.into_iter().map(|(index, x)| (index, Descent::new(&bounds[index], &x))).collect();
+        for (of, iterations) in phase.heats {
+            given_up.extend(climbing.split_off(of.min(climbing.len())));
+            let settings = Settings { iterations, ..phase.settings };
+            climbing = parallel::map(options.threads, climbing.len(), |memory: &mut Memory, k| {
+                let (index, mut descent) = climbing[k].clone();
+                let mut cost = |x: &[f64], gradient: &mut [f64]| {
+                    objectives[index].cost(x, (phase.view, phase.stiffness), memory, gradient)
+                };
+                descent.go_on(&mut cost, &bounds[index], &settings);
+                (index, descent)
+            });
+            climbing.retain(|(_, descent)| descent.value.is_finite());
+            climbing.sort_by(|(_, a), (_, b)| a.value.total_cmp(&b.value));
+        }
+        at = climbing.into_iter().map(|(index, descent)| (index, descent.x)).collect();
+    }
+    let spare = given_up.split_off(given_up.len().saturating_sub(SPARE));
+    at.extend(spare.into_iter().map(|(index, descent)| (index, descent.x)));
     let made = parallel::map(options.threads, at.len(), |memory: &mut Memory, k| {
         let (index, x) = &at[k];
         let maker = Maker { case, frame: &frames[*index], limits: *limits, guard_s: case.service.guard_s };

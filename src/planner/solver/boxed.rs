@@ -9,7 +9,7 @@
 //! 2. The first of the lengths 1, and then such as the parabola through what is known proposes, at which `x + length d`, projected
 //!    onto the box, decreases f by 1e-4 of what the gradient promises.
 //!
-//! The best point is always within its bounds. Memory is taken once a run.
+//! The best point is always within its bounds.
 
 use super::limited::{End, Settings};
 
@@ -28,6 +28,7 @@ struct Pair {
 }
 
 /// The last steps, the newest at `next - 1`.
+#[derive(Clone)]
 struct Past {
     pairs: Vec<Pair>,
     len: usize,
@@ -107,6 +108,116 @@ fn hold(free: &[bool], step: &mut [f64]) {
     }
 }
 
+/// A descent, which can be left off and gone on with.
+#[derive(Clone)]
+pub struct Descent {
+    /// The best point.
+    pub x: Vec<f64>,
+    /// Its value; infinite before it began, and where it began at none.
+    pub value: f64,
+    gradient: Vec<f64>,
+    past: Past,
+    stage: Stage,
+}
+
+#[derive(Clone, Copy, PartialEq)]
+enum Stage {
+    New,
+    Under,
+    Converged,
+    /// Nothing better is found.
+    Stuck,
+}
+
+impl Descent {
+    /// From `start`, which is moved into `bounds`, lowest and highest of each variable.
+    pub fn new(bounds: &[[f64; 2]], start: &[f64]) -> Self {
+        let mut x = start.to_vec();
+        project(bounds, &mut x);
+        let n = x.len();
+        Self { x, value: f64::INFINITY, gradient: vec![0.0; n], past: Past::new(n), stage: Stage::New }
+    }
+
+    /// Goes on for so many iterations. `objective`, which writes its gradient, and `bounds` are always the same.
+    pub fn go_on(
+        &mut self,
+        objective: &mut impl FnMut(&[f64], &mut [f64]) -> f64,
+        bounds: &[[f64; 2]],
+        settings: &Settings,
+    ) {
+        if self.stage == Stage::New {
+            let value = objective(&self.x, &mut self.gradient);
+            (self.value, self.stage) =
+                if value.is_finite() { (value, Stage::Under) } else { (f64::INFINITY, Stage::Stuck) };
+        }
+        if self.stage != Stage::Under {
+            return;
+        }
+        let Self { x, value, gradient, past, stage } = self;
+        let n = x.len();
+        let (mut to, mut gradient_there) = (vec![0.0; n], vec![0.0; n]);
+        let (mut step, mut free) = (vec![0.0; n], vec![true; n]);
+        for _ in 0..settings.iterations {
+            for k in 0..n {
+                let [low, high] = bounds[k];
+                free[k] = !(x[k] <= low && gradient[k] > 0.0 || x[k] >= high && gradient[k] < 0.0);
+            }
+            step.copy_from_slice(gradient);
+            hold(&free, &mut step);
+            past.step(&free, settings.first_step, &mut step);
+            let mut slope = dot(&step, gradient);
+            if slope >= 0.0 && past.len > 0 {
+                past.len = 0;
+                step.copy_from_slice(gradient);
+                hold(&free, &mut step);
+                past.step(&free, settings.first_step, &mut step);
+                slope = dot(&step, gradient);
+            }
+            if slope >= -settings.tolerance {
+                *stage = Stage::Converged;
+                return;
+            }
+            let mut length = 1.0;
+            let mut moved = false;
+            for _ in 0..MOST_LENGTHS {
+                to.copy_from_slice(x);
+                add(&mut to, length, &step);
+                project(bounds, &mut to);
+                let there = objective(&to, &mut gradient_there);
+                let promised: f64 = to.iter().zip(&*x).zip(&*gradient).map(|((to, x), g)| (to - x) * g).sum();
+                if there.is_finite() && there <= *value + ENOUGH * promised {
+                    past.remember([x, &to], [gradient, &gradient_there]);
+                    std::mem::swap(x, &mut to);
+                    std::mem::swap(gradient, &mut gradient_there);
+                    *value = there;
+                    moved = true;
+                    break;
+                }
+                let parabola = -0.5 * slope * length * length / (there - *value - slope * length);
+                length = if parabola.is_finite() {
+                    parabola.clamp(0.1 * length, 0.5 * length)
+                } else {
+                    0.2 * length
+                };
+            }
+            if !moved {
+                if past.len == 0 {
+                    *stage = Stage::Stuck;
+                    return;
+                }
+                // What was learnt may be stale: once more along the gradient.
+                past.len = 0;
+            }
+        }
+    }
+}
+
+fn project(bounds: &[[f64; 2]], x: &mut [f64]) {
+    for (c, [low, high]) in x.iter_mut().zip(bounds) {
+        *c = c.clamp(*low, *high);
+    }
+}
+
 /// Minimises `objective`, which writes its gradient, from `start`, which is moved into `bounds`, lowest and highest of each
 /// variable.
 pub fn minimise(
@@ -115,72 +226,10 @@ pub fn minimise(
     start: &[f64],
     settings: &Settings,
 ) -> End {
-    let n = start.len();
-    let project = |x: &mut [f64]| {
-        for (c, [low, high]) in x.iter_mut().zip(bounds) {
-            *c = c.clamp(*low, *high);
-        }
-    };
-    let mut x = start.to_vec();
-    project(&mut x);
-    let mut gradient = vec![0.0; n];
-    let mut value = objective(&x, &mut gradient);
-    if !value.is_finite() {
-        return End { x, value: f64::INFINITY, converged: false };
-    }
-    let (mut to, mut gradient_there) = (vec![0.0; n], vec![0.0; n]);
-    let (mut step, mut free) = (vec![0.0; n], vec![true; n]);
-    let mut past = Past::new(n);
-    let mut converged = false;
-    for _ in 0..settings.iterations {
-        for k in 0..n {
-            let [low, high] = bounds[k];
-            free[k] = !(x[k] <= low && gradient[k] > 0.0 || x[k] >= high && gradient[k] < 0.0);
-        }
-        step.copy_from_slice(&gradient);
-        hold(&free, &mut step);
-        past.step(&free, settings.first_step, &mut step);
-        let mut slope = dot(&step, &gradient);
-        if slope >= 0.0 && past.len > 0 {
-            past.len = 0;
-            step.copy_from_slice(&gradient);
-            hold(&free, &mut step);
-            past.step(&free, settings.first_step, &mut step);
-            slope = dot(&step, &gradient);
-        }
-        if slope >= -settings.tolerance {
-            converged = true;
-            break;
-        }
-        let mut length = 1.0;
-        let mut moved = false;
-        for _ in 0..MOST_LENGTHS {
-            to.copy_from_slice(&x);
-            add(&mut to, length, &step);
-            project(&mut to);
-            let there = objective(&to, &mut gradient_there);
-            let promised: f64 = to.iter().zip(&x).zip(&gradient).map(|((to, x), g)| (to - x) * g).sum();
-            if there.is_finite() && there <= value + ENOUGH * promised {
-                past.remember([&x, &to], [&gradient, &gradient_there]);
-                std::mem::swap(&mut x, &mut to);
-                std::mem::swap(&mut gradient, &mut gradient_there);
-                value = there;
-                moved = true;
-                break;
-            }
-            let parabola = -0.5 * slope * length * length / (there - value - slope * length);
-            length =
-                if parabola.is_finite() { parabola.clamp(0.1 * length, 0.5 * length) } else { 0.2 * length };
-        }
-        if !moved {
-            if past.len == 0 {
-                break;
-            }
-            // What was learnt may be stale: once more along the gradient.
-            past.len = 0;
-        }
-    }
-    End { x, value, converged }
+    let mut descent = Descent::new(bounds, start);
+    descent.go_on(objective, bounds, settings);
+    let converged = descent.stage == Stage::Converged;
+    End { x: descent.x, value: descent.value, converged }
 }
 
 #[cfg(test)]
@@ -231,5 +280,19 @@ mod tests {
         let mut bad = |_: &[f64], _: &mut [f64]| f64::NAN;
         let end = minimise(&mut bad, &[[0.0, 5.0]; 2], &[1.0, 2.0], &SETTINGS);
         assert!(!end.converged && end.x == [1.0, 2.0]);
+    }
+
+    #[test]
+    fn spec_a_descent_that_is_left_off_and_gone_on_with_is_the_same() {
+        let bounds = [[-9.0, 9.0]; 30];
+        let heat = |iterations| Settings { iterations, ..SETTINGS };
+        let whole = minimise(&mut rosenbrock, &bounds, &[0.3; 30], &heat(50));
+        let mut descent = Descent::new(&bounds, &[0.3; 30]);
+        for iterations in [1, 9, 40] {
+            descent.go_on(&mut rosenbrock, &bounds, &heat(iterations));
+        }
+        assert!(descent.x == whole.x && !whole.converged, "{whole:?}");
+        descent.go_on(&mut rosenbrock, &bounds, &SETTINGS);
+        assert!(descent.value < whole.value);
     }
 }
