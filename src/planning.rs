@@ -13,7 +13,7 @@ use crate::planner::moving::{self, Flight};
 use crate::planner::plan::SlotPlan;
 use crate::planner::problem::Problem;
 use crate::planner::slots::{Plan, PlannedSlot};
-use crate::planner::turning::{self, Standing};
+use crate::planner::turning::{self, Standing, TOLERATED};
 use crate::planner::volume::{self, Fairness, Service};
 use crate::planner::{Near, Options, PlanError, plan_slot, plan_slot_near};
 use crate::role::PerVehicle;
@@ -22,9 +22,6 @@ use crate::schedule::order::Order;
 use crate::schedule::transit::Router;
 use crate::schedule::ways;
 use crate::time::Instant;
-
-/// The part of the rate that the tolerances of a turn's knots may cost.
-const TOLERATED: f64 = 0.02;
 
 /// A plan and what each slot's search took, by user.
 #[derive(Debug, Clone)]

@@ -11,7 +11,7 @@
 //! truth: where everybody is and how fast, each time that they plan, or all tracks to come, corners and all. Then what is lost
 //! against the first by the tracker, and against the second by the tracker, by holding the poses planned at the beginning, and by
 //! believing each last report as it is; means over missions and seeds with their standard errors. `speeds` prints the tracker's
-//! losses against both over the user's speed. `times` prints what one core takes to plan a motion from rest and from the last one.
+//! losses against both over the user's speed. `times` prints what one core takes to plan a motion from rest and from the last one, and to say how wrong poses may be on it.
 
 // A measuring program: it reads the clock, and what it cannot plan may stop it.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::disallowed_methods)]
@@ -34,6 +34,7 @@ use veilwing::planner::following::{
 use veilwing::planner::moving::Limits;
 use veilwing::planner::plan::VehiclePlan;
 use veilwing::planner::problem::Problem;
+use veilwing::planner::turning::{LARGEST_RAD, Sizes};
 use veilwing::planner::{Options, plan_slot};
 use veilwing::role::PerVehicle;
 
@@ -42,6 +43,8 @@ const BEFORE_S: f64 = 10.0;
 const FLOWN_S: f64 = 60.0;
 /// How often the rate is looked at, per second.
 const LOOKS_HZ: usize = 5;
+/// Errors that are looked at: of poses that are held as a companion asks for.
+const ERRORS: Sizes = Sizes { pointing_rad: [0.05, LARGEST_RAD], position_m: [1.0; 2] };
 
 /// Who moves, and how fast in m/s.
 #[derive(Debug, Clone, Copy)]
@@ -75,6 +78,8 @@ struct Flown {
     rate_bps_hz: f64,
     /// Milliseconds of each motion that was planned, the first from rest.
     plans_ms: Vec<f64>,
+    /// And of its tolerances.
+    tolerances_ms: Vec<f64>,
     not_made: usize,
 }
 
@@ -186,17 +191,25 @@ impl Mission {
 
     fn fly(&self, knows: Knows, replan_s: f64) -> Flown {
         let rest = self.rest(knows);
-        let mut flown = Flown { rate_bps_hz: 0.0, plans_ms: Vec::new(), not_made: 0 };
+        let mut flown =
+            Flown { rate_bps_hz: 0.0, plans_ms: Vec::new(), tolerances_ms: Vec::new(), not_made: 0 };
         let mut motion: Option<Motion> = None;
         let steps = (FLOWN_S / replan_s).round() as usize;
         for step in 0..steps {
             let t_s = replan_s * step as f64;
             let begun = Instant::now();
+            let mut planned_ms = 0.0;
             let next = self.with_scene(knows, t_s, self.sides(&rest), |scene| {
                 let from = motion.as_ref().map_or(Flying::rest(&rest), Flying::motion);
-                following::plan(scene, &from, t_s, 1).unwrap()
+                let mut next = following::plan(scene, &from, t_s, 1).unwrap();
+                planned_ms = 1e3 * begun.elapsed().as_secs_f64();
+                if let Some(motion) = &mut next {
+                    motion.add_tolerances(scene, &ERRORS, 1).unwrap();
+                }
+                next
             });
-            flown.plans_ms.push(1e3 * begun.elapsed().as_secs_f64());
+            flown.plans_ms.push(planned_ms);
+            flown.tolerances_ms.push(1e3 * begun.elapsed().as_secs_f64() - planned_ms);
             flown.not_made += usize::from(next.is_none());
             motion = next.or(motion);
             let vehicles = |t_s: f64| motion.as_ref().map_or(rest, |motion| motion.at(t_s).vehicles);
@@ -292,25 +305,28 @@ fn speeds(range: &Range) {
 }
 
 fn times(range: &Range) {
-    println!("N  m/s  cold ms median    p99  warm ms median    p99");
+    println!("N  m/s  cold ms median    p99  warm ms median    p99  tolerances ms median    p99");
     for (n, speed) in [(2, 1.5), (2, 8.0), (5, 1.5), (5, 8.0)] {
         let case = Case { user_m_s: Some(speed), eavesdropper_m_s: Some(speed) };
-        let (mut cold, mut warm) = (Vec::new(), Vec::new());
+        let (mut cold, mut warm, mut tolerances) = (Vec::new(), Vec::new(), Vec::new());
         for mission in range.all(n, case) {
-            let took_ms = mission.fly(Knows::Filter, range.replan_s).plans_ms;
-            cold.push(took_ms[0]);
-            warm.extend_from_slice(&took_ms[1..]);
+            let flown = mission.fly(Knows::Filter, range.replan_s);
+            cold.push(flown.plans_ms[0]);
+            warm.extend_from_slice(&flown.plans_ms[1..]);
+            tolerances.extend(flown.tolerances_ms);
         }
         let quantile = |values: &mut Vec<f64>, share: f64| {
             values.sort_by(f64::total_cmp);
             values[((values.len() - 1) as f64 * share).round() as usize]
         };
         println!(
-            "{n}  {speed:3.1}  {:14.1}  {:5.1}  {:14.1}  {:5.1}",
+            "{n}  {speed:3.1}  {:14.1}  {:5.1}  {:14.1}  {:5.1}  {:20.1}  {:5.1}",
             quantile(&mut cold, 0.5),
             quantile(&mut cold, 0.99),
             quantile(&mut warm, 0.5),
             quantile(&mut warm, 0.99),
+            quantile(&mut tolerances, 0.5),
+            quantile(&mut tolerances, 0.99),
         );
     }
 }

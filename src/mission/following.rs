@@ -17,14 +17,21 @@ use crate::planner::following::{self, Belief, Drift, Estimate, Motion, Mover, Op
 use crate::planner::plan::VehiclePlan;
 use crate::planner::problem::Problem;
 use crate::planner::track::{APART_S, Followed, Track};
+use crate::planner::turning::{LARGEST_RAD, Sizes};
 use crate::role::{PerVehicle, Role};
 use crate::schedule::separation::clearance_m;
+use crate::service::Tolerance;
 use crate::time::Instant;
 
 /// A motion is asked for this often.
 const EVERY: Duration = Duration::from_secs(1);
 /// And begins so much later: time to tell it the other, to plan it on both sides, and to agree.
 const LEAD: Duration = Duration::from_millis(500);
+/// No wider errors are allowed in a slot than these, but of an attitude where a vehicle may lean.
+const ERRORS: Sizes = {
+    let [position_m, attitude_rad] = Tolerance::widest();
+    Sizes { pointing_rad: [attitude_rad, LARGEST_RAD], position_m: [position_m; 2] }
+};
 /// The part of what they may turn that motions ask of them: the rest is for what has to be caught up with.
 pub const TURN_PART: f64 = 0.5;
 
@@ -260,6 +267,7 @@ impl Executive {
             rest,
             flies: PerVehicle { i: i?, j: j? },
             begins_s: places.begins().as_secs_f64(),
+            errors: ERRORS,
             seed: following.options.seed,
         })
     }

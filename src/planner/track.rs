@@ -158,7 +158,7 @@ impl Track {
     pub fn slack(&self, since_opening_s: f64) -> Option<Slack> {
         match self {
             Self::Planned(track) => track.slack(since_opening_s),
-            Self::Followed(_) => None,
+            Self::Followed(track) => track.slack(since_opening_s),
         }
     }
 

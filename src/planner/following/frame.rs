@@ -258,6 +258,7 @@ impl<'a> Frame<'a> {
             knots: (0..=SEGMENTS).map(knot).collect(),
             user: self.user.clone(),
             slip: Slip { angles: self.slip, lasts_s: SHORTEST_SLIP_S },
+            tolerances: Vec::new(),
             expected_bps_hz: 0.0,
         }
     }

@@ -35,6 +35,7 @@ mod search;
 mod side;
 #[cfg(test)]
 mod tests;
+mod tolerance;
 
 pub use estimate::{Belief, Drift, Estimate, Report, Unrest};
 pub use flying::Flying;

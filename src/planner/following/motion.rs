@@ -4,7 +4,7 @@ use sha2::{Digest, Sha256};
 
 use super::super::moving::null;
 use super::super::plan::VehiclePlan;
-use super::super::turning::Held;
+use super::super::turning::{Held, Tolerance};
 use super::{HORIZON_S, Path, Scene};
 use crate::geo::{Attitude, Enu, EnuAcceleration, EnuVelocity, Pose};
 use crate::role::{PerVehicle, Role};
@@ -69,6 +69,8 @@ pub struct Motion {
     pub(in crate::planner) knots: Vec<Knot>,
     pub(super) user: Foreseen,
     pub(super) slip: Slip,
+    /// How wrong poses may be at some instants, where that was looked at.
+    pub(super) tolerances: Vec<(f64, Option<Tolerance>)>,
     /// The mean rate that is expected over the horizon, by its weights, bit/s/Hz.
     pub expected_bps_hz: f64,
 }
@@ -145,6 +147,15 @@ impl Motion {
             j: both(from.j, to.j),
             j_power_w: mixed(from.j_power_w, to.j_power_w),
         }
+    }
+
+    /// How wrong poses may be at an instant, by the stricter of those before and after at which it was looked at; `None` where it was
+    /// not, or where nothing is carried.
+    #[must_use]
+    pub fn tolerance(&self, t_s: f64) -> Option<Tolerance> {
+        let after = self.tolerances.partition_point(|(at_s, _)| *at_s <= t_s);
+        let about = [after.checked_sub(1), Some(after)].into_iter().flatten();
+        about.filter_map(|k| self.tolerances.get(k)?.1).reduce(|a, b| a.and(&b))
     }
 
     /// The pair at an instant. Before the motion begins and after it ends, where it begins and ends: it rests then, and J's null

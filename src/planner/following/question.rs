@@ -6,6 +6,7 @@ use super::{Drift, Flying, Foresight, Motion, Scene, Side, plan};
 use crate::planner::moving::Limits;
 use crate::planner::plan::VehiclePlan;
 use crate::planner::problem::Problem;
+use crate::planner::turning::Sizes;
 use crate::role::{PerVehicle, Role};
 
 /// See the module. Two companions with the same question find the same motion.
@@ -29,6 +30,8 @@ pub struct Question {
     pub flies: PerVehicle<Option<Arc<Motion>>>,
     /// When the motion begins, in seconds since the slot's opening.
     pub begins_s: f64,
+    /// Up to which errors it is looked at what they cost.
+    pub errors: Sizes,
     /// Seed of what is random in planning.
     pub seed: u64,
 }
@@ -50,7 +53,9 @@ impl Question {
             Some(motion) => Flying::Motion(motion),
             None => Flying::Rest(&self.rest[role]),
         });
-        plan(&scene, &from, self.begins_s, self.seed).ok().flatten()
+        let mut motion = plan(&scene, &from, self.begins_s, self.seed).ok()??;
+        motion.add_tolerances(&scene, &self.errors, self.seed).ok()?;
+        Some(motion)
     }
 }
 
@@ -62,7 +67,9 @@ pub(super) fn foreseen<F: Foresight>(of: &Option<F>) -> Option<&dyn Foresight> {
 mod tests {
     use super::*;
     use crate::geo::{Enu, EnuVelocity};
+    use crate::planner::expectation::{EvaluateOptions, evaluate};
     use crate::planner::following::Belief;
+    use crate::planner::following::frame::Frame;
     use crate::planner::{Options, plan_slot};
 
     fn question() -> Question {
@@ -84,6 +91,7 @@ mod tests {
             apart_m: 7.0,
             flies: PerVehicle { i: None, j: None },
             begins_s: 1.0,
+            errors: Sizes::ALL,
             seed: 7,
         }
     }
@@ -113,5 +121,51 @@ mod tests {
         assert!(apart_m(Role::J, &flown.vehicles.j) > 0.1, "J would have moved by then");
         // What has no meaning has no answer.
         assert_eq!(Question { begins_s: f64::NAN, ..question }.answer(), None);
+    }
+
+    #[test]
+    fn val_an_error_within_its_tolerance_costs_what_is_tolerated() {
+        // By the evaluator, on other draws and in directions of its own.
+        let mut question = question();
+        let motion = question.answer().unwrap();
+        let scene = Scene {
+            problem: &question.problem,
+            user: foreseen(&question.user),
+            eavesdroppers: vec![],
+            limits: question.limits,
+            turn_rate_rad_s: question.turn_rate_rad_s,
+            sides: Side::between(&question.rest.map(|vehicle| vehicle.pose.position_enu_m), 0.0),
+        };
+        let t_s = Frame::nodes_s(question.begins_s).nth(3).unwrap();
+        let problem = scene.problem_at(t_s, question.begins_s);
+        let tolerance = motion.tolerance(t_s).unwrap();
+        let rate = |vehicles: &PerVehicle<VehiclePlan>| {
+            let options = EvaluateOptions { samples: 8192, seed: 99, ..EvaluateOptions::default() };
+            evaluate(&problem, vehicles, &options).unwrap().secrecy_rate_bps
+        };
+        let meant = motion.at(t_s).vehicles;
+        for role in Role::BOTH {
+            let moved = |k: u32, share: f64| {
+                let (sin, cos) = (f64::from(k) * 0.7).sin_cos();
+                let rise = (f64::from(k) * 1.9).sin();
+                let way = Enu::new(cos, sin, rise).normalize() * (share * tolerance.position_m[role]);
+                let mut vehicles = meant;
+                vehicles[role].pose.position_enu_m += way;
+                rate(&vehicles) / rate(&meant)
+            };
+            let least = |share: f64| (0..24).map(|k| moved(k, share)).fold(1.0, f64::min);
+            assert!(least(0.9) > 0.975 && least(1.25) < 0.98, "{role}: {} {}", least(0.9), least(1.25));
+        }
+        // The narrower the errors that are looked at, the fewer are told; between instants it is the stricter of two.
+        question.errors = Sizes { pointing_rad: [0.01, 0.02], position_m: [0.5; 2] };
+        let narrow = question.answer().unwrap();
+        assert_eq!(narrow.digest(), motion.digest());
+        for at_s in [question.begins_s, t_s, t_s + 0.1, motion.ends_s()] {
+            let (wide, narrow) = (motion.tolerance(at_s).unwrap(), narrow.tolerance(at_s).unwrap());
+            for role in Role::BOTH {
+                assert!(narrow.position_m[role] <= 0.5 && narrow.pointing_rad[role] <= 0.02);
+                assert!(narrow.position_m[role] <= 1.02 * wide.position_m[role]);
+            }
+        }
     }
 }

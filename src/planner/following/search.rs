@@ -75,30 +75,36 @@ pub struct Objective<'a> {
     counts: Vec<f64>,
 }
 
+/// What a node's rate is averaged over.
+pub fn samples(setup: &Setup<'_>, seed: u64) -> Samples {
+    let draws = if setup.heeds_uncertainty() { SAMPLES / 8 } else { 1 };
+    Samples::new(setup.problem, SAMPLES, draws, seed, Sequence::Sobol)
+}
+
+/// What is taken for a node's rate.
+pub fn target<'a>(setup: &Setup<'_>, samples: &'a Samples) -> Target<'a> {
+    if setup.varies() || setup.heeds_uncertainty() {
+        Target::Mean { samples, clip: true }
+    } else {
+        Target::Exact(SHARPNESS)
+    }
+}
+
 impl<'a> Objective<'a> {
     pub fn new(frame: &'a Frame<'a>, seed: u64) -> Self {
-        let samples = |setup: &Setup<'_>| {
-            let draws = if setup.heeds_uncertainty() { SAMPLES / 8 } else { 1 };
-            Samples::new(setup.problem, SAMPLES, draws, seed, Sequence::Sobol)
-        };
         let counts: Vec<f64> = Frame::nodes_s(0.0)
             .map(|t_s| ((1.0 - t_s / HORIZON_S) / (1.0 - COUNTS_UNTIL)).min(1.0))
             .collect();
         let all: f64 = counts.iter().sum();
         Self {
-            samples: frame.setups.iter().map(samples).collect(),
+            samples: frame.setups.iter().map(|setup| samples(setup, seed)).collect(),
             counts: counts.iter().map(|count| count / all).collect(),
             frame,
         }
     }
 
     fn target(&self, node: usize) -> Target<'_> {
-        let setup = &self.frame.setups[node];
-        if setup.varies() || setup.heeds_uncertainty() {
-            Target::Mean { samples: &self.samples[node], clip: true }
-        } else {
-            Target::Exact(SHARPNESS)
-        }
+        target(&self.frame.setups[node], &self.samples[node])
     }
 
     /// Carries a gradient by a weighted sum of a segment's control points to those that are free.

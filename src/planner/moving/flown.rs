@@ -14,7 +14,8 @@ use super::super::expectation::kernel::{ANGLES, POWER, Raw, VEHICLE};
 use super::super::model::Memory;
 use super::super::plan::VehiclePlan;
 use super::super::powers;
-use super::super::turning::{Between, Course, Knot, Protected, READY_S, Slot, tolerance_of};
+use super::super::setup::Setup;
+use super::super::turning::{Between, Course, Knot, Protected, READY_S, Sizes, Slot, tolerance_of};
 use super::super::volume::Fairness;
 use super::super::volume::objective::{Case, FINE, MEDIUM, View};
 use super::super::volume::ways::Ways;
@@ -354,7 +355,7 @@ impl<W: Ways> Maker<'_, '_, W> {
             let user = knots[knot].served?;
             let setup = &self.frame.setups[user];
             let target = self.case.target(user, MEDIUM, true);
-            tolerance_of(setup, &super::super::setup::Setup::raw(&knots[knot].vehicles), share, |raw| {
+            tolerance_of(setup, &Setup::raw(&knots[knot].vehicles), share, &Sizes::ALL, |raw| {
                 memory.value_alone(setup, target, raw)
             })
         });
@@ -371,7 +372,7 @@ impl<W: Ways> Maker<'_, '_, W> {
                 let next = (k..of_search.len()).find(|other| of_search[*other]);
                 let after = next.and_then(|next| slot.knots[next].tolerance);
                 slot.knots[k].tolerance = match (before, after) {
-                    (Some(a), Some(b)) => Some(super::stricter(&a, &b)),
+                    (Some(a), Some(b)) => Some(a.and(&b)),
                     (one, other) => one.or(other),
                 };
             }

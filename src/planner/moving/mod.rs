@@ -50,7 +50,7 @@ use super::search as slot_search;
 use super::setup::Setup;
 use super::solver::boxed::Descent;
 use super::solver::limited::Settings;
-use super::turning::{self, Joint, Protected, Tolerance};
+use super::turning::{self, Joint, Protected};
 use super::volume::objective::{COARSE, Case, MEDIUM, View};
 use super::volume::{self, Fairness, Service, Ways};
 use super::{Found, Options, finish, parallel};
@@ -336,13 +336,4 @@ fn best<W: Ways>(
         }
     }
     best
-}
-
-/// What both of two tolerances allow.
-fn stricter(a: &Tolerance, b: &Tolerance) -> Tolerance {
-    Tolerance {
-        pointing_rad: PerVehicle::from_fn(|role| a.pointing_rad[role].min(b.pointing_rad[role])),
-        position_m: PerVehicle::from_fn(|role| a.position_m[role].min(b.position_m[role])),
-        user_sinr_ratio: a.user_sinr_ratio.min(b.user_sinr_ratio),
-    }
 }

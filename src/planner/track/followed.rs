@@ -6,7 +6,7 @@ use super::super::following::Motion;
 use super::super::moving::{Instant, Limits};
 use super::super::plan::VehiclePlan;
 use super::super::turning::{Angles, angles};
-use super::{APART_S, Glide, UNDER_WAY_S};
+use super::{APART_S, Glide, Slack, UNDER_WAY_S};
 use crate::geo::{Attitude, Enu, EnuAcceleration, EnuVelocity};
 use crate::role::Role;
 
@@ -143,6 +143,15 @@ impl Followed {
             before = Some((at_s, power_w));
         }
         None
+    }
+
+    /// How wrong the pose may be; `None` where nothing is asked.
+    #[must_use]
+    pub fn slack(&self, since_opening_s: f64) -> Option<Slack> {
+        let tolerance = self.flown(since_opening_s)?.tolerance(since_opening_s)?;
+        let [pointing_rad, position_m] =
+            [tolerance.pointing_rad, tolerance.position_m].map(|of| of[self.role]);
+        Some(Slack { pointing_rad, position_m })
     }
 
     /// Roll, pitch and yaw in radians as the slot begins.

@@ -40,7 +40,7 @@ mod turn;
 mod ways;
 
 pub use path::{Between, Knot, Protected, READY_S, Slot, State};
-pub use tolerance::{LARGEST_M, LARGEST_RAD, Tolerance};
+pub use tolerance::{LARGEST_M, LARGEST_RAD, Sizes, TOLERATED, Tolerance};
 pub use turn::{Angles, Course};
 pub(super) use {tolerance::of as tolerance_of, turn::Held, ways::angles};
 
@@ -417,7 +417,7 @@ impl<'a, W: Ways> Job<'a, W> {
             let user = knot.served?;
             let setup = &self.case.setups[user];
             let target = self.case.target(user, MEDIUM, true);
-            tolerance::of(setup, &Setup::raw(&knot.vehicles), share, |raw| {
+            tolerance::of(setup, &Setup::raw(&knot.vehicles), share, &Sizes::ALL, |raw| {
                 memory.value_alone(setup, target, raw)
             })
         });

@@ -28,12 +28,39 @@ pub struct Tolerance {
     pub user_sinr_ratio: f64,
 }
 
+impl Tolerance {
+    /// What both of two allow.
+    #[must_use]
+    pub fn and(&self, other: &Self) -> Self {
+        Self {
+            pointing_rad: PerVehicle::from_fn(|role| self.pointing_rad[role].min(other.pointing_rad[role])),
+            position_m: PerVehicle::from_fn(|role| self.position_m[role].min(other.position_m[role])),
+            user_sinr_ratio: self.user_sinr_ratio.min(other.user_sinr_ratio),
+        }
+    }
+}
+
 /// Errors of pointing beyond this are not looked at.
 pub const LARGEST_RAD: f64 = 0.5;
 /// Errors of position beyond this are not looked at.
 pub const LARGEST_M: f64 = 100.0;
-/// Where the search for a size begins, over the largest.
-const BEGINNING: f64 = 1.0 / 64.0;
+/// The part of the rate that errors within their tolerances may cost in what is flown.
+pub const TOLERATED: f64 = 0.02;
+/// Which errors are looked at.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sizes {
+    /// Of pointing: where the search for a size begins, and up to which, radians.
+    pub pointing_rad: [f64; 2],
+    /// Of position, likewise, metres.
+    pub position_m: [f64; 2],
+}
+
+impl Sizes {
+    /// All that a plan tells.
+    pub const ALL: Self =
+        Self { pointing_rad: [LARGEST_RAD / 64.0, LARGEST_RAD], position_m: [LARGEST_M / 64.0, LARGEST_M] };
+}
+
 /// Bisections of a size.
 const BISECTIONS: usize = 7;
 /// Changes of the direction.
@@ -42,7 +69,13 @@ const ROUNDS: usize = 3;
 const ACROSS: usize = 8;
 
 /// Tolerances of a configuration whose rate is `rate(raw)`, for losses of a share of it; `None` without a positive rate.
-pub fn of(setup: &Setup, raw: &Raw, share: f64, mut rate: impl FnMut(&Raw) -> f64) -> Option<Tolerance> {
+pub fn of(
+    setup: &Setup,
+    raw: &Raw,
+    share: f64,
+    sizes: &Sizes,
+    mut rate: impl FnMut(&Raw) -> f64,
+) -> Option<Tolerance> {
     let least = (1.0 - share) * rate(raw);
     if !(least > 0.0) {
         return None;
@@ -54,7 +87,7 @@ pub fn of(setup: &Setup, raw: &Raw, share: f64, mut rate: impl FnMut(&Raw) -> f6
                 [cos, sin]
             })
             .collect();
-        smallest(&star, LARGEST_RAD, least, |w, size| rate(&turned(raw, v, w.map(|c| c * size))))
+        smallest(&star, sizes.pointing_rad, least, |w, size| rate(&turned(raw, v, w.map(|c| c * size))))
     };
     let [(i_rad, _), (j_rad, worst)] = [0, 1].map(|v: usize| pointing(v));
     let star = directions();
@@ -66,7 +99,7 @@ pub fn of(setup: &Setup, raw: &Raw, share: f64, mut rate: impl FnMut(&Raw) -> f6
             }
             rate(&moved)
         };
-        smallest(&star, LARGEST_M, least, moved).0
+        smallest(&star, sizes.position_m, least, moved).0
     };
     let [i_m, j_m] = [0, 1].map(|v: usize| position(v));
     let astray = turned(raw, 1, worst.map(|c| c * j_rad));
@@ -77,17 +110,23 @@ pub fn of(setup: &Setup, raw: &Raw, share: f64, mut rate: impl FnMut(&Raw) -> f6
     })
 }
 
-/// The least size, in any direction of a star, at which a rate falls to `least`, and the direction.
-fn smallest<D: Copy>(star: &[D], largest: f64, least: f64, mut rate: impl FnMut(D, f64) -> f64) -> (f64, D) {
+/// The least size, in any direction of a star, at which a rate falls to `least`, and the direction, between the size at which
+/// the search begins and the largest.
+fn smallest<D: Copy>(
+    star: &[D],
+    [beginning, largest]: [f64; 2],
+    least: f64,
+    mut rate: impl FnMut(D, f64) -> f64,
+) -> (f64, D) {
     let mut worst_at = |size: f64| {
         let rated = star.iter().map(|d| (rate(*d, size), *d));
         rated.fold((f64::INFINITY, star[0]), |known, other| if other.0 < known.0 { other } else { known })
     };
     // The first size of a doubling series at which some direction costs too much.
-    let mut size = largest * BEGINNING;
+    let mut size = beginning;
     let mut worst = worst_at(size);
     while worst.0 > least && size < largest {
-        size *= 2.0;
+        size = (2.0 * size).min(largest);
         worst = worst_at(size);
     }
     if worst.0 > least {
@@ -231,10 +270,13 @@ mod tests {
     fn val_the_least_size_in_closed_form() {
         // A rate of 1 - 4 (d . a)^2 / a^2 falls by 2% at sqrt(0.02) / 2 along a, which is one of the star's directions.
         let star: Vec<[f64; 2]> = directions().iter().map(|d| [d[0], d[1]]).collect();
-        let (size, direction) = smallest(&star, 0.5, 0.98, |d, s| 1.0 - 4.0 * (s * d[1]).powi(2));
+        let (size, direction) = smallest(&star, [0.01, 0.5], 0.98, |d, s| 1.0 - 4.0 * (s * d[1]).powi(2));
         assert!((size / (0.02f64.sqrt() / 2.0) - 1.0).abs() < 0.02, "{size}");
         assert!(direction[1].abs() == 1.0);
-        assert_eq!(smallest(&star, 0.5, 0.98, |_, _| 1.0).0, 0.5);
+        assert_eq!(smallest(&star, [0.01, 0.5], 0.98, |_, _| 1.0).0, 0.5);
+        // Begun at the largest it is the same, or the largest.
+        let near = |largest| smallest(&star, [largest; 2], 0.98, |d, s| 1.0 - 4.0 * (s * d[1]).powi(2)).0;
+        assert!((near(0.5) / size - 1.0).abs() < 0.02 && near(0.05) == 0.05, "{} {size}", near(0.5));
     }
 
     #[test]
