@@ -29,7 +29,7 @@ use rand_chacha::ChaCha8Rng;
 use tracks::{Last, Now, Track};
 use veilwing::planner::expectation::{EvaluateOptions, evaluate};
 use veilwing::planner::following::{
-    self, Estimate, Flying, Foresight, HORIZON_S, Motion, Report, Scene, Side, Unrest,
+    self, Estimate, Flying, Foresight, HORIZON_S, Motion, Report, Scene, Unrest,
 };
 use veilwing::planner::moving::Limits;
 use veilwing::planner::plan::VehiclePlan;
@@ -131,13 +131,7 @@ impl Mission {
     }
 
     /// The scene at an instant, given to `use_it`.
-    fn with_scene<T>(
-        &self,
-        knows: Knows,
-        t_s: f64,
-        sides: PerVehicle<Side>,
-        use_it: impl FnOnce(&Scene<'_>) -> T,
-    ) -> T {
+    fn with_scene<T>(&self, knows: Knows, t_s: f64, use_it: impl FnOnce(&Scene<'_>) -> T) -> T {
         let known = [0, 1].map(|who| self.known(who, knows, t_s));
         use_it(&Scene {
             problem: &self.problem,
@@ -145,14 +139,8 @@ impl Mission {
             eavesdroppers: vec![known[1].as_deref()],
             limits: self.limits,
             turn_rate_rad_s: self.turn_rate_rad_s,
-            sides,
+            apart_m: self.problem.airspace.min_separation_m,
         })
-    }
-
-    /// Each vehicle's side of those that rest like this.
-    fn sides(&self, rest: &PerVehicle<VehiclePlan>) -> PerVehicle<Side> {
-        let places = rest.map(|vehicle| vehicle.pose.position_enu_m);
-        Side::between(&places, self.problem.airspace.min_separation_m)
     }
 
     /// The rate in truth, bit/s/Hz.
@@ -172,8 +160,7 @@ impl Mission {
     /// The poses that suit the beginning.
     fn rest(&self, knows: Knows) -> PerVehicle<VehiclePlan> {
         // Where they are to rest no side is asked for.
-        let any = Side::between(&PerVehicle { i: Vector3::zeros(), j: Vector3::zeros() }, 0.0);
-        let problem = self.with_scene(knows, 0.0, any, |scene| scene.problem_at(0.0, 0.0));
+        let problem = self.with_scene(knows, 0.0, |scene| scene.problem_at(0.0, 0.0));
         plan_slot(&problem, &Options::default()).unwrap().vehicles
     }
 
@@ -199,7 +186,7 @@ impl Mission {
             let t_s = replan_s * step as f64;
             let begun = Instant::now();
             let mut planned_ms = 0.0;
-            let next = self.with_scene(knows, t_s, self.sides(&rest), |scene| {
+            let next = self.with_scene(knows, t_s, |scene| {
                 let from = motion.as_ref().map_or(Flying::rest(&rest), Flying::motion);
                 let mut next = following::plan(scene, &from, t_s, 1).unwrap();
                 planned_ms = 1e3 * begun.elapsed().as_secs_f64();

@@ -21,7 +21,7 @@ use crate::pair::OF_POSES;
 use crate::pair::wire::{MavMessage, VeilwingWord};
 use crate::planner::PlanError;
 use crate::planner::expectation::{EvaluateOptions, evaluate};
-use crate::planner::following::{self, Belief, Flying, Foresight, Motion, Scene, Side};
+use crate::planner::following::{self, Belief, Flying, Foresight, Motion, Scene};
 use crate::planner::plan::VehiclePlan;
 use crate::planner::problem::{Problem, Uncertainty};
 use crate::planner::slots::Plan;
@@ -221,14 +221,13 @@ impl Told<'_> {
         let listeners: Vec<Track<'_>> = (0..problem.eavesdroppers.len())
             .map(|who| Track { looks: self.looks, place: |look, who| look.eavesdroppers[who], who })
             .collect();
-        let places = rest.map(|vehicle| vehicle.pose.position_enu_m);
         let scene = Scene {
             problem: &problem,
             user: Some(&user),
             eavesdroppers: listeners.iter().map(|track| Some(track as &dyn Foresight)).collect(),
             limits: limits.map(|limits| limits.of_motion()),
             turn_rate_rad_s: limits.map(|limits| TURN_PART * limits.tilt_rate_rad_s),
-            sides: Side::between(&places, clearance_m(&self.mission.airspace)),
+            apart_m: clearance_m(&self.mission.airspace),
         };
         let (mut motion, mut planned) = (None::<Motion>, None);
         self.mean_bps(|look| {

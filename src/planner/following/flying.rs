@@ -1,10 +1,13 @@
 //! What a vehicle is doing when the next motion is to begin.
 
 use super::motion::Motion;
-use crate::geo::{EnuAcceleration, EnuVelocity};
+use crate::geo::{Enu, EnuAcceleration, EnuVelocity};
 use crate::planner::moving::Instant;
 use crate::planner::plan::VehiclePlan;
 use crate::role::{PerVehicle, Role};
+
+/// A vehicle may be so far behind its motion, in seconds.
+const BEHIND_S: f64 = 0.5;
 
 /// See the module. The two vehicles may be flying different motions: one that the other has not taken up.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -40,6 +43,14 @@ impl<'a> Flying<'a> {
                 (**vehicle, rests)
             }
             Flying::Motion(motion) => (motion.at(t_s).vehicles[role], motion.ways[role].at(t_s)),
+        }
+    }
+
+    /// Points between which all lies that the vehicle may fly from an instant on, a little behind included.
+    pub(super) fn reach(&self, role: Role, t_s: f64) -> Vec<Enu> {
+        match self {
+            Flying::Rest(vehicle) => vec![vehicle.pose.position_enu_m],
+            Flying::Motion(motion) => motion.ways[role].hull_from(t_s - BEHIND_S).collect(),
         }
     }
 

@@ -13,6 +13,7 @@ use super::super::setup::Setup;
 use super::super::turning::Held;
 use super::super::variables::PowerChart;
 use super::motion::{Foreseen, Knot, Motion, Slip, held};
+use super::side::Side;
 use super::{Flying, Path, SEGMENT_S, SEGMENTS, SHORTEST_SLIP_S, Scene};
 use crate::geo::Enu;
 use crate::role::{PerVehicle, Role};
@@ -44,6 +45,8 @@ pub struct Frame<'a> {
     power: PowerChart,
     pub cells: [usize; 2],
     pub moves: [bool; 2],
+    /// Where each has to stay.
+    pub sides: PerVehicle<Side>,
 }
 
 impl<'a> Frame<'a> {
@@ -69,6 +72,10 @@ impl<'a> Frame<'a> {
         // A level vehicle leans to move, and is not level then.
         let moves = [0, 1].map(|v: usize| setup.tilt_rad[v] > 0.0);
         let last = from.j.on().filter(|_| moves[1]);
+        // Of the newest motion: whatever either flies is on these planes' sides.
+        let flown = Role::BOTH.into_iter().filter_map(|role| from[role].on());
+        let newest = flown.reduce(|a, b| if b.begins_s() > a.begins_s() { b } else { a });
+        let reach = PerVehicle::from_fn(|role: Role| from[role].reach(role, begins_s));
         let meant = last.map_or(beside, |motion| motion.knot_at(begins_s).j);
         Self {
             scene,
@@ -82,6 +89,7 @@ impl<'a> Frame<'a> {
             power: powers::of(setup, &raw),
             cells: [&now.i, &now.j].map(|now| setup.region.cell_of(&now.position_enu_m)),
             moves,
+            sides: Side::between(&reach, newest.map(|motion| motion.apart), scene.apart_m),
         }
     }
 
@@ -258,6 +266,7 @@ impl<'a> Frame<'a> {
             knots: (0..=SEGMENTS).map(knot).collect(),
             user: self.user.clone(),
             slip: Slip { angles: self.slip, lasts_s: SHORTEST_SLIP_S },
+            apart: self.sides.i.outwards,
             tolerances: Vec::new(),
             expected_bps_hz: 0.0,
         }

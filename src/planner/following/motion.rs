@@ -1,5 +1,6 @@
 //! The pair's motion over a horizon: ways, attitudes at knots, J's null on where the user is foreseen.
 
+use nalgebra::Vector3;
 use sha2::{Digest, Sha256};
 
 use super::super::moving::null;
@@ -69,6 +70,8 @@ pub struct Motion {
     pub(in crate::planner) knots: Vec<Knot>,
     pub(super) user: Foreseen,
     pub(super) slip: Slip,
+    /// From I to J, across the planes that both keep to the sides of.
+    pub(super) apart: Vector3<f64>,
     /// How wrong poses may be at some instants, where that was looked at.
     pub(super) tolerances: Vec<(f64, Option<Tolerance>)>,
     /// The mean rate that is expected over the horizon, by its weights, bit/s/Hz.

@@ -78,6 +78,14 @@ impl Path {
         self.round.hulls(self.segments()).flatten()
     }
 
+    /// The same of what is left of it at an instant, or of its end.
+    pub fn hull_from(&self, t_s: f64) -> impl Iterator<Item = Enu> {
+        let pieces: Vec<[Enu; 4]> = self.round.hulls(self.segments()).collect();
+        let share = ((t_s - self.begins_s) / (self.ends_s() - self.begins_s)).clamp(0.0, 1.0);
+        let first = ((share * pieces.len() as f64) as usize).min(pieces.len() - 1);
+        pieces.into_iter().skip(first).flatten()
+    }
+
     /// The first three control points of a way that begins like this.
     #[must_use]
     pub fn beginning(now: &Instant, segment_s: f64) -> [Enu; 3] {

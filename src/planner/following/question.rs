@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::{Drift, Flying, Foresight, Motion, Scene, Side, plan};
+use super::{Drift, Flying, Foresight, Motion, Scene, plan};
 use crate::planner::moving::Limits;
 use crate::planner::plan::VehiclePlan;
 use crate::planner::problem::Problem;
@@ -22,7 +22,7 @@ pub struct Question {
     pub limits: PerVehicle<Limits>,
     /// How fast they may turn, rad/s.
     pub turn_rate_rad_s: PerVehicle<f64>,
-    /// How far apart they have to be, in metres, wherever on their motions each is.
+    /// How far apart they have to be, in metres, whichever motion each flies, and wherever on it it is.
     pub apart_m: f64,
     /// How they rest as the slot has it.
     pub rest: PerVehicle<VehiclePlan>,
@@ -40,14 +40,13 @@ impl Question {
     /// The motion, and nothing where none is found that keeps every limit, or where what is asked has no meaning: what is flown goes on.
     #[must_use]
     pub fn answer(&self) -> Option<Motion> {
-        let places = self.rest.map(|vehicle| vehicle.pose.position_enu_m);
         let scene = Scene {
             problem: &self.problem,
             user: foreseen(&self.user),
             eavesdroppers: self.eavesdroppers.iter().map(foreseen).collect(),
             limits: self.limits,
             turn_rate_rad_s: self.turn_rate_rad_s,
-            sides: Side::between(&places, self.apart_m),
+            apart_m: self.apart_m,
         };
         let from = PerVehicle::from_fn(|role: Role| match &self.flies[role] {
             Some(motion) => Flying::Motion(motion),
@@ -134,7 +133,7 @@ mod tests {
             eavesdroppers: vec![],
             limits: question.limits,
             turn_rate_rad_s: question.turn_rate_rad_s,
-            sides: Side::between(&question.rest.map(|vehicle| vehicle.pose.position_enu_m), 0.0),
+            apart_m: question.apart_m,
         };
         let t_s = Frame::nodes_s(question.begins_s).nth(3).unwrap();
         let problem = scene.problem_at(t_s, question.begins_s);

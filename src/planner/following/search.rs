@@ -276,7 +276,7 @@ impl<'a> Objective<'a> {
         for v in (0..2).filter(|v| frame.moves[*v]) {
             let cell = &frame.setups[0].region.cells()[frame.cells[v]];
             let [low_m, high_m] = cell.altitude_m;
-            let apart = &frame.scene.sides[Role::BOTH[v]];
+            let apart = &frame.sides[Role::BOTH[v]];
             for Spot { segment, share } in (1..=SEGMENTS * LOOKS).map(|look| Spot::of(look, LOOKS)) {
                 let at = frame.sum(x, v, segment, weights(share));
                 let mut over = |out_m: f64, aside_m: f64, outwards: Vector3<f64>| {

@@ -38,20 +38,14 @@ fn belief(position: [f64; 2], velocity: [f64; 2], at_s: f64) -> Estimate {
     estimate
 }
 
-fn scene<'a>(
-    problem: &'a Problem,
-    rest: &PerVehicle<VehiclePlan>,
-    user: &'a Estimate,
-    eavesdropper: Option<&'a Estimate>,
-) -> Scene<'a> {
-    let places = rest.map(|vehicle| vehicle.pose.position_enu_m);
+fn scene<'a>(problem: &'a Problem, user: &'a Estimate, eavesdropper: Option<&'a Estimate>) -> Scene<'a> {
     Scene {
         problem,
         user: Some(user),
         eavesdroppers: vec![eavesdropper.map(|estimate| estimate as &dyn Foresight)],
         limits: PerVehicle { i: LIMITS, j: LIMITS },
         turn_rate_rad_s: PerVehicle { i: TURN_RATE_RAD_S, j: TURN_RATE_RAD_S },
-        sides: Side::between(&places, problem.airspace.min_separation_m),
+        apart_m: problem.airspace.min_separation_m,
     }
 }
 
@@ -135,6 +129,26 @@ fn check_joint(before: &Motion, after: &Motion) {
     }
 }
 
+/// Wherever one is on a motion, or rests, and the other on this one or on that, they are as far apart as they are to be.
+fn check_apart(either: [&PerVehicle<Flying<'_>>; 2], from_s: f64, apart_m: f64) {
+    let places = |role: Role| {
+        let of = |flying: &PerVehicle<Flying<'_>>| match flying[role] {
+            Flying::Rest(vehicle) => vec![vehicle.pose.position_enu_m],
+            Flying::Motion(motion) => {
+                let last = ((motion.ends_s() - from_s) / 0.2).max(0.0) as usize;
+                (0..=last)
+                    .map(|k| motion.at(from_s + 0.2 * k as f64).vehicles[role].pose.position_enu_m)
+                    .collect()
+            }
+        };
+        either.map(of).concat()
+    };
+    let (i, j) = (places(Role::I), places(Role::J));
+    let distances = i.iter().flat_map(|i| j.iter().map(move |j| (i - j).norm()));
+    let nearest_m = distances.fold(f64::INFINITY, f64::min);
+    assert!(nearest_m >= apart_m - 1e-6, "{nearest_m} m of {apart_m}");
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(12))]
 
@@ -191,7 +205,7 @@ proptest! {
             }
             let user = belief([p[0] + off[0], p[1] + off[1]], v, at_s);
             let eavesdropper = belief(q, w, at_s);
-            let mut scene = scene(&problem, &rest, &user, Some(&eavesdropper));
+            let mut scene = scene(&problem, &user, Some(&eavesdropper));
             scene.limits.i.speed_m_s = speed;
             scene.turn_rate_rad_s = PerVehicle { i: rate, j: rate };
             let from = flown.as_ref().map_or(Flying::rest(&rest), Flying::motion);
@@ -200,6 +214,7 @@ proptest! {
                 continue;
             };
             check(&scene, &next);
+            check_apart([&from, &Flying::motion(&next)], at_s, scene.apart_m);
             if let Some(before) = &flown {
                 check_joint(before, &next);
             }
@@ -215,7 +230,7 @@ fn spec_a_motion_flown_to_its_end_rests() {
     let problem = problem();
     let user = belief([20.0, -10.0], [-6.0, 3.0], 5.0);
     let rest = at_rest(&problem);
-    let scene = scene(&problem, &rest, &user, None);
+    let scene = scene(&problem, &user, None);
     let motion = plan(&scene, &Flying::rest(&rest), 5.0, 1).unwrap().unwrap();
     assert!((motion.ends_s() - 5.0 - HORIZON_S).abs() < 1e-9);
     let ends = motion.at(motion.ends_s());
@@ -241,7 +256,7 @@ fn spec_what_cannot_be_kept_is_not_given_out() {
     let problem = problem();
     let user = belief([20.0, -10.0], [-6.0, 3.0], 5.0);
     let rest = at_rest(&problem);
-    let good = scene(&problem, &rest, &user, None);
+    let good = scene(&problem, &user, None);
     let motion = plan(&good, &Flying::rest(&rest), 5.0, 1).unwrap().unwrap();
     // They are faster by now than they may be.
     let slow = PerVehicle { i: Limits { speed_m_s: 0.5, ..LIMITS }, j: LIMITS };
@@ -265,7 +280,7 @@ fn spec_motions_do_not_depend_on_threads() {
     let user = belief([20.0, -10.0], [-6.0, 3.0], 5.0);
     let twice = || {
         let rest = at_rest(&problem);
-        let scene = scene(&problem, &rest, &user, None);
+        let scene = scene(&problem, &user, None);
         let first = plan(&scene, &Flying::rest(&rest), 5.0, 1).unwrap().unwrap();
         let second = plan(&scene, &Flying::motion(&first), 6.0, 1).unwrap().unwrap();
         (first, second)
@@ -284,7 +299,7 @@ fn spec_js_null_is_soon_where_the_user_is_believed_to_be() {
     let problem = problem();
     let user = belief([20.0, -10.0], [-6.0, 3.0], 5.0);
     let rest = at_rest(&problem);
-    let scene = scene(&problem, &rest, &user, None);
+    let scene = scene(&problem, &user, None);
     let first = plan(&scene, &Flying::rest(&rest), 5.0, 1).unwrap().unwrap();
     let elsewhere = belief([20.0, 5.0], [-6.0, 3.0], 8.0);
     let scene = super::Scene { user: Some(&elsewhere), ..scene };
@@ -312,8 +327,7 @@ fn spec_js_null_is_soon_where_the_user_is_believed_to_be() {
 fn spec_places_are_foreseen_and_doubted_as_they_are_a_second_on() {
     let problem = problem();
     let user = belief([20.0, -10.0], [-6.0, 3.0], 5.0);
-    let rest = at_rest(&problem);
-    let scene = scene(&problem, &rest, &user, Some(&user));
+    let scene = scene(&problem, &user, Some(&user));
     let std_m = |t_s: f64| Uncertainty::Gaussian { std_m: user.at(t_s).std_m[0] };
     for (t_s, doubted_s) in [(5.0, 5.0), (5.5, 5.5), (6.0, 6.0), (9.0, 6.0), (17.0, 6.0)] {
         let then = scene.problem_at(t_s, 5.0);
@@ -333,7 +347,7 @@ fn val_the_expected_rate_is_the_evaluators() {
     problem.objective = Aim::Mean;
     let user = belief([20.0, -10.0], [-6.0, 3.0], 5.0);
     let rest = at_rest(&problem);
-    let scene = scene(&problem, &rest, &user, None);
+    let scene = scene(&problem, &user, None);
     let motion = plan(&scene, &Flying::rest(&rest), 5.0, 1).unwrap().unwrap();
     let options = EvaluateOptions { samples: 8192, ..EvaluateOptions::default() };
     let (mut sum, mut counts) = (0.0, 0.0);
@@ -358,7 +372,7 @@ fn check_gradient(problem: &Problem, limits: Limits, rate: f64, seed: u64) {
     let user = belief([20.0, -10.0], [-6.0, 3.0], 5.0);
     let eavesdropper = belief([120.0, 60.0], [-3.0, -4.0], 5.0);
     let standing = at_rest(problem);
-    let mut scene = scene(problem, &standing, &user, Some(&eavesdropper));
+    let mut scene = scene(problem, &user, Some(&eavesdropper));
     let first = plan(&scene, &Flying::rest(&standing), 5.0, 1).unwrap().unwrap();
     scene.limits = PerVehicle { i: limits, j: limits };
     scene.turn_rate_rad_s = PerVehicle { i: rate, j: rate };
@@ -431,8 +445,7 @@ fn val_a_pair_that_carries_nothing_makes_for_where_it_does() {
         let place = Enu::new(east_m, north_m, 0.0);
         let stays = Belief { position_enu_m: place, velocity_enu_m_s: EnuVelocity::ZERO, std_m: [2.0, 1.0] };
         let (user, moving) = (Drift { at_s: 0.0, belief: stays }, belief([0.0; 2], [0.0; 2], 0.0));
-        let scene =
-            Scene { user: Some(&user), eavesdroppers: vec![], ..scene(&problem, &rest, &moving, None) };
+        let scene = Scene { user: Some(&user), eavesdroppers: vec![], ..scene(&problem, &moving, None) };
         let truth = Problem { user_enu_m: place, ..problem.clone() };
         let rate = |vehicles: &PerVehicle<VehiclePlan>| {
             evaluate(&truth, vehicles, &EvaluateOptions::default()).unwrap().secrecy_rate_bps / 1e6

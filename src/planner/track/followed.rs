@@ -164,7 +164,7 @@ impl Followed {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::planner::following::{Belief, Drift, Flying, Scene, Side, plan};
+    use crate::planner::following::{Belief, Drift, Flying, Scene, plan};
     use crate::planner::problem::Problem;
     use crate::planner::{Options, plan_slot};
     use crate::role::PerVehicle;
@@ -192,7 +192,7 @@ mod tests {
                 eavesdroppers: vec![],
                 limits: PerVehicle { i: LIMITS, j: LIMITS },
                 turn_rate_rad_s: PerVehicle { i: 0.8, j: 0.8 },
-                sides: Side::between(&rest.map(|vehicle| vehicle.pose.position_enu_m), 7.0),
+                apart_m: 7.0,
             };
             plan(&scene, from, user.at_s, 1).unwrap().unwrap()
         };
