@@ -51,7 +51,7 @@ use super::setup::Setup;
 use super::solver::boxed::Descent;
 use super::solver::limited::Settings;
 use super::turning::{self, Joint, Protected};
-use super::volume::objective::{COARSE, Case, MEDIUM, View};
+use super::volume::objective::{COARSE, Case, MEDIUM, ROUGH, View};
 use super::volume::{self, Fairness, Service, Ways};
 use super::{Found, Options, finish, parallel};
 use crate::geo::{Attitude, Enu, EnuAcceleration, EnuVelocity};
@@ -64,7 +64,8 @@ use objective::Objective;
 pub const WORTH_MOVING: f64 = 0.01;
 /// A part of the search: one function, climbed in heats.
 struct Phase {
-    view: View,
+    /// On which samples; and where more is random than jitter, of whose samples each costs twice as much and more, on as many of those.
+    views: [View; 2],
     /// What a limit counts.
     stiffness: f64,
     settings: Settings,
@@ -73,19 +74,19 @@ struct Phase {
 }
 
 const fn phase(
-    view: View,
+    views: [View; 2],
     stiffness: f64,
     (tolerance, first_step): (f64, f64),
     heats: [(usize, usize); 2],
 ) -> Phase {
-    Phase { view, stiffness, settings: Settings { iterations: 0, tolerance, first_step }, heats }
+    Phase { views, stiffness, settings: Settings { iterations: 0, tolerance, first_step }, heats }
 }
 
 /// Few steps from all starts, and ever more from ever fewer.
 const PHASES: [Phase; 3] = [
-    phase(COARSE, 30.0, (1e-4, 0.5), [(usize::MAX, 30), (8, 30)]),
-    phase(COARSE, 100.0, (1e-5, 0.3), [(4, 100), (2, 100)]),
-    phase(MEDIUM, 300.0, (1e-6, 0.2), [(2, 200), (1, 250)]),
+    phase([COARSE, ROUGH], 30.0, (1e-4, 0.5), [(usize::MAX, 30), (8, 30)]),
+    phase([COARSE, ROUGH], 100.0, (1e-5, 0.3), [(4, 100), (2, 100)]),
+    phase([MEDIUM, COARSE], 300.0, (1e-6, 0.2), [(2, 200), (1, 250)]),
 ];
 /// How many of the last that are given up are kept: they may still be what can be flown.
 const SPARE: usize = 3;
@@ -302,6 +303,7 @@ fn best<W: Ways>(
     let objectives: Vec<Objective<'_, '_, W>> =
         frames.iter().map(|frame| Objective::new(case, frame, *limits)).collect();
     let bounds: Vec<Vec<[f64; 2]>> = frames.iter().map(Frame::bounds).collect();
+    let errs = usize::from(case.setups.iter().any(Setup::heeds_uncertainty));
     let mut given_up = Vec::new();
     for phase in &PHASES {
         let mut climbing: Vec<(usize, Descent)> =
@@ -312,7 +314,7 @@ fn best<W: Ways>(
             climbing = parallel::map(options.threads, climbing.len(), |memory: &mut Memory, k| {
                 let (index, mut descent) = climbing[k].clone();
                 let mut cost = |x: &[f64], gradient: &mut [f64]| {
-                    objectives[index].cost(x, (phase.view, phase.stiffness), memory, gradient)
+                    objectives[index].cost(x, (phase.views[errs], phase.stiffness), memory, gradient)
                 };
                 descent.go_on(&mut cost, &bounds[index], &settings);
                 (index, descent)
