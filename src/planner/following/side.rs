@@ -120,7 +120,7 @@ mod tests {
         // An edge beside a face: 3 m apart along y, wherever their corners are.
         let i = vec![Enu::new(-40.0, 0.0, 50.0), Enu::new(60.0, 0.0, 50.0), Enu::new(0.0, -9.0, 20.0)];
         let face = [[-30.0, 3.0, 30.0], [80.0, 3.0, 35.0], [10.0, 3.0, 90.0], [5.0, 20.0, 60.0]];
-        let reach = PerVehicle { i, j: face.map(|p| Enu::from(p)).to_vec() };
+        let reach = PerVehicle { i, j: face.map(Enu::from).to_vec() };
         let sides = Side::between(&reach, None, 2.0);
         assert!((sides.i.outwards - Vector3::y()).norm() < 1e-2, "{}", sides.i.outwards);
         assert!((sides.i.offset_m - 0.5).abs() < 0.2 && (sides.j.offset_m + 2.5).abs() < 0.2);
