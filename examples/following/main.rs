@@ -11,7 +11,8 @@
 //! truth: where everybody is and how fast, each time that they plan, or all tracks to come, corners and all. Then what is lost
 //! against the first by the tracker, and against the second by the tracker, by holding the poses planned at the beginning, and by
 //! believing each last report as it is; means over missions and seeds with their standard errors. `speeds` prints the tracker's
-//! losses against both over the user's speed. `times` prints what one core takes to plan a motion from rest and from the last one, and to say how wrong poses may be on it.
+//! losses against both over the user's speed. `times` prints what one core takes to plan a motion from rest and from the last one,
+//! and to say how wrong poses may be on it.
 
 // A measuring program: it reads the clock, and what it cannot plan may stop it.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::disallowed_methods)]
@@ -159,7 +160,6 @@ impl Mission {
 
     /// The poses that suit the beginning.
     fn rest(&self, knows: Knows) -> PerVehicle<VehiclePlan> {
-        // Where they are to rest no side is asked for.
         let problem = self.with_scene(knows, 0.0, |scene| scene.problem_at(0.0, 0.0));
         plan_slot(&problem, &Options::default()).unwrap().vehicles
     }

@@ -1,5 +1,5 @@
-//! Where else to make for than where a motion goes on to: poses that serve are not all one hill. A user that has gone past I is served
-//! better from I's other side; one that has come to where no pose near the pair's serves it leaves nothing that says which way is up.
+//! Where to make for when a motion carries nothing: the user has come to where no pose near the pair's serves it, so that nothing says
+//! which way is up.
 
 use super::super::expectation::kernel::{Raw, VEHICLE};
 use super::super::setup::Setup;
@@ -11,31 +11,18 @@ use crate::role::Role;
 
 /// A pose that is farther, in seconds, by this counts half.
 const WORTH_S: f64 = 10.0;
-/// Starts of the search: what it does not find now it finds a second from now. With four times as many nothing more is carried.
-const STARTS: usize = 6;
 
-/// Where to make for.
-pub struct Goal {
-    /// Poses and powers, each on its own side.
-    pub to: Raw,
-    /// How long both take to turn there, in seconds.
-    pub turns_s: f64,
-    /// The rate that was found, each where it may not be as well, bit/s/Hz.
-    pub rate_bps_hz: f64,
-}
-
-/// Of the best that a global search finds, what is worth most for the way there; `None` where there is nothing that both may make for.
-pub fn goal(frame: &Frame<'_>, setup: &Setup<'_>, seed: u64) -> Option<Goal> {
-    let found =
-        search::rough(setup, &Options { seed, starts: Some(STARTS), ..Options::default() }).into_iter();
+/// The poses and powers, of the best that a global search finds, that are worth most for the way to them, each on its own side, and how
+/// long both take to turn there, in seconds; `None` where there are none that both may make for.
+pub fn goal(frame: &Frame<'_>, setup: &Setup<'_>, seed: u64) -> Option<(Raw, f64)> {
+    let found = search::rough(setup, &Options { seed, ..Options::default() }).into_iter();
     let goals = found.filter(|rough| rough.value > LEAST_BIT_S_HZ).filter_map(|rough| {
         let to = beside(frame, &rough.raw);
         let [flies_s, turns_s] = takes_s(frame, setup, &to)?;
-        let rate_bps_hz = rough.value * std::f64::consts::LOG2_E;
-        Some((rough.value / (flies_s.max(turns_s) + WORTH_S), Goal { to, turns_s, rate_bps_hz }))
+        Some((rough.value / (flies_s.max(turns_s) + WORTH_S), to, turns_s))
     });
     let best = goals.reduce(|best, other| if other.0 > best.0 { other } else { best });
-    best.map(|(_, goal)| goal)
+    best.map(|(_, raw, turns_s)| (raw, turns_s))
 }
 
 /// Poses with each vehicle on its own side: as near as it may come to where it is to be.

@@ -13,11 +13,11 @@
 //! motion only comes to rest. J's attitude is its null on the user's foreseen place and what is beside that, so that between knots
 //! the null follows the user; where the user is foreseen elsewhere than in the last motion, J turns there at once, as fast as it
 //! may. Limits are penalties in the search (`search`), and what is found is verified on its curves: a motion that breaks one is
-//! not given out, and the one before goes on. The search goes on from the last motion; where more is to be had elsewhere in the airspace it
-//! also begins with a way there, and what carries more is flown (`elsewhere`). Deterministic in its inputs: two companions with the same beliefs and the same motion
+//! not given out, and the one before goes on. Where nothing is carried at all, both make for the best poses that are found in all of the
+//! airspace (`elsewhere`). Deterministic in its inputs: two companions with the same beliefs and the same motion
 //! make the same one.
 //!
-//! Each vehicle keeps to its side of planes between the two ([`Side`]), which are laid anew for each motion between all that either may
+//! Each vehicle keeps to its side of planes between the two (`side`), which are laid anew for each motion between all that either may
 //! still fly: the one may be anywhere on its motion, or on the one before, while the other flies that one or this, and they are still
 //! apart. So the two may go round each other in the course of a slot.
 //!
@@ -84,8 +84,6 @@ const AGAIN: Settings = Settings { iterations: 80, tolerance: 1e-6, first_step: 
 const FIRST: Settings = Settings { iterations: 150, tolerance: 1e-6, first_step: 0.3 };
 /// A motion of which no more is expected, bit/s/Hz, leads nowhere.
 const NOTHING_BPS_HZ: f64 = 0.01;
-/// Nobody turns away from where the last motion led for less than this of what going on there carries.
-const BETTER: f64 = 1.02;
 /// What a limit counts, and then, where it was not met.
 const STIFFNESS: [f64; 3] = [100.0, 1_000.0, 10_000.0];
 
@@ -196,14 +194,13 @@ pub fn plan(
             Some(Motion { expected_bps_hz: objective.rate_bps_hz(&x, &mut memory), ..motion })
         })
     };
-    let goes_on = found(frame.going_on(from));
-    let expected = |motion: &Option<Motion>| motion.as_ref().map_or(0.0, |motion| motion.expected_bps_hz);
-    let enough_bps_hz = BETTER * expected(&goes_on).max(NOTHING_BPS_HZ);
+    let best = found(frame.going_on(from));
+    if best.as_ref().is_some_and(|motion| motion.expected_bps_hz > NOTHING_BPS_HZ) {
+        return Ok(best);
+    }
     let goal = elsewhere::goal(&frame, &setups[setups.len() - 1], seed);
-    let goal = goal.filter(|goal| goal.rate_bps_hz > enough_bps_hz);
-    let turns = goal.and_then(|goal| found(frame.towards(&goal.to, at_s + goal.turns_s.max(SEGMENT_S))));
-    let nowhere = expected(&goes_on) <= NOTHING_BPS_HZ;
-    Ok(if nowhere && turns.is_some() || expected(&turns) > enough_bps_hz { turns } else { goes_on })
+    let other = goal.and_then(|(to, turns_s)| found(frame.towards(&to, at_s + turns_s.max(SEGMENT_S))));
+    Ok(other.or(best))
 }
 
 /// A motion with its slip made good as soon as may be, if it keeps every limit.

@@ -74,8 +74,8 @@ impl Path {
     }
 
     /// Points between which it lies: four and four hold a short piece of it in their convex hull.
-    pub fn hull(&self) -> impl Iterator<Item = Enu> + '_ {
-        self.round.hulls(self.segments()).flatten()
+    pub fn hull(&self) -> impl Iterator<Item = Enu> {
+        self.hull_from(self.begins_s)
     }
 
     /// The same of what is left of it at an instant, or of its end.
