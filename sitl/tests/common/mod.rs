@@ -412,3 +412,40 @@ impl Flight {
         self.world.report().violations.into_iter().map(|v| (v.invariant().name(), v.to_string())).collect()
     }
 }
+
+/// Both on station, nobody on the air.
+pub fn on_station(config: WorldConfig) -> Flight {
+    let mut flight = Flight::new(config);
+    flight.take_off();
+    flight.go_to_slot(0);
+    assert_eq!(flight.invariants(), vec![]);
+    flight
+}
+
+/// The invariants that were broken.
+pub fn names(flight: &Flight) -> Vec<&'static str> {
+    let mut names: Vec<_> = flight.invariants().into_iter().map(|(name, _)| name).collect();
+    names.sort_unstable();
+    names
+}
+
+/// Both on the air in the slot.
+pub fn on_the_air() -> Flight {
+    let mut flight = on_station(config());
+    flight.hold(0, 500, [false, true]);
+    flight.hold(0, 500, [true, true]);
+    flight
+}
+
+/// Milliseconds: unprotected in all; excused, by cause; of violations of S1's jam.
+pub fn unprotected_ms(flight: &Flight) -> (u128, Vec<(&'static str, u128)>, u128) {
+    let report = flight.world.report();
+    let of = |violation: &Violation| matches!(violation.breach, Breach::Unprotected);
+    let excused = report.excused.iter().filter(|excused| of(&excused.violation));
+    let counted = report.violations.iter().filter(|violation| of(violation));
+    (
+        (report.unprotected_s * 1000.0).round() as u128,
+        excused.map(|excused| (excused.cause.name(), excused.duration().as_millis())).collect(),
+        counted.map(|violation| violation.lasted.as_millis()).sum(),
+    )
+}
