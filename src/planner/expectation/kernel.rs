@@ -287,7 +287,7 @@ impl Workspace {
 mod tests {
     use super::*;
     use crate::planner::expectation::samples::Sequence;
-    use crate::planner::problem::{Jitter, JitterAxes, JitterModel, Pattern, Problem, Rician};
+    use crate::planner::problem::{Jitter, JitterAxes, JitterModel, Pattern, Problem, Rician, Uncertainty};
     use crate::radio::link::{self, Transmitter};
     use crate::radio::{jitter, secrecy};
     use nalgebra::Vector3;
@@ -409,6 +409,36 @@ mod tests {
             assert!((a - b).abs() < 1e-10 * (1.0 + a.abs()), "{plain:?} {full:?}");
         }
     }
+
+    /// With noise alone, with draws of the eavesdroppers' places, and with something else wrong in each sample.
+    #[test]
+    fn val_parts_of_samples_add_up_to_the_whole() {
+        let jittery = Problem::paper([[5.0, 0.0], [-300.0, 210.0]], 0.5, 2f64.to_radians());
+        let mut about = jittery.clone();
+        about.eavesdroppers[1].uncertainty = Uncertainty::Disc { radius_m: 50.0 };
+        let mut turned = about.clone();
+        turned.pointing.heading_std_rad = 0.05;
+        let mut workspace = Workspace::default();
+        for (problem, draws) in [(jittery, 1), (about, 16), (turned, 16)] {
+            let samples = Samples::new(&problem, 256, draws, 5, Sequence::Sobol);
+            let whole = workspace.mean(&scene(), &samples, &RAW, false, None);
+            for count in [1, 2, 4] {
+                let parts = samples.parts(count);
+                assert!(parts.len() == count && parts.iter().all(|part| part.len() * count == samples.len()));
+                let means: Vec<f64> =
+                    (parts.iter()).map(|part| workspace.mean(&scene(), part, &RAW, false, None)).collect();
+                assert!(
+                    (means.iter().sum::<f64>() / count as f64 - whole).abs() < 1e-12,
+                    "{means:?} {whole}"
+                );
+                assert!(count == 1 || means[0] != means[1]);
+            }
+        }
+        // No more than there are blocks: the last ones twice.
+        let few = Samples::new(&Problem::paper([], 0.5, 0.03), 8, 1, 5, Sequence::Sobol);
+        assert_eq!(few.parts(4).iter().map(Samples::len).collect::<Vec<_>>(), [8; 4]);
+    }
+
     #[test]
     fn val_draws_add_up_to_the_mean_and_its_gradient() {
         let problem = Problem::paper([[5.0, 0.0], [-300.0, 210.0]], 0.5, 2f64.to_radians());

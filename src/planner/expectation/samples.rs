@@ -1,6 +1,8 @@
 //! One fixed set of samples: attitude noise of both vehicles, scattered waves and, where anything stays wrong during a
 //! slot, draws of it.
 
+use std::ops::Range;
+
 pub use super::errors::Draw;
 use super::errors::{Errors, draw_errors, positions};
 pub use super::lanes::{LANES, Lane};
@@ -148,19 +150,37 @@ impl Samples {
     /// The first `count` samples (rounded up to whole draws): of a Sobol set, itself one.
     #[must_use]
     pub fn first(&self, count: usize) -> Self {
-        let blocks = count.div_ceil(LANES).clamp(1, self.noise.len());
-        let per_draw = if self.draws.len() == 1 { blocks } else { self.per_draw };
-        let draws = blocks.div_ceil(per_draw);
-        let blocks = draws * per_draw;
+        self.blocks(0..count.div_ceil(LANES).clamp(1, self.noise.len()))
+    }
+
+    /// These samples cut into `count` sets of as many each (whole draws, at least one): of a Sobol set, each is one where `count`
+    /// is a power of two.
+    #[must_use]
+    pub fn parts(&self, count: usize) -> Vec<Self> {
+        let blocks = (self.noise.len() / count).max(1);
+        let part = |part: usize| (part * blocks).min(self.noise.len() - blocks);
+        (0..count).map(part).map(|from| self.blocks(from..from + blocks)).collect()
+    }
+
+    /// Some of the blocks, rounded to whole draws.
+    fn blocks(&self, blocks: Range<usize>) -> Self {
+        let (per_draw, draws) = if self.draws.len() == 1 {
+            (blocks.len(), 0..1)
+        } else {
+            let from = blocks.start / self.per_draw;
+            (self.per_draw, from..from + blocks.len().div_ceil(self.per_draw))
+        };
+        let blocks = blocks.start..blocks.start + draws.len() * per_draw;
+        let waves = blocks.start * self.waves_per_block..blocks.end * self.waves_per_block;
         Self {
-            noise: self.noise[..blocks].to_vec(),
-            waves: self.waves[..blocks * self.waves_per_block].to_vec(),
+            noise: self.noise[blocks.clone()].to_vec(),
+            waves: self.waves[waves].to_vec(),
             waves_per_block: self.waves_per_block,
-            draws: self.draws[..draws].to_vec(),
+            draws: self.draws[draws.clone()].to_vec(),
             errors: match &self.errors {
                 Wrong::Nothing => Wrong::Nothing,
-                Wrong::InEachBlock(errors) => Wrong::InEachBlock(errors[..blocks].to_vec()),
-                Wrong::InEachDraw(errors) => Wrong::InEachDraw(errors[..draws].to_vec()),
+                Wrong::InEachBlock(errors) => Wrong::InEachBlock(errors[blocks].to_vec()),
+                Wrong::InEachDraw(errors) => Wrong::InEachDraw(errors[draws].to_vec()),
             },
             per_draw,
             shared: self.shared,

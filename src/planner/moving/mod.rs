@@ -16,8 +16,8 @@
 //! 1. *Starts* (`starts`): the poses of the plan that turns, which is the way whose control points are all one; parts of
 //!    the way to each user's best poses; random ones. In the order of the plan that turns and, where users may be served in any
 //!    order, round the shortest tour over them.
-//! 2. *Search* (`objective`, `frame`): quasi-Newton within bounds from each on few samples, from the best few on more; limits as
-//!    penalties, at 95% of each.
+//! 2. *Search* (`objective`, `frame`): quasi-Newton within bounds from each on few samples, from the best few on more, which a
+//!    slot's nodes take in turns; limits as penalties, at 95% of each.
 //! 3. *What is flown* (`flown`): limits met exactly, and verified on the curves.
 //! 4. Nothing moves for less than [`WORTH_MOVING`]: then the plan is the one that turns.
 //!
@@ -58,7 +58,7 @@ use crate::geo::{Attitude, Enu, EnuAcceleration, EnuVelocity};
 use crate::role::{PerVehicle, Role};
 use flown::{Flown, Maker};
 use frame::Frame;
-use objective::Objective;
+use objective::{Look, Objective};
 
 /// What a motion must gain over the plan that turns, as a part of it.
 pub const WORTH_MOVING: f64 = 0.01;
@@ -66,6 +66,8 @@ pub const WORTH_MOVING: f64 = 0.01;
 struct Phase {
     /// On which samples; and where more is random than jitter, of whose samples each costs twice as much and more, on as many of those.
     views: [View; 2],
+    /// Of whose samples each node takes one of so many parts.
+    turns: usize,
     /// What a limit counts.
     stiffness: f64,
     settings: Settings,
@@ -74,19 +76,19 @@ struct Phase {
 }
 
 const fn phase(
-    views: [View; 2],
+    (views, turns): ([View; 2], usize),
     stiffness: f64,
     (tolerance, first_step): (f64, f64),
     heats: [(usize, usize); 2],
 ) -> Phase {
-    Phase { views, stiffness, settings: Settings { iterations: 0, tolerance, first_step }, heats }
+    Phase { views, turns, stiffness, settings: Settings { iterations: 0, tolerance, first_step }, heats }
 }
 
 /// Few steps from all starts, and ever more from ever fewer.
 const PHASES: [Phase; 3] = [
-    phase([COARSE, ROUGH], 30.0, (1e-4, 0.5), [(usize::MAX, 30), (8, 30)]),
-    phase([COARSE, ROUGH], 100.0, (1e-5, 0.3), [(4, 100), (2, 100)]),
-    phase([MEDIUM, COARSE], 300.0, (1e-6, 0.2), [(2, 200), (1, 250)]),
+    phase(([COARSE, ROUGH], 4), 30.0, (1e-4, 0.5), [(usize::MAX, 30), (8, 30)]),
+    phase(([COARSE, ROUGH], 4), 100.0, (1e-5, 0.3), [(4, 100), (2, 100)]),
+    phase(([MEDIUM, COARSE], 2), 300.0, (1e-6, 0.2), [(2, 200), (1, 250)]),
 ];
 /// How many of the last that are given up are kept: they may still be what can be flown.
 const SPARE: usize = 3;
@@ -306,6 +308,7 @@ fn best<W: Ways>(
     let errs = usize::from(case.setups.iter().any(Setup::heeds_uncertainty));
     let mut given_up = Vec::new();
     for phase in &PHASES {
+        let look = Look::new(case, phase.views[errs], phase.turns, phase.stiffness);
         let mut climbing: Vec<(usize, Descent)> =
             at.into_iter().map(|(index, x)| (index, Descent::new(&bounds[index], &x))).collect();
         for (of, iterations) in phase.heats {
@@ -313,9 +316,8 @@ fn best<W: Ways>(
             let settings = Settings { iterations, ..phase.settings };
             climbing = parallel::map(options.threads, climbing.len(), |memory: &mut Memory, k| {
                 let (index, mut descent) = climbing[k].clone();
-                let mut cost = |x: &[f64], gradient: &mut [f64]| {
-                    objectives[index].cost(x, (phase.views[errs], phase.stiffness), memory, gradient)
-                };
+                let mut cost =
+                    |x: &[f64], gradient: &mut [f64]| objectives[index].cost(x, &look, memory, gradient);
                 descent.go_on(&mut cost, &bounds[index], &settings);
                 (index, descent)
             });

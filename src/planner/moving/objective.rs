@@ -9,7 +9,8 @@
 use nalgebra::Vector3;
 
 use super::super::expectation::kernel::{ANGLES, POWER, Raw, VEHICLE};
-use super::super::model::Memory;
+use super::super::expectation::samples::Samples;
+use super::super::model::{Memory, Target};
 use super::super::turning::{Course, Held, READY_S};
 use super::super::volume::Fairness;
 use super::super::volume::objective::{Case, View};
@@ -52,6 +53,35 @@ pub struct Objective<'a, 'b, W> {
     knots: Vec<[Instant; KNOTS]>,
     /// Instants at which distances are looked at.
     together: Vec<Spot>,
+}
+
+/// How a superframe is looked at.
+pub struct Look {
+    view: View,
+    /// What a limit counts.
+    stiffness: f64,
+    /// Each user's samples, which its slot's nodes take in turns: what one node does not meet its neighbours do, and a volume is
+    /// a sum over all of them.
+    parts: Vec<Vec<Samples>>,
+}
+
+impl Look {
+    /// One at which each node takes one of `turns` parts of the samples.
+    pub fn new<W: Ways>(case: &Case<'_, W>, view: View, turns: usize, stiffness: f64) -> Self {
+        let parts = case.samples.iter().map(|of_user| of_user[view.resolution].parts(turns)).collect();
+        Self { view, stiffness, parts }
+    }
+
+    /// What is averaged for a user at one of its slot's nodes.
+    fn target<W: Ways>(&self, case: &Case<'_, W>, user: usize, node: usize) -> Target<'_> {
+        match case.target(user, self.view, true) {
+            Target::Mean { clip, .. } => {
+                let parts = &self.parts[user];
+                Target::Mean { samples: &parts[node % parts.len()], clip }
+            }
+            _ => Target::Exact(self.view.sharpness),
+        }
+    }
 }
 
 /// What is exceeded, squared, and twice it.
@@ -167,7 +197,7 @@ impl<'a, 'b, W: Ways> Objective<'a, 'b, W> {
         x: &[f64],
         slot: usize,
         scale: f64,
-        view: View,
+        look: &Look,
         memory: &mut Memory,
         gradient: &mut [f64],
     ) -> f64 {
@@ -180,7 +210,8 @@ impl<'a, 'b, W: Ways> Objective<'a, 'b, W> {
         for step in 0..STEPS {
             for (node, instant) in self.nodes[slot][step].iter().enumerate() {
                 let (raw, turned) = self.configuration(x, slot, step, node);
-                let rate = self.case.rate(place.user, view, &raw, memory, &mut by);
+                let target = look.target(self.case, place.user, step * NODES.len() + node);
+                let rate = memory.value(&self.case.setups[place.user], target, &raw, &mut by);
                 if !(rate > 0.0) {
                     continue;
                 }
@@ -332,25 +363,19 @@ impl<'a, 'b, W: Ways> Objective<'a, 'b, W> {
         sum
     }
 
-    /// The cost, which is to be as small as it can, and its gradient; `stiffness` is what limits count.
-    pub fn cost(
-        &self,
-        x: &[f64],
-        (view, stiffness): (View, f64),
-        memory: &mut Memory,
-        gradient: &mut [f64],
-    ) -> f64 {
+    /// The cost, which is to be as small as it can, and its gradient.
+    pub fn cost(&self, x: &[f64], look: &Look, memory: &mut Memory, gradient: &mut [f64]) -> f64 {
         gradient.fill(0.0);
         let worth = match self.case.service.fairness {
             Fairness::Slots => {
                 let per_s = 1.0 / self.frame.superframe_s;
                 (0..self.frame.places.len())
-                    .map(|slot| per_s * self.volume(x, slot, -per_s, view, memory, gradient))
+                    .map(|slot| per_s * self.volume(x, slot, -per_s, look, memory, gradient))
                     .sum()
             }
-            Fairness::MaxMin => self.least(x, view, memory, gradient),
+            Fairness::MaxMin => self.least(x, look, memory, gradient),
         };
-        let stiff = stiffness / self.frame.places.len() as f64;
+        let stiff = look.stiffness / self.frame.places.len() as f64;
         let beyond = self.turns(x, stiff, gradient)
             + self.motion(x, stiff, gradient)
             + self.places(x, stiff, gradient);
@@ -358,7 +383,7 @@ impl<'a, 'b, W: Ways> Objective<'a, 'b, W> {
     }
 
     /// A smooth stand-in for the least of all volumes for each second, from below.
-    fn least(&self, x: &[f64], view: View, memory: &mut Memory, gradient: &mut [f64]) -> f64 {
+    fn least(&self, x: &[f64], look: &Look, memory: &mut Memory, gradient: &mut [f64]) -> f64 {
         let served: Vec<usize> =
             (0..self.frame.places.len()).filter(|slot| self.frame.places[*slot].is_served()).collect();
         let per_s = 1.0 / self.frame.superframe_s;
@@ -366,7 +391,7 @@ impl<'a, 'b, W: Ways> Objective<'a, 'b, W> {
         let volumes: Vec<f64> = served
             .iter()
             .zip(&mut parts)
-            .map(|(slot, part)| per_s * self.volume(x, *slot, -per_s, view, memory, part))
+            .map(|(slot, part)| per_s * self.volume(x, *slot, -per_s, look, memory, part))
             .collect();
         let Some(least) = volumes.iter().copied().reduce(f64::min) else { return 0.0 };
         let weights: Vec<f64> = volumes.iter().map(|v| libm::exp(-SHARPNESS * (v - least))).collect();

@@ -260,13 +260,14 @@ fn check_gradient(problems: &[Problem], service: &Service) {
         *c += 0.3 * libm::sin(3.0 * k as f64) - 0.1;
     }
     let mut memory = Memory::default();
+    let look = Look::new(&case, COARSE, 2, 20.0);
     let mut gradient = vec![0.0; x.len()];
-    objective.cost(&x, (COARSE, 20.0), &mut memory, &mut gradient);
+    objective.cost(&x, &look, &mut memory, &mut gradient);
     for k in 0..x.len() {
         let mut at = |step: f64| {
             let mut y = x.clone();
             y[k] += step;
-            objective.cost(&y, (COARSE, 20.0), &mut memory, &mut vec![0.0; x.len()])
+            objective.cost(&y, &look, &mut memory, &mut vec![0.0; x.len()])
         };
         let numeric = (8.0 * (at(1e-4) - at(-1e-4)) - (at(2e-4) - at(-2e-4))) / 12e-4;
         assert!(
