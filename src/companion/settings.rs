@@ -73,7 +73,7 @@ pub fn settings(mission: &Mission, vehicle: &Vehicle, boot_id: u32, start_unaske
         limits,
         timing: mission.timing(),
         order: mission.tdma.order,
-        jitter_rad: mission.jitter.std_rad,
+        jitter: mission.jitter,
         ceilings: Ceilings {
             mission_w: mission.power_ceiling(role).0,
             vehicle_w: vehicle.limits.max_power_w.unwrap_or(f64::INFINITY),

@@ -128,7 +128,7 @@ impl Executive {
                 scheduling_allowance: settings.autopilot.scheduling_allowance,
             },
         };
-        let tolerance = Tolerance::for_jitter(settings.jitter_rad);
+        let tolerance = Tolerance::for_jitter(settings.jitter.std_rad);
         let start = Start::new(settings.start_unasked, settings.start_utc, settings.pair.orders.spent, now);
         Self {
             autopilot: Autopilot::new(settings.autopilot.clone(), now),
@@ -162,7 +162,7 @@ impl Executive {
     /// The plan, made elsewhere (planning never blocks the loop).
     pub fn handle_plan(&mut self, plan: Plan) {
         self.notice(Notice::Planned(plan.slots.len()));
-        let tolerance = self.ground_station.tolerance(self.settings.jitter_rad);
+        let tolerance = self.ground_station.tolerance(self.settings.jitter.std_rad);
         if let Some(leans) = lean::told(&plan, self.settings.role, tolerance) {
             self.notice(Notice::MayLean(leans));
         }

@@ -218,6 +218,7 @@ impl Executive {
         }
         let Ok(begins_ms) = u32::try_from(begins.as_millis()) else { return };
         let mut places = Places::new(begins_ms);
+        places.jitter = self.agreed_jitter();
         let begins_s = seconds(slot.commitment.opens_at + places.begins());
         self.believe(&mut places, user, |estimate| estimate.at(begins_s));
         if places.moving().next().is_some() {
@@ -258,7 +259,7 @@ impl Executive {
         });
         let (user, eavesdroppers) = drifts(places, problem)?;
         Some(following::Question {
-            problem: Arc::clone(problem),
+            problem: jittering(problem, places),
             user,
             eavesdroppers,
             limits: self.settings.limits.map(|limits| limits.of_motion()),
@@ -338,6 +339,14 @@ impl Executive {
             *motion = motion.stopped(now, &limits);
         }
     }
+}
+
+/// A slot's problem with the jitter that is to be planned for.
+pub(super) fn jittering(problem: &Arc<Problem>, places: &Places) -> Arc<Problem> {
+    let Some(jitter) = places.jitter else { return Arc::clone(problem) };
+    let mut jittering = Problem::clone(problem);
+    jittering.jitter.std_rad = jitter.std_rad();
+    Arc::new(jittering)
 }
 
 /// What is believed of the user and of the eavesdroppers of a slot, of those that move; `None` of places that are none of its.

@@ -89,6 +89,7 @@ impl Itinerary {
             vehicles: *vehicles,
             tracks: self.tracks.get(usize::from(entry.slot)).cloned(),
             lean_rad: slot.lean_rad.map(Option::unwrap_or_default),
+            jitter: None,
             opens: entry.opens,
             lead: entry.lead,
             carries_on_after: entry.carries_on_after,

@@ -2,11 +2,22 @@
 //!
 //! The plan counts on `[jitter] std_deg`: at 2 deg more than that the demonstration carries 1 bit/s/Hz less than it promises, and at a
 //! tenth of it other poses would carry more. Of the error of attitude `e` about the body's x and y axes, which is what turns an antenna,
-//! the mean over a slot is a lean or a bias, and what is left is the jitter: `s^2 = (mean |e|^2 - |mean e|^2) / 2`.
+//! the mean over a slot is a lean or a bias, and what is left is the jitter: `s^2 = (mean |e|^2 - |mean e|^2) / (2 share)`, with
+//! the share of it that turns an antenna where the attitude is meant to be ([`radio::jitter`](crate::radio::jitter)).
+//!
+//! Where a mission follows what moves, the next poses and motions are planned for the jitter that was measured: J tells I of its own
+//! in VEILWING_STATUS, and I tells J for which of the two both plan, with those that move ([`Places`](crate::pair::Places)). There each
+//! judges its own pose by its own jitter too, or its limits would be those of a calmer vehicle. What these bear is independent from
+//! sample to sample, so it is that part of the jitter that counts as more: `s^2 = mean |e_k - e_(k-1)|^2 / (4 share)`. Who swings more
+//! slowly is out of its pose.
 
 use nalgebra::Vector2;
 
+use super::executive::Executive;
 use crate::geo::Attitude;
+use crate::pair::MeasuredJitter;
+use crate::radio::jitter::Jitter as Law;
+use crate::role::Role;
 use crate::time::Instant;
 
 /// Samples of a slot that say something: three seconds at 50 Hz, which tell a deviation to 4%.
@@ -23,12 +34,17 @@ pub(super) struct Jitter {
     samples: u32,
     sum: Vector2<f64>,
     sum_of_squares: f64,
+    last: Option<Vector2<f64>>,
+    sum_of_steps: f64,
+    sum_of_shares: f64,
     told: bool,
+    /// To plan for, where it is not what is expected.
+    other_rad: Option<f64>,
 }
 
 impl Jitter {
     /// Takes the attitude that was measured at `at`, in a slot, where it is meant to be so.
-    pub fn hear(&mut self, measured: &Attitude, meant: &Attitude, at: Instant) {
+    pub fn hear(&mut self, law: &Law, measured: &Attitude, meant: &Attitude, at: Instant) {
         if self.heard.replace(at).is_some_and(|heard| at <= heard) {
             return;
         }
@@ -36,19 +52,48 @@ impl Jitter {
         self.samples += 1;
         self.sum += error;
         self.sum_of_squares += error.norm_squared();
+        self.sum_of_steps += self.last.replace(error).map_or(0.0, |last| (error - last).norm_squared());
+        let (roll_rad, pitch_rad, _) = meant.euler();
+        self.sum_of_shares += law.share_across(roll_rad, pitch_rad);
     }
 
     /// A slot is over. Its jitter per axis in radians, if it is another than is expected; told once.
     pub fn slot_over(&mut self, expected_rad: f64) -> Option<f64> {
-        let Self { samples, sum, sum_of_squares, told, .. } = std::mem::take(self);
-        self.told = told;
-        let count = f64::from(samples);
-        let std_rad = ((sum_of_squares / count - (sum / count).norm_squared()) / 2.0).max(0.0).sqrt();
-        let more = std_rad > MORE * expected_rad + BEYOND_RAD;
-        let other = more || std_rad < LESS * expected_rad;
-        let tells = samples >= LEAST_SAMPLES && other && !told;
+        let Self { samples, sum, sum_of_squares, sum_of_steps, sum_of_shares, told, other_rad, .. } =
+            std::mem::take(self);
+        *self = Self { told, other_rad, ..Self::default() };
+        if samples < LEAST_SAMPLES {
+            return None;
+        }
+        let squares = sum_of_squares - sum.norm_squared() / f64::from(samples);
+        let std_rad = (squares / (2.0 * sum_of_shares)).max(0.0).sqrt();
+        let quick_rad = (sum_of_steps / (4.0 * sum_of_shares)).sqrt();
+        let is_more = |rad: f64| rad > MORE * expected_rad + BEYOND_RAD;
+        let less = std_rad < LESS * expected_rad;
+        self.other_rad = if less { Some(std_rad) } else { Some(quick_rad).filter(|rad| is_more(*rad)) };
+        let tells = !told && (less || is_more(std_rad));
         self.told |= tells;
         tells.then_some(std_rad)
+    }
+
+    /// What was measured in the last slot that says something, per axis in radians, if that is to be planned for.
+    pub fn other_rad(&self) -> Option<f64> {
+        self.other_rad
+    }
+}
+
+impl Executive {
+    /// I: what both vehicles plan for; `None`: what the mission says. A plan has one jitter for both: that of the less steady one.
+    pub(super) fn agreed_jitter(&self) -> Option<MeasuredJitter> {
+        let stated = MeasuredJitter::of(self.settings.jitter.std_rad);
+        let peer = self.service.peer().jitter;
+        let larger = self.own_jitter().unwrap_or(stated).max(peer.unwrap_or(stated));
+        (larger != stated && self.settings.role == Role::I).then_some(larger)
+    }
+
+    /// What was measured here, if it is to be planned for.
+    pub(super) fn own_jitter(&self) -> Option<MeasuredJitter> {
+        self.jitter.other_rad().map(MeasuredJitter::of)
     }
 }
 
@@ -57,6 +102,9 @@ mod tests {
     use std::time::Duration;
 
     use super::*;
+    use crate::radio::jitter::{JitterAxes, JitterModel};
+
+    const BODY: Law = Law { std_rad: 0.0, model: JitterModel::Body, axes: JitterAxes::RollPitch };
 
     /// What is told after a slot of so many samples, of an attitude that is to and fro by `std_deg` about either axis and leans by 5 deg.
     fn told(jitter: &mut Jitter, std_deg: f64, samples: u32) -> Option<f64> {
@@ -67,9 +115,9 @@ mod tests {
             let measured =
                 Attitude::from_rotation(meant.rotation() * nalgebra::UnitQuaternion::from_scaled_axis(off));
             let at = Instant::from_start(Duration::from_millis(20) * k);
-            jitter.hear(&measured, &meant, at);
+            jitter.hear(&BODY, &measured, &meant, at);
             // The same again says nothing new.
-            jitter.hear(&meant, &meant, at);
+            jitter.hear(&BODY, &meant, &meant, at);
         }
         jitter.slot_over(2f64.to_radians()).map(f64::to_degrees)
     }
@@ -83,6 +131,15 @@ mod tests {
             assert_eq!(first.is_some(), is_told, "{std_deg}: {first:?}");
             assert!(first.is_none_or(|deg| (deg - std_deg).abs() < 0.02), "{std_deg}: {first:?}");
             assert_eq!(told(&mut jitter, std_deg, 400), None);
+            assert_eq!(
+                jitter.other_rad().map(|rad| (50.0 * rad.to_degrees()).round() / 50.0),
+                is_told.then_some(std_deg)
+            );
+            // One that is as expected again is planned for no more, and one that was too short to say changes nothing.
+            told(&mut jitter, 1.9, 100);
+            assert_eq!(jitter.other_rad().is_some(), is_told);
+            told(&mut jitter, 1.9, 400);
+            assert_eq!(jitter.other_rad(), None);
         }
     }
 
@@ -92,8 +149,28 @@ mod tests {
         told(&mut jitter, 0.2, 0);
         for k in 0..400 {
             let off = Attitude::from_euler(if k % 2 == 0 { 0.003 } else { -0.003 }, 0.0, 0.0);
-            jitter.hear(&off, &Attitude::level(), Instant::from_start(Duration::from_millis(20) * k));
+            jitter.hear(&BODY, &off, &Attitude::level(), Instant::from_start(Duration::from_millis(20) * k));
         }
         assert_eq!(jitter.slot_over(0.0), None);
+    }
+
+    /// Noise along Euler angles, turned as the vehicle would be.
+    #[test]
+    fn val_the_jitter_of_angles_is_measured_at_steep_poses_too() {
+        for axes in [JitterAxes::RollPitch, JitterAxes::RollPitchYaw] {
+            let law = Law { std_rad: 0.05, model: JitterModel::Euler, axes };
+            for (roll, pitch) in [(0.0, 0.0), (1.3, 0.2), (-0.9, 1.0)] {
+                let mut jitter = Jitter::default();
+                for k in 0..512 {
+                    let side = |bit: u32| if k >> bit & 1 == 0 { 0.05 } else { -0.05 };
+                    let yaw = if axes == JitterAxes::RollPitch { 0.0 } else { side(2) };
+                    let meant = Attitude::from_euler(roll, pitch, 0.4);
+                    let measured = Attitude::from_euler(roll + side(0), pitch + side(1), 0.4 + yaw);
+                    jitter.hear(&law, &measured, &meant, Instant::from_start(Duration::from_millis(20) * k));
+                }
+                let std_rad = jitter.slot_over(0.0).unwrap();
+                assert!((std_rad / 0.05 - 1.0).abs() < 0.01, "{axes:?} {roll} {pitch}: {std_rad}");
+            }
+        }
     }
 }

@@ -4,10 +4,10 @@
 use std::time::Duration;
 
 use super::executive::Executive;
-use super::following::{Question, Ticket, drifts, seconds};
+use super::following::{Question, Ticket, drifts, jittering, seconds};
 use super::phase::Phase;
 use crate::geo::Pose;
-use crate::pair::{AskedSlot, Places, Rest};
+use crate::pair::{AskedSlot, Places, Rest, SlotTerms};
 use crate::planner::following::{Belief, Drift, Opening, Roaming, Who};
 use crate::planner::plan::VehiclePlan;
 use crate::role::{PerVehicle, Role};
@@ -84,7 +84,7 @@ impl Executive {
             Some(VehiclePlan { pose, tx_power_w: planned.vehicles[role].tx_power_w })
         };
         let opening = Opening {
-            problem: problem.clone(),
+            problem: jittering(problem, &asked.places),
             user: roaming(of_user, Who::User(user)),
             eavesdroppers: of_eavesdroppers.map(|(k, drift)| roaming(drift, Who::Eavesdropper(k))).collect(),
             options: following.options,
@@ -102,6 +102,7 @@ impl Executive {
     fn seen(&self, slot: u16, user: usize, now: Instant) -> AskedSlot {
         let [now_s, known_s] = [now, now + HEARD].map(seconds);
         let mut places = Places::new(0);
+        places.jitter = self.agreed_jitter();
         self.believe(&mut places, user, |estimate| Belief {
             std_m: estimate.at(known_s).std_m,
             ..estimate.at(now_s)
@@ -129,6 +130,8 @@ impl Executive {
             }
             _ => None,
         };
+        let planned_for = asked.places.jitter.zip(self.own_jitter()).map(|(both, own)| own.min(both));
+        let terms = terms.map(|terms| SlotTerms { jitter: planned_for, ..terms });
         // I asks again after a while, and J says that it has not found the same.
         if terms.is_some() || self.settings.role == Role::J {
             self.service.slot_planned(&asked, terms, now);

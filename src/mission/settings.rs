@@ -7,6 +7,7 @@ use crate::geo::Enu;
 use crate::pair;
 use crate::planner::problem::Airspace;
 use crate::preflight::Check;
+use crate::radio::jitter::Jitter;
 use crate::role::{PerVehicle, Role};
 use crate::schedule::order::Order;
 use crate::schedule::table::Timing;
@@ -61,8 +62,8 @@ pub struct Settings {
     pub timing: Timing,
     /// The order of users.
     pub order: Order,
-    /// Standard deviation of the attitude jitter the mission expects, radians per axis.
-    pub jitter_rad: f64,
+    /// The attitude jitter that the mission expects.
+    pub jitter: Jitter,
     /// Power ceilings beside the plan's.
     pub ceilings: Ceilings,
     /// The transmitter is simulated, or the mission authorises emission.

@@ -21,7 +21,8 @@ impl Executive {
                 let in_slot =
                     |slot: &Slot| (slot.commitment.opens_at..slot.radiate_until).contains(&measured_at);
                 if self.service.slot().is_some_and(in_slot) {
-                    self.jitter.hear(&attitude, &motion.sample(measured_at).attitude, measured_at);
+                    let meant = motion.sample(measured_at).attitude;
+                    self.jitter.hear(&self.settings.jitter, &attitude, &meant, measured_at);
                 }
             }
             if let Some((position, measured_at)) = self.autopilot.position(now) {
@@ -54,6 +55,7 @@ impl Executive {
             at_rest: in_service.is_some_and(|motion| motion.is_at_rest(now)),
             rests_for: self.rests_for(now),
             rests: self.rests(now),
+            jitter: self.own_jitter(),
             home_enu_m: self.home_enu_m,
             preflight_ok: self.ground.preflight_ok(),
             ended: self.phase.is_ending(),

@@ -30,8 +30,8 @@ use leader::Leader;
 use motions::{Motions, Outcome};
 use shared_time::SharedTime;
 pub use terms::{
-    AskedSlot, Commitment, Drifting, Event, Local, OF_POSES, Places, PlanTerms, Rest, Settings, SlotTerms,
-    Vouch,
+    AskedSlot, Commitment, Drifting, Event, Local, MeasuredJitter, OF_POSES, Places, PlanTerms, Rest,
+    Settings, SlotTerms, Vouch,
 };
 pub use timer::Timer;
 
@@ -501,6 +501,7 @@ impl Coordinator {
             time_us: micros(now),
             rests_enu_m: local.rests.map_or([0.0; 3], |rest| rest.position_enu_m),
             rests_wxyz: local.rests.map_or([0.0; 4], |rest| rest.wxyz),
+            jitter_cdeg: MeasuredJitter::to_wire(local.jitter),
             ..Default::default()
         };
         self.orders.say(&mut status);

@@ -8,7 +8,7 @@ use crate::geo::{Enu, has_meaning};
 use crate::time::Instant;
 
 use super::age::Ages;
-use super::coordinator::Rest;
+use super::coordinator::{MeasuredJitter, Rest};
 use super::wire::{VEILWING_HELLO_DATA, VEILWING_STATUS_DATA, VeilwingFlags};
 
 /// The other companion, as its messages describe it.
@@ -39,6 +39,8 @@ pub struct Peer {
     pub position_enu_m: Option<Enu>,
     /// Where it rests, between slots whose poses are made anew.
     pub rests: Option<Rest>,
+    /// Its jitter in the last slot, where that is another than the mission says.
+    pub jitter: Option<MeasuredJitter>,
     /// The proposal it is committed to.
     pub committed: Option<u32>,
 }
@@ -61,6 +63,7 @@ impl Default for Peer {
             home_enu_m: None,
             position_enu_m: None,
             rests: None,
+            jitter: None,
             committed: None,
         }
     }
@@ -189,6 +192,7 @@ impl Peer {
             self.position_enu_m = Some(position);
         }
         self.rests = Rest::of_wire(status.rests_enu_m, status.rests_wxyz);
+        self.jitter = MeasuredJitter::of_wire(status.jitter_cdeg);
         true
     }
 }

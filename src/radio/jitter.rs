@@ -41,6 +41,22 @@ pub enum JitterAxes {
     RollPitchYaw,
 }
 
+impl Jitter {
+    /// How much of it turns an antenna: the mean square of the small turn about body x and y, over the two, at desired angles, for a
+    /// deviation of 1 per axis. About those it turns by `(roll' - sin(pitch) yaw', cos(roll) pitch' + sin(roll) cos(pitch) yaw')`.
+    #[must_use]
+    pub fn share_across(&self, roll_rad: f64, pitch_rad: f64) -> f64 {
+        let (roll, pitch) = (libm::cos(roll_rad).powi(2), libm::cos(pitch_rad).powi(2));
+        match (self.model, self.axes) {
+            (JitterModel::Body, _) => 1.0,
+            (JitterModel::Euler, JitterAxes::RollPitch) => (1.0 + roll) / 2.0,
+            (JitterModel::Euler, JitterAxes::RollPitchYaw) => {
+                (1.0 + roll + (1.0 - pitch) + (1.0 - roll) * pitch) / 2.0
+            }
+        }
+    }
+}
+
 /// The antenna axis at desired angles (roll, pitch, yaw) under the noise `w_rad` (same order).
 #[must_use]
 pub fn axis(model: JitterModel, desired_rad: [f64; 3], w_rad: [f64; 3]) -> Vector3<f64> {

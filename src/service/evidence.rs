@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use crate::geo::{Attitude, Enu};
-use crate::pair::Rest;
+use crate::pair::{MeasuredJitter, Rest};
 use crate::time::Instant;
 
 /// What is known of the own vehicle at one instant.
@@ -33,6 +33,8 @@ pub struct Vehicle {
     pub rests_for: Option<u16>,
     /// Where it rests, between slots whose poses are made anew.
     pub rests: Option<Rest>,
+    /// Its jitter in the last slot, where that is another than the mission says.
+    pub jitter: Option<MeasuredJitter>,
     /// Where it took off, or stands.
     pub home_enu_m: Option<Enu>,
     /// No preflight check fails.

@@ -104,6 +104,13 @@ impl Tolerance {
         Self { attitude_rad, held_rad: self.held_rad + wider_rad, ..self }
     }
 
+    /// The same of a vehicle that jitters more than the mission says, in a slot that is planned for that. Never stricter.
+    #[must_use]
+    pub fn jittering(self, jitter_rad: f64) -> Self {
+        let jitter_rad = jitter_rad.max(self.jitter_rad);
+        Self { attitude_rad: self.attitude_rad - self.jitter_rad + jitter_rad, jitter_rad, ..self }
+    }
+
     /// The same where the plan bears no more than this: never wider, and never stricter than what a vehicle can hold.
     #[must_use]
     pub fn within(self, slack: Slack) -> Self {

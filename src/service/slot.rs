@@ -64,6 +64,7 @@ impl Slot {
         (tolerance, apart): (Tolerance, Duration),
     ) -> Self {
         let vehicle = terms.vehicles[role];
+        let tolerance = terms.jitter.map_or(tolerance, |jitter| tolerance.jittering(jitter.std_rad()));
         let track = terms.tracks.as_ref().map(|tracks| tracks[role].clone());
         let track = if carried_on { track } else { track.map(Track::from_rest) };
         let opens_at = commitment.opens_at;
@@ -187,6 +188,7 @@ mod tests {
             vehicles: PerVehicle { i: vehicle, j: vehicle },
             tracks: None,
             lean_rad: PerVehicle { i: 0.0, j: 0.0 },
+            jitter: None,
             opens: Duration::ZERO,
             lead: Duration::ZERO,
             carries_on_after: None,

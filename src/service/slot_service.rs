@@ -527,6 +527,7 @@ impl SlotService {
             home_enu_m: vehicle.home_enu_m,
             position_enu_m: vehicle.position.map(|(position, _)| position),
             rests: vehicle.rests.filter(|_| matches!(self.stage, Stage::Between { .. })),
+            jitter: vehicle.jitter,
             preflight_ok: vehicle.preflight_ok,
             airborne: !matches!(self.stage, Stage::Away) && vehicle.in_control,
             on_station: in_pose && self.staleness.is_fresh(now) && vehicle.in_control,

@@ -209,3 +209,35 @@ fn spec_a_pair_that_loses_one_of_the_two_or_goes_home_while_it_follows_is_silent
         assert!(Role::BOTH.iter().all(|role| flight.landed(*role)), "{}", flight.story());
     }
 }
+
+/// In the first slot both take a jitter that nobody has told them of for poses that are lost, now and then, and J falls silent without
+/// a word before: that alone is out of order. For what they measure the next ones are planned, and judged.
+#[test]
+fn val_slots_are_planned_for_the_jitter_that_was_measured() {
+    let fly = |stated_deg: f64| {
+        let planned = following().given.i.under(|m| {
+            m.antenna.both.null_depth_db = None;
+            m.pointing.heading_std_deg = None;
+            m.jitter.std_deg = stated_deg;
+            m.tdma.superframes = 2;
+            m.tdma.slot_s = 10.0;
+        });
+        let given = PerVehicle { i: planned.clone(), j: planned };
+        let mut flight = Flight::new(Setup { given, jitter_deg: Some(4.0), ..Setup::default() });
+        flight.fly_out();
+        flight
+    };
+    let [unknown, known] = [2.0, 4.0].map(fly);
+    known.assert_safe();
+    let report = unknown.report();
+    let learnt = unknown.said(Role::I, "attitude jitters by").unwrap();
+    for violation in &report.violations {
+        let brief = violation.lasted <= Duration::from_millis(1);
+        assert!(brief && violation.at < learnt, "{violation:?}\n{}", unknown.story());
+    }
+    for slot in &report.slots[1..] {
+        assert!(slot.radiated_s.i > 8.9 && slot.unprotected_s == 0.0, "{slot:#?}\n{}", unknown.story());
+    }
+    let [measured, told] = [unknown, known].map(|flight| rates(&flight)[1..].iter().sum::<f64>());
+    assert!(measured > 0.97 * told, "Mbit/s: {measured} {told}");
+}

@@ -17,7 +17,9 @@ use veilwing::mission::{Notice, Outgoing};
 use veilwing::planner::slots::Plan;
 use veilwing::planning;
 use veilwing::role::{PerVehicle, Role};
-use veilwing_sitl::{Firmware, FlightReport, RadioDevice, RadioPlace, Reporter, Slip, Traps, World};
+use veilwing_sitl::{
+    Firmware, FlightReport, RadioDevice, RadioPlace, Reporter, Slip, Tolerance, Traps, World,
+};
 
 /// No flight of the small mission takes longer, faults included.
 pub const LONGEST: Duration = Duration::from_secs(300);
@@ -185,7 +187,10 @@ impl Flight {
         if let Some((role, slip)) = setup.slip {
             config.vehicles[index(role)].slip = Some(slip);
         }
-        config.jitter.std_deg = setup.jitter_deg.unwrap_or(config.jitter.std_deg);
+        if let Some(deg) = setup.jitter_deg {
+            config.jitter.std_deg = deg;
+            config.tolerance = Tolerance::under_jitter(deg);
+        }
         if setup.unheard {
             let all = config.users.iter_mut().chain(&mut config.eavesdroppers);
             all.filter_map(|node| node.roams.as_mut())

@@ -70,6 +70,7 @@ impl Flown {
                 (None, _) => Some(at_rest(&vehicles(slot))),
             },
             lean_rad: PerVehicle { i: 0.0, j: 0.0 },
+            jitter: None,
             opens: (LEAD + self.length) * u32::from(slot) + LEAD,
             lead: LEAD,
             carries_on_after: (self.turning && slot > 0).then_some(BETWEEN),

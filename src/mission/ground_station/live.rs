@@ -127,7 +127,7 @@ impl Executive {
         let Radio { reference_gain, noise_power_w, .. } = scene.radio;
         let at = |node: &Enu, rician: Rician| {
             let from_own = received_power_w(&own, node, rician, reference_gain);
-            let jitter_rad = self.settings.jitter_rad;
+            let jitter_rad = self.settings.jitter.std_rad;
             let from_other = mean_received_power_w(&other, node, rician, reference_gain, jitter_rad);
             let (i, j) = match role {
                 Role::I => (from_own, from_other),

@@ -119,7 +119,7 @@ const TABLE: [Parameter; 12] = [
     },
     Parameter {
         name: "VW_JITTER_DEG",
-        get: |e| e.settings.jitter_rad.to_degrees(),
+        get: |e| e.settings.jitter.std_rad.to_degrees(),
         access: Access::ReadOnly("the mission file"),
         shown: Shown { what: "Jitter that the plan expects", unit: "deg", decimals: 2, ..Shown::COUNT },
     },
@@ -333,7 +333,7 @@ impl Executive {
 
     /// The operator's tolerance, for the slots to come.
     fn retune(&mut self) {
-        let tolerance = self.ground_station.tolerance(self.settings.jitter_rad);
+        let tolerance = self.ground_station.tolerance(self.settings.jitter.std_rad);
         self.service.set_tolerance(tolerance);
     }
 

@@ -5,7 +5,7 @@ use crate::time::Instant;
 
 use super::super::adoption::{Asked, Follower, Leader, Word};
 use super::super::wire::{self, MavMessage, VeilwingWord};
-use super::terms::{Commitment, Drifting, Event, OF_POSES, Places};
+use super::terms::{Commitment, Drifting, Event, MeasuredJitter, OF_POSES, Places};
 use crate::planner::following::MOST_MOVERS;
 
 /// See the module. Of one slot.
@@ -170,6 +170,7 @@ impl Places {
             proposal,
             begins_ms: self.begins_ms,
             number: OF_POSES,
+            jitter_cdeg: MeasuredJitter::to_wire(self.jitter),
             who: [NOBODY; MOST_MOVERS],
             ..Default::default()
         };
@@ -184,6 +185,7 @@ impl Places {
 
     pub(super) fn of_wire(message: &wire::VEILWING_PLACES_DATA) -> Self {
         let mut places = Self::new(message.begins_ms);
+        places.jitter = MeasuredJitter::of_wire(message.jitter_cdeg);
         for (k, who) in message.who.iter().enumerate().filter(|(_, who)| **who != NOBODY) {
             let three = |all: &[i16; 3 * MOST_MOVERS]| [0, 1, 2].map(|axis: usize| all[3 * k + axis]);
             places.push(Drifting {
@@ -234,6 +236,7 @@ mod tests {
     fn spec_both_hear_of_the_same_question_and_say_what_they_have_found() {
         let (mut i, mut j) = (motions(Role::I, 0), motions(Role::J, 500));
         let mut places = Places::new(1_500);
+        places.jitter = Some(MeasuredJitter::of(0.1));
         places.push(Drifting::of(0, &belief(-123.44, 7.996, 1.1)).unwrap());
         places.push(Drifting::of(4, &belief(3000.0, 0.0, 90.0)).unwrap());
         assert_eq!(i.ask(places, at(11_000)), Some(Event::PlanMotion));

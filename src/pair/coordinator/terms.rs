@@ -1,5 +1,6 @@
 //! What the executive tells the coordinator, and what it is told.
 
+use std::num::NonZeroU16;
 use std::time::Duration;
 
 use super::super::orders::{Change, Record};
@@ -71,6 +72,8 @@ pub struct SlotTerms {
     pub tracks: Option<PerVehicle<Track>>,
     /// The largest tilt from its pose that the slot bears of each vehicle, radians; 0 of one that has no reason to lean.
     pub lean_rad: PerVehicle<f64>,
+    /// How much our own vehicle jitters, where the slot is planned for that.
+    pub jitter: Option<MeasuredJitter>,
     /// From the instant that the slot table counts from to the slot's opening.
     pub opens: Duration,
     /// The transit to the slot begins this long before its opening.
@@ -135,11 +138,43 @@ impl Drifting {
 /// The number of a motion that VEILWING_PLACES has where it is for the poses of a slot, and for no motion in it.
 pub const OF_POSES: u16 = 0;
 
-/// What is believed of those that move in a slot, at an instant.
+/// A jitter that was measured, per axis, in hundredths of a degree: both companions reckon with this number.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct MeasuredJitter(NonZeroU16);
+
+impl MeasuredJitter {
+    /// Who jitters more than this tumbles, degrees.
+    const MOST_DEG: f64 = 10.0;
+
+    /// To the nearest of what the wire can say, of a standard deviation in radians.
+    #[must_use]
+    pub fn of(std_rad: f64) -> Self {
+        let deg = std_rad.to_degrees().clamp(0.0, Self::MOST_DEG);
+        Self(NonZeroU16::new((100.0 * deg).round() as u16).unwrap_or(NonZeroU16::MIN))
+    }
+
+    /// Standard deviation in radians.
+    #[must_use]
+    pub fn std_rad(self) -> f64 {
+        (0.01 * f64::from(self.0.get())).to_radians()
+    }
+
+    pub(in super::super) fn of_wire(cdeg: u16) -> Option<Self> {
+        NonZeroU16::new(cdeg).map(|cdeg| Self::of((0.01 * f64::from(cdeg.get())).to_radians()))
+    }
+
+    pub(in super::super) fn to_wire(told: Option<Self>) -> u16 {
+        told.map_or(0, |Self(cdeg)| cdeg.get())
+    }
+}
+
+/// What is believed of those that move in a slot, at an instant, and of the vehicles.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Places {
     /// The instant, after the slot's opening.
     pub begins_ms: u32,
+    /// The jitter to be planned for, where it is not what the mission says.
+    pub jitter: Option<MeasuredJitter>,
     count: usize,
     moving: [Drifting; MOST_MOVERS],
 }
@@ -148,7 +183,7 @@ impl Places {
     /// Nobody moves.
     #[must_use]
     pub fn new(begins_ms: u32) -> Self {
-        Self { begins_ms, count: 0, moving: [Drifting::default(); MOST_MOVERS] }
+        Self { begins_ms, jitter: None, count: 0, moving: [Drifting::default(); MOST_MOVERS] }
     }
 
     /// Another one that moves; one too many is left out.
@@ -223,6 +258,8 @@ pub struct Local {
     pub position_enu_m: Option<Enu>,
     /// Where we rest, between slots whose poses are made anew.
     pub rests: Option<Rest>,
+    /// Our jitter in the last slot, where it is another than the mission says.
+    pub jitter: Option<MeasuredJitter>,
     /// No preflight check fails.
     pub preflight_ok: bool,
     /// In the air and in control.
@@ -354,6 +391,18 @@ mod tests {
             .collect();
         assert_eq!(follows, [(0, 0), (1, 1), (1, 2), (2, 2), (3, 3)]);
         assert!(plan.can_follow(u16::MAX, u16::MAX) && !plan.can_follow(u16::MAX, 0));
+    }
+
+    #[test]
+    fn spec_a_jitter_comes_back_from_the_wire_and_none_is_told_by_nothing() {
+        for (deg, cdeg) in [(6.0, 600), (1.234, 123), (0.0, 1), (90.0, 1000), (f64::NAN, 1)] {
+            let jitter = MeasuredJitter::of(f64::to_radians(deg));
+            assert_eq!(MeasuredJitter::to_wire(Some(jitter)), cdeg);
+            assert_eq!(MeasuredJitter::of_wire(cdeg), Some(jitter));
+        }
+        assert_eq!(MeasuredJitter::of_wire(u16::MAX), Some(MeasuredJitter::of(9.0)));
+        assert_eq!((MeasuredJitter::of_wire(0), MeasuredJitter::to_wire(None)), (None, 0));
+        assert!((MeasuredJitter::of(0.1).std_rad() - 0.1).abs() < 1e-4);
     }
 
     #[test]

@@ -53,6 +53,7 @@ pub(super) fn terms() -> SlotTerms {
         vehicles: PerVehicle { i: vehicle, j: vehicle },
         tracks: None,
         lean_rad: PerVehicle { i: 0.0, j: 0.0 },
+        jitter: None,
         opens: NEEDS,
         lead: NEEDS,
         carries_on_after: None,
