@@ -35,6 +35,7 @@ fn terms(length: Duration, guard: Duration) -> SlotTerms {
         vehicles: vehicles(0.0),
         tracks: None,
         lean_rad: PerVehicle { i: 0.0, j: 0.0 },
+        jitter: None,
         opens: NEEDS,
         lead: NEEDS,
         carries_on_after: None,
