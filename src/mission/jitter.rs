@@ -110,8 +110,9 @@ mod tests {
     fn told(jitter: &mut Jitter, std_deg: f64, samples: u32) -> Option<f64> {
         let meant = Attitude::from_euler(0.7, -0.4, 0.2);
         for k in 0..samples {
-            let side = |bit: u32| if k >> bit & 1 == 0 { std_deg } else { -std_deg };
-            let off = nalgebra::Vector3::new(side(0) + 5.0, side(1), 3.0).map(f64::to_radians);
+            // Every other time the same again, as often as not in what is independent.
+            let side = |k: u32| if k >> 1 & 1 == 0 { std_deg } else { -std_deg };
+            let off = nalgebra::Vector3::new(side(k) + 5.0, side(k + 1), 3.0).map(f64::to_radians);
             let measured =
                 Attitude::from_rotation(meant.rotation() * nalgebra::UnitQuaternion::from_scaled_axis(off));
             let at = Instant::from_start(Duration::from_millis(20) * k);
@@ -172,5 +173,16 @@ mod tests {
                 assert!((std_rad / 0.05 - 1.0).abs() < 0.01, "{axes:?} {roll} {pitch}: {std_rad}");
             }
         }
+    }
+
+    #[test]
+    fn spec_who_swings_slowly_is_told_of_and_not_planned_for() {
+        let mut jitter = Jitter::default();
+        for k in 0..400 {
+            let off = Attitude::from_euler(0.1 * libm::sin(0.125 * f64::from(k)), 0.0, 0.0);
+            jitter.hear(&BODY, &off, &Attitude::level(), Instant::from_start(Duration::from_millis(20) * k));
+        }
+        let told_deg = jitter.slot_over(1f64.to_radians()).unwrap().to_degrees();
+        assert!((told_deg - 2.86).abs() < 0.1 && jitter.other_rad().is_none(), "{told_deg}");
     }
 }

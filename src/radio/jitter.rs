@@ -46,7 +46,10 @@ impl Jitter {
     /// deviation of 1 per axis. About those it turns by `(roll' - sin(pitch) yaw', cos(roll) pitch' + sin(roll) cos(pitch) yaw')`.
     #[must_use]
     pub fn share_across(&self, roll_rad: f64, pitch_rad: f64) -> f64 {
-        let (roll, pitch) = (libm::cos(roll_rad).powi(2), libm::cos(pitch_rad).powi(2));
+        let [roll, pitch] = [roll_rad, pitch_rad].map(|angle_rad| {
+            let cosine = libm::cos(angle_rad);
+            cosine * cosine
+        });
         match (self.model, self.axes) {
             (JitterModel::Body, _) => 1.0,
             (JitterModel::Euler, JitterAxes::RollPitch) => (1.0 + roll) / 2.0,

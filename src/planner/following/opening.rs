@@ -235,7 +235,8 @@ mod tests {
         assert_eq!(at(0.0), drift.belief);
         let then = at(12.0);
         assert_eq!(then.position_enu_m, drift.belief.position_enu_m + Enu::new(24.0, 0.0, 0.0));
-        assert!((then.std_m[0] - (4.0_f64 + 12f64.powi(3) / 3.0).sqrt()).abs() < 1e-12);
+        let grown = unrest.density_m2_s3[0] * 12f64.powi(3) / 3.0;
+        assert!((then.std_m[0] - (4.0 + grown).sqrt()).abs() < 1e-12);
         assert_eq!(at(40.0).position_enu_m, at(STRAIGHT_ON_S).position_enu_m);
         assert!(at(40.0).std_m[0] > at(STRAIGHT_ON_S).std_m[0]);
     }
