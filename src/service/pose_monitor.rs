@@ -357,7 +357,7 @@ mod tests {
 
     #[test]
     fn spec_a_pose_is_judged_by_the_jitter_that_its_slot_is_planned_for_and_never_more_strictly() {
-        let [calm, rough] = [2.0, 4.0].map(|deg| f64::to_radians(deg));
+        let [calm, rough] = [2.0, 4.0].map(f64::to_radians);
         let [stated, wider] = [calm, rough].map(|jitter_rad| Tolerance::of(0.5, 0.04, jitter_rad));
         let judged = stated.jittering(rough);
         assert!((judged.attitude_rad - wider.attitude_rad).abs() < 1e-12);
