@@ -419,7 +419,7 @@ mod tests {
         let mut turned = about.clone();
         turned.pointing.heading_std_rad = 0.05;
         let mut workspace = Workspace::default();
-        for (problem, draws) in [(jittery, 1), (about, 16), (turned, 16)] {
+        for (problem, draws) in [(jittery, 1), (about.clone(), 16), (turned, 16)] {
             let samples = Samples::new(&problem, 256, draws, 5, Sequence::Sobol);
             let whole = workspace.mean(&scene(), &samples, &RAW, false, None);
             for count in [1, 2, 4] {
@@ -434,6 +434,15 @@ mod tests {
                 assert!(count == 1 || means[0] != means[1]);
             }
         }
+        // Fewer draws than parts: each draw in some of them.
+        let samples = Samples::new(&about, 256, 2, 5, Sequence::Sobol);
+        let whole = workspace.mean(&scene(), &samples, &RAW, false, None);
+        let means = samples
+            .parts(4)
+            .iter()
+            .map(|part| workspace.mean(&scene(), part, &RAW, false, None) / 4.0)
+            .sum::<f64>();
+        assert!((means - whole).abs() < 1e-12, "{means} {whole}");
         // No more than there are blocks: the last ones twice.
         let few = Samples::new(&Problem::paper([], 0.5, 0.03), 8, 1, 5, Sequence::Sobol);
         assert_eq!(few.parts(4).iter().map(Samples::len).collect::<Vec<_>>(), [8; 4]);

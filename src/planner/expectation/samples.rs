@@ -153,8 +153,8 @@ impl Samples {
         self.blocks(0..count.div_ceil(LANES).clamp(1, self.noise.len()))
     }
 
-    /// These samples cut into `count` sets of as many each (whole draws, at least one): of a Sobol set, each is one where `count`
-    /// is a power of two.
+    /// These samples cut into `count` sets of as many each (or the whole draws in which those lie): of a Sobol set, each is one where
+    /// `count` is a power of two.
     #[must_use]
     pub fn parts(&self, count: usize) -> Vec<Self> {
         let blocks = (self.noise.len() / count).max(1);
@@ -162,15 +162,14 @@ impl Samples {
         (0..count).map(part).map(|from| self.blocks(from..from + blocks)).collect()
     }
 
-    /// Some of the blocks, rounded to whole draws.
+    /// Some of the blocks, and what else there is of the draws in which they lie.
     fn blocks(&self, blocks: Range<usize>) -> Self {
-        let (per_draw, draws) = if self.draws.len() == 1 {
-            (blocks.len(), 0..1)
+        let (per_draw, draws, blocks) = if self.draws.len() == 1 {
+            (blocks.len(), 0..1, blocks)
         } else {
-            let from = blocks.start / self.per_draw;
-            (self.per_draw, from..from + blocks.len().div_ceil(self.per_draw))
+            let draws = blocks.start / self.per_draw..blocks.end.div_ceil(self.per_draw);
+            (self.per_draw, draws.clone(), draws.start * self.per_draw..draws.end * self.per_draw)
         };
-        let blocks = blocks.start..blocks.start + draws.len() * per_draw;
         let waves = blocks.start * self.waves_per_block..blocks.end * self.waves_per_block;
         Self {
             noise: self.noise[blocks.clone()].to_vec(),
