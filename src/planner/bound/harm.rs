@@ -54,7 +54,7 @@ fn ideal_harm(law: &Law, power: f64, line: Range, off: f64) -> (f64, f64) {
         }
     }
     // Far off, where arcs pass the pole, they say little.
-    let straight = law.straight_mean(power, off);
+    let straight = law.straight_mean(power, [0.0, f64::INFINITY], off);
     if straight.0 > least.0 { straight } else { least }
 }
 

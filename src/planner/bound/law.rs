@@ -212,7 +212,16 @@ impl Law {
                 let at = Nearest { x, y, bend, line: line_cos * line_cos, flat };
                 let gain = 4.0 * near + 2.0 * self.variance();
                 let most = if share.is_finite() { (share * scale * gain).max(2.0 * floor) } else { share };
-                let (mean, rise) = self.mean(scale, [floor, most], &at);
+                let (mut mean, mut rise) = self.mean(scale, [floor, most], &at);
+                // Across the pole the nearest roll says little, and the angle itself says more.
+                let off = 2.0 * near.sqrt().asin();
+                let usual = (off - 2.0 * self.std_rad).max(0.0).sin().powi(2);
+                if (scale * usual).max(floor).min(most).ln_1p() > mean * LN_2 {
+                    let straight = self.straight_mean(scale, [floor, most], off);
+                    if straight.0 > mean {
+                        (mean, rise) = straight;
+                    }
+                }
                 least = Least {
                     mean: least.mean.min(mean),
                     rise: least.rise.min(rise),
@@ -224,15 +233,17 @@ impl Law {
         if least.mean.is_finite() { least } else { Least { mean: all.ln_1p() / LN_2, rise: 0.0, most: all } }
     }
 
-    /// A lower bound on `E log2(1 + scale G)` of an axis `off` the line: noise takes it straight there.
-    pub fn straight_mean(&self, scale: f64, off: f64) -> (f64, f64) {
+    /// A lower bound on `E log2(1 + scale G)`, of `scale G` within these, of an axis `off` the line, a right angle at most: noise
+    /// takes it straight there.
+    pub fn straight_mean(&self, scale: f64, within: Range, off: f64) -> (f64, f64) {
         let (sin, cos) = off.sin_cos();
+        let [floor, most] = within.map(|x| 1.0 + x);
         let (mut sum, mut share) = (LogSum::default(), 0.0);
         for (s, c) in self.turned[0].iter().zip(&self.turned[1]) {
             let sine = (sin * c - cos * s).max(0.0);
             let x = 1.0 + scale * sine * sine;
-            sum.push(x);
-            share += (x - 1.0) / x;
+            sum.push(x.clamp(floor, most));
+            share += if x > floor && x < most { (x - 1.0) / x } else { 0.0 };
         }
         let points = self.turned[0].len() as f64;
         (sum.value() / (points * LN_2), share / points)
@@ -436,6 +447,42 @@ mod tests {
         println!("{points} points: at a point {under:.4} over, {over:.4} under; over a box {most:.4} over");
         assert!(over < 2.0 * margin, "the rule understates by {over}");
         assert!(under < TAKEN * margin, "the rule overstates by {under}");
+    }
+
+    /// Steep axes and lines on either side of the pole: whichever way round they are taken, and in however small a box, nothing is
+    /// near a null that is not.
+    #[test]
+    fn regress_an_axis_across_the_pole_is_as_far_off_as_it_is() {
+        let mut rng = ChaCha8Rng::seed_from_u64(11);
+        let law = Law::new(2.0_f64.to_radians(), ROUGH_POINTS);
+        let (mut across, mut least) = (0, 0.0_f64);
+        for _ in 0..400 {
+            let mut any = || [rng.random_range(-1.5..1.5), rng.random_range(-1.5..1.5)];
+            let (axis, line): ([f64; 2], [f64; 2]) = (any(), any());
+            let [y, u] = [axis, line].map(|[roll, pitch]| antenna_axis(roll, pitch, 0.0));
+            let off = y.cross(&u).norm().min(1.0).asin();
+            if off < 0.5 {
+                continue;
+            }
+            across += usize::from(y.dot(&u) < 0.0);
+            let truth = fine_mean(law.std_rad, 1e6, axis, &u);
+            for half in [0.0, 1e-4, 1e-2] {
+                let [axis, line] = [axis, line].map(|at| at.map(|x| [x - half, x + half]));
+                let offset = Offset {
+                    roll: axis[0],
+                    line_roll: line[0],
+                    roll_off: minus(axis[0], line[0]),
+                    pitch_off: minus(axis[1], line[1]),
+                };
+                let bound = law.least_mean(1e6, &offset).0;
+                assert!(
+                    bound <= truth + TAKEN * ROUGH_QUADRATURE,
+                    "{axis:?} {line:?}: {bound} above {truth}"
+                );
+                least = least.min(bound - truth + 12.0 * half);
+            }
+        }
+        assert!(across > 100 && least > -0.4, "{across}: {least}");
     }
 
     #[test]

@@ -120,7 +120,9 @@
 //!    which is symmetric in `x` modulo half a turn: the least `|x|` over the box counts. That nearest roll lies beyond
 //!    the line's by an angle of tangent `s c (1 - cos y) / (1 - c^2 (1 - cos y))`, `s`, `c` of the line's roll. It so
 //!    comes nearer to an axis beyond the line, by the largest such angle of the box at most, and goes away from one on
-//!    the other side, by the least: the latter is used where all offsets and pitches stay within a right angle.
+//!    the other side, by the least: the latter is used where all offsets and pitches stay within a right angle. Between an
+//!    axis and a line across the pole all this says little: there the angle `o` between them, least over the box, is lessened by
+//!    `w` at each draw, as at the end of step 4, if that says more.
 //! 6. *Floor.* Every axis has `psi_1 + psi_2 >=` the angle between the lines to both eavesdroppers, so
 //!    `max_j A_j >= log2(1 + z)` at every draw: each mean is taken of `max(1 + c_j G_j, 1 + z)`, which keeps most of the
 //!    maximum inside the expectation.
