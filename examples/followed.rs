@@ -1,7 +1,7 @@
 //! What is lost in flight by not knowing where users and eavesdroppers will go: slots of thirty seconds, flown without faults while both
 //! users, or one eavesdropper, walk or drive about. The world reports each once a second, with 3 m of noise, a fifth of the reports lost.
-//! Twice: in the paper's arena, with the demonstration's users and eavesdroppers five times as far from its middle; and over twice the
-//! demonstration's own area, where vehicles fly so low that a metre counts four times as much.
+//! Three times: in the paper's arena, with the demonstration's users and eavesdroppers five times as far from its middle; over twice the
+//! demonstration's own area, where vehicles fly so low that a metre counts four times as much; and there with 1 m of noise.
 //!
 //! ```text
 //! cargo run --release --example followed -- [FLIGHTS]
@@ -32,11 +32,22 @@ struct Over {
     altitude_m: [f64; 2],
     /// Users and eavesdroppers are so much farther from the origin than the demonstration's.
     spread: f64,
+    /// Noise of the reports, metres.
+    noise_m: f64,
 }
 
-const OVER: [Over; 2] = [
-    Over { what: "the paper's arena", half_m: 500.0, altitude_m: [80.0, 300.0], spread: 5.0 },
-    Over { what: "200 m about the courtyard", half_m: 200.0, altitude_m: [20.0, 80.0], spread: 1.0 },
+const COURTYARD: Over = Over {
+    what: "the same, 1 m of noise",
+    half_m: 200.0,
+    altitude_m: [20.0, 80.0],
+    spread: 1.0,
+    noise_m: 1.0,
+};
+
+const OVER: [Over; 3] = [
+    Over { what: "the paper's arena", half_m: 500.0, altitude_m: [80.0, 300.0], spread: 5.0, noise_m: 3.0 },
+    Over { what: "200 m about the courtyard", noise_m: 3.0, ..COURTYARD },
+    COURTYARD,
 ];
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -81,7 +92,7 @@ fn moving(m: &mut MissionDraft, over: &Over, users: bool, gait: Gait) {
     };
     m.users.iter_mut().for_each(|user| farther(&mut user.enu_m));
     m.eavesdroppers.iter_mut().for_each(|node| farther(&mut node.enu_m));
-    let moves = |system_id| Some(MovesDraft { system_id, gait, std_m: 3.0 });
+    let moves = |system_id| Some(MovesDraft { system_id, gait, std_m: over.noise_m });
     if users {
         m.users.iter_mut().zip(51..).for_each(|(user, system)| user.moves = moves(Some(system)));
     } else {

@@ -17,10 +17,9 @@ const TURNS_RAD_S: f64 = 0.4;
 const LEGS_S: [f64; 2] = [8.0, 25.0];
 /// Farther from its place than so many seconds take it, it goes back.
 const RANGE_S: f64 = 40.0;
-/// A report a second, this one of five lost, with so many metres of noise.
+/// A report a second, this one of five lost.
 const EVERY: Duration = Duration::from_secs(1);
 const LOST: f64 = 0.2;
-const NOISE_M: f64 = 3.0;
 
 /// The component of a handset; and who an operator is.
 const HANDSET: u8 = 1;
@@ -61,6 +60,8 @@ pub struct Roams {
     pub track: Vec<Fix>,
     /// Who says where it is, over I's vehicle's link to its companion.
     pub reporter: Reporter,
+    /// Standard deviation of what is said, east and north each, metres; a third of it in height.
+    pub noise_m: f64,
 }
 
 /// See the module.
@@ -125,7 +126,7 @@ impl Roamer {
         }
         self.next_report += EVERY;
         let lost = self.handset.uniform() < LOST;
-        let [east, north, up] = [(); 3].map(|()| NOISE_M * self.handset.normal());
+        let [east, north, up] = [(); 3].map(|()| self.roams.noise_m * self.handset.normal());
         if lost {
             return None;
         }
@@ -145,7 +146,7 @@ impl Roamer {
                     command: MavCmd::MAV_CMD_USER_5,
                     param1: f32::from(u8::from(eavesdrops)),
                     param2: f32::from(number),
-                    param3: NOISE_M as f32,
+                    param3: self.roams.noise_m as f32,
                     x: lat,
                     y: lon,
                     z: alt as f32 * 1e-3,
@@ -195,7 +196,7 @@ mod tests {
         for (speed_m_s, seed) in [(1.5, 1), (8.0, 2)] {
             let home = Vector3::new(10.0, -20.0, 1.0);
             let mut roamer = Roamer::new(
-                Roams { speed_m_s, track: vec![], reporter: Reporter::Handset(51) },
+                Roams { speed_m_s, track: vec![], reporter: Reporter::Handset(51), noise_m: 3.0 },
                 home,
                 seed,
                 0,
@@ -225,7 +226,8 @@ mod tests {
         let at = Vector3::new(100.0, -50.0, 2.0);
         let operator = Reporter::Operator { to: (1, 191), number: 2, eavesdrops: true };
         for reporter in [Reporter::Handset(51), operator] {
-            let mut roamer = Roamer::new(Roams { speed_m_s: 1.5, track: vec![], reporter }, at, 3, 0);
+            let roams = Roams { speed_m_s: 1.5, track: vec![], reporter, noise_m: 3.0 };
+            let mut roamer = Roamer::new(roams, at, 3, 0);
             let (mut count, mut squares) = (0, 0.0);
             for k in 0..100_000u32 {
                 let now = Duration::from_millis(20) * k;
@@ -254,7 +256,7 @@ mod tests {
             }
             assert!((1530..=1670).contains(&count), "{count}");
             let std_m = (squares / f64::from(count)).sqrt();
-            assert!((std_m - NOISE_M).abs() < 0.2, "{std_m}");
+            assert!((std_m - 3.0).abs() < 0.2, "{std_m}");
         }
     }
 }

@@ -133,7 +133,8 @@ fn roams(mission: &Mission, who: Who) -> Option<sim::Roams> {
     let number = u16::try_from(index + 1).unwrap_or(u16::MAX);
     let operator = sim::Reporter::Operator { to: companion(Role::I), number, eavesdrops };
     let reporter = mover.system_id.map_or(operator, sim::Reporter::Handset);
-    Some(sim::Roams { speed_m_s: mover.gait.speed_m_s(), track: Vec::new(), reporter })
+    let speed_m_s = mover.gait.speed_m_s();
+    Some(sim::Roams { speed_m_s, track: Vec::new(), reporter, noise_m: mover.std_m })
 }
 
 fn no_fly(area: &NoFly) -> sim::NoFlyConfig {
