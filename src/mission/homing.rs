@@ -5,7 +5,8 @@ use std::time::Duration;
 use crate::geo::{Attitude, Enu};
 use crate::pair::wire::VeilwingFlags;
 use crate::role::Role;
-use crate::schedule::trajectory::{Start, Trajectory};
+use crate::schedule::separation::{clearance_m, polyline_distance_m};
+use crate::schedule::trajectory::{Limits, Sample, Start, Trajectory};
 use crate::schedule::transit::{Router, TransitError};
 use crate::time::Instant;
 
@@ -21,10 +22,14 @@ const LAND_UNHEARD: Duration = Duration::from_secs(5);
 const BEGINS_WITHIN_M: f64 = 0.1;
 /// How far a vehicle that climbs or lands may be off the vertical above its home, in metres.
 const OWN_COLUMN_M: f64 = 2.0;
+/// What two ways home have between them, over the ground, where they are flown at once and nobody agreed on them: so many clearances ...
+const APART: f64 = 2.0;
+/// ... if I's is no longer than straight home by so many metres: another it may be on already.
+const STRAIGHT_M: f64 = 0.1;
 
 impl Executive {
     /// All slots are over: both go home along the table's last transit, or, where their ways would only be apart in
-    /// time or begin elsewhere, one after the other as after an abort.
+    /// time or begin elsewhere, one after the other as after an abort, unless their ways from there are far apart.
     pub(super) fn finish(&mut self, now: Instant) {
         self.notice(Notice::AllSlotsOver);
         let way_home = self.itinerary.as_ref().and_then(|itinerary| itinerary.way_home.clone());
@@ -53,11 +58,30 @@ impl Executive {
         let (peer, settings) = (self.service.peer(), &self.settings.pair);
         if peer.heard_within(settings.peer_timeout, now) {
             return peer.says(VeilwingFlags::VEILWING_FLAGS_LANDED)
-                || !peer.says(VeilwingFlags::VEILWING_FLAGS_RETURNING);
+                || !peer.says(VeilwingFlags::VEILWING_FLAGS_RETURNING)
+                || (self.abort_cause.is_none() && self.ways_are_far_apart(now).unwrap_or(false));
         }
         let way = peer.position_enu_m.and_then(|at| self.way_home(Role::I, at, Attitude::level()));
         let later = settings.lost_after.saturating_sub(settings.peer_timeout);
         waited > HOLD + later + LAND_UNHEARD + way.unwrap_or(LAND_FIRST)
+    }
+
+    /// J: whether both ways home are so far apart over the ground, of I from wherever it comes to rest or already is on its way, that it
+    /// does not matter when they are flown, nor at which height; `None` where one is not known. Whoever lands where it is does so
+    /// on its way.
+    fn ways_are_far_apart(&self, now: Instant) -> Option<bool> {
+        let Sample { position_enu_m, attitude, .. } = self.phase.motion()?.sample(now);
+        let own = self.own_way(&Start { position_enu_m, attitude }, &self.home_enu_m?).ok()?.path();
+        let (at, home) = (self.service.peer().position_enu_m?, self.home_of(Role::I)?);
+        let start = Start { position_enu_m: at, attitude: Attitude::level() };
+        let of_i = self.router().ok()?.alone(Role::I, &start, &home, &[]).ok()?.path();
+        let [own, of_i] = [own, of_i].map(|path| path.iter().map(|p| Enu::new(p.x, p.y, 0.0)).collect());
+        let of_i: Vec<Enu> = of_i;
+        let length_m: f64 = of_i.windows(2).map(|leg| (leg[1] - leg[0]).norm()).sum();
+        let is_straight = length_m <= (home - at).xy().norm() + STRAIGHT_M;
+        let between_m =
+            APART * clearance_m(&self.settings.airspace) + stops_within_m(&self.settings.limits[Role::I]);
+        Some(is_straight && polyline_distance_m(&own, &of_i) >= between_m)
     }
 
     fn router(&self) -> Result<Router, TransitError> {
@@ -85,6 +109,15 @@ impl Executive {
         }
     }
 
+    /// A way home that keeps clear of wherever the peer may be; failing that, of where it was last seen.
+    fn own_way(&self, start: &Start, home: &Enu) -> Result<Trajectory, TransitError> {
+        let (router, role) = (self.router()?, self.settings.role);
+        let near = self.service.peer().position_enu_m;
+        router
+            .alone(role, start, home, &self.keep_out())
+            .or_else(|_| router.alone(role, start, home, near.as_slice()))
+    }
+
     /// Whether a vehicle at `at` has not climbed into the altitude band yet, or has left it to land: what is below it is its
     /// own home, and no route through the airspace begins there.
     pub(super) fn is_in_own_column(&self, at: Enu, home: Enu) -> bool {
@@ -100,15 +133,7 @@ impl Executive {
             return self.land(now);
         }
         let start = Start { position_enu_m: start.position_enu_m, attitude: start.attitude };
-        let way = self.router().and_then(|router| {
-            // A way that keeps clear of wherever the peer may be; failing that, of where it was last seen.
-            let role = self.settings.role;
-            let near = self.service.peer().position_enu_m;
-            router
-                .alone(role, &start, &home, &self.keep_out())
-                .or_else(|_| router.alone(role, &start, &home, near.as_slice()))
-        });
-        match way {
+        match self.own_way(&start, &home) {
             Ok(trajectory) => {
                 self.notice(Notice::ReturningHome);
                 self.phase = Phase::Returning(Motion::new(trajectory, now));
@@ -119,4 +144,11 @@ impl Executive {
             }
         }
     }
+}
+
+/// How far a vehicle goes on that stops from its largest speed, in metres: `v^2 / 2a`, and `v a / 2j` until it brakes as hard as that.
+fn stops_within_m(limits: &Limits) -> f64 {
+    let Limits { speed_m_s, acceleration_m_s2, jerk_m_s3, .. } = *limits;
+    let brakes_s = speed_m_s / acceleration_m_s2 + jerk_m_s3.map_or(0.0, |jerk| acceleration_m_s2 / jerk);
+    0.5 * speed_m_s * brakes_s
 }

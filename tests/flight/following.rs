@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use mavlink::dialects::ardupilotmega::MavCmd;
 use nalgebra::Vector2;
-use veilwing::config::{Mission, MovesDraft, Optimise};
+use veilwing::config::{Mission, MissionDraft, MovesDraft, Optimise};
 use veilwing::desk::simulation::Scenario;
 use veilwing::mission::Outcome;
 use veilwing::planner::following::Gait;
@@ -208,6 +208,34 @@ fn spec_a_pair_that_loses_one_of_the_two_or_goes_home_while_it_follows_is_silent
         flight.assert_safe();
         assert!(Role::BOTH.iter().all(|role| flight.landed(*role)), "{}", flight.story());
     }
+}
+
+/// Nobody has agreed on the ways home from where the last motions came to rest. J goes at once where its own is far from I's; where
+/// each lives below where the other came to rest, J waits until I is past.
+#[test]
+fn spec_after_the_last_slot_j_waits_for_i_only_where_their_ways_are_near_each_other() {
+    let waits_s = |flight: &mut Flight| {
+        flight.fly_out();
+        flight.assert_safe();
+        for role in Role::BOTH {
+            assert_eq!(flight.outcomes[role], Some(Outcome::Completed), "{}", flight.story());
+        }
+        let [i, j] = Role::BOTH.map(|role| flight.said(role, "returning home").unwrap().as_secs_f64());
+        j - i
+    };
+    let mut flight = Flight::new(following());
+    flight.until(|flight| flight.said(Role::J, "all slots are over").is_some());
+    let ends = PerVehicle::from_fn(|role| flight.place(role).xy().push(0.0));
+    let waits = waits_s(&mut flight);
+    assert!(waits < 3.5, "{waits}\n{}", flight.story());
+    let across = |m: &mut MissionDraft| {
+        (m.vehicles.i.home_enu_m, m.vehicles.j.home_enu_m) = (Some(ends.j), Some(ends.i));
+    };
+    let planned = following().given.i.under(across);
+    let mut flight =
+        Flight::new(Setup { given: PerVehicle { i: planned.clone(), j: planned }, ..following() });
+    let waits = waits_s(&mut flight);
+    assert!(waits > 20.0, "{waits}\n{}", flight.story());
 }
 
 /// In the first slot both take a jitter that nobody has told them of for poses that are lost, now and then, and J falls silent without
