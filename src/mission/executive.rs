@@ -136,7 +136,7 @@ impl Executive {
             phase: Phase::Connecting,
             lag: AttitudeLag::default(),
             place_lag: PlaceLag::default(),
-            jitter: Jitter::default(),
+            jitter: Jitter::new(settings.jitter),
             recorded: settings.pair.orders,
             plan: None,
             itinerary: None,

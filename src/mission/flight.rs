@@ -411,8 +411,8 @@ impl Executive {
             Served::Yes => self.notice(Notice::SlotOver(slot, user)),
             Served::No(silence) => self.slot_not_served(slot, user, silence),
         }
-        let stated_rad = self.settings.jitter.std_rad;
-        if let Some(measured_rad) = self.jitter.slot_over(stated_rad) {
+        if let Some(measured_rad) = self.jitter.slot_over() {
+            let stated_rad = self.settings.jitter.std_rad;
             self.notice(Notice::Jitter { measured_rad, stated_rad });
         }
     }

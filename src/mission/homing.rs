@@ -75,8 +75,8 @@ impl Executive {
         let (at, home) = (self.service.peer().position_enu_m?, self.home_of(Role::I)?);
         let start = Start { position_enu_m: at, attitude: Attitude::level() };
         let of_i = self.router().ok()?.alone(Role::I, &start, &home, &[]).ok()?.path();
-        let [own, of_i] = [own, of_i].map(|path| path.iter().map(|p| Enu::new(p.x, p.y, 0.0)).collect());
-        let of_i: Vec<Enu> = of_i;
+        let [own, of_i] =
+            [own, of_i].map(|path| path.iter().map(|p| Enu::new(p.x, p.y, 0.0)).collect::<Vec<_>>());
         let length_m: f64 = of_i.windows(2).map(|leg| (leg[1] - leg[0]).norm()).sum();
         let is_straight = length_m <= (home - at).xy().norm() + STRAIGHT_M;
         let between_m =

@@ -28,50 +28,63 @@ const BEYOND_RAD: f64 = 0.3f64.to_radians();
 const LESS: f64 = 0.5;
 
 /// See the module.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub(super) struct Jitter {
+    /// What the mission expects.
+    expected: Law,
     heard: Option<Instant>,
-    samples: u32,
-    sum: Vector2<f64>,
-    sum_of_squares: f64,
-    last: Option<Vector2<f64>>,
-    sum_of_steps: f64,
-    sum_of_shares: f64,
+    slot: Sums,
     told: bool,
     /// To plan for, where it is not what is expected.
     other_rad: Option<f64>,
 }
 
+/// Of a slot's errors, and of their shares.
+#[derive(Debug, Clone, Default)]
+struct Sums {
+    samples: u32,
+    errors: Vector2<f64>,
+    squares: f64,
+    last: Option<Vector2<f64>>,
+    steps: f64,
+    shares: f64,
+}
+
 impl Jitter {
+    pub fn new(expected: Law) -> Self {
+        Self { expected, heard: None, slot: Sums::default(), told: false, other_rad: None }
+    }
+
     /// Takes the attitude that was measured at `at`, in a slot, where it is meant to be so.
-    pub fn hear(&mut self, law: &Law, measured: &Attitude, meant: &Attitude, at: Instant) {
+    pub fn hear(&mut self, measured: &Attitude, meant: &Attitude, at: Instant) {
         if self.heard.replace(at).is_some_and(|heard| at <= heard) {
             return;
         }
         let error = (meant.rotation().inverse() * measured.rotation()).scaled_axis().xy();
-        self.samples += 1;
-        self.sum += error;
-        self.sum_of_squares += error.norm_squared();
-        self.sum_of_steps += self.last.replace(error).map_or(0.0, |last| (error - last).norm_squared());
         let (roll_rad, pitch_rad, _) = meant.euler();
-        self.sum_of_shares += law.share_across(roll_rad, pitch_rad);
+        let slot = &mut self.slot;
+        slot.samples += 1;
+        slot.errors += error;
+        slot.squares += error.norm_squared();
+        slot.steps += slot.last.replace(error).map_or(0.0, |last| (error - last).norm_squared());
+        slot.shares += self.expected.share_across(roll_rad, pitch_rad);
     }
 
     /// A slot is over. Its jitter per axis in radians, if it is another than is expected; told once.
-    pub fn slot_over(&mut self, expected_rad: f64) -> Option<f64> {
-        let Self { samples, sum, sum_of_squares, sum_of_steps, sum_of_shares, told, other_rad, .. } =
-            std::mem::take(self);
-        *self = Self { told, other_rad, ..Self::default() };
+    pub fn slot_over(&mut self) -> Option<f64> {
+        let Sums { samples, errors, squares, steps, shares, .. } = std::mem::take(&mut self.slot);
+        self.heard = None;
         if samples < LEAST_SAMPLES {
             return None;
         }
-        let squares = sum_of_squares - sum.norm_squared() / f64::from(samples);
-        let std_rad = (squares / (2.0 * sum_of_shares)).max(0.0).sqrt();
-        let quick_rad = (sum_of_steps / (4.0 * sum_of_shares)).sqrt();
+        let squares = squares - errors.norm_squared() / f64::from(samples);
+        let std_rad = (squares / (2.0 * shares)).max(0.0).sqrt();
+        let quick_rad = (steps / (4.0 * shares)).sqrt();
+        let expected_rad = self.expected.std_rad;
         let is_more = |rad: f64| rad > MORE * expected_rad + BEYOND_RAD;
         let less = std_rad < LESS * expected_rad;
         self.other_rad = if less { Some(std_rad) } else { Some(quick_rad).filter(|rad| is_more(*rad)) };
-        let tells = !told && (less || is_more(std_rad));
+        let tells = !self.told && (less || is_more(std_rad));
         self.told |= tells;
         tells.then_some(std_rad)
     }
@@ -104,7 +117,10 @@ mod tests {
     use super::*;
     use crate::radio::jitter::{JitterAxes, JitterModel};
 
-    const BODY: Law = Law { std_rad: 0.0, model: JitterModel::Body, axes: JitterAxes::RollPitch };
+    fn expecting(std_deg: f64) -> Jitter {
+        let std_rad = std_deg.to_radians();
+        Jitter::new(Law { std_rad, model: JitterModel::Body, axes: JitterAxes::RollPitch })
+    }
 
     /// What is told after a slot of so many samples, of an attitude that is to and fro by `std_deg` about either axis and leans by 5 deg.
     fn told(jitter: &mut Jitter, std_deg: f64, samples: u32) -> Option<f64> {
@@ -116,17 +132,17 @@ mod tests {
             let measured =
                 Attitude::from_rotation(meant.rotation() * nalgebra::UnitQuaternion::from_scaled_axis(off));
             let at = Instant::from_start(Duration::from_millis(20) * k);
-            jitter.hear(&BODY, &measured, &meant, at);
+            jitter.hear(&measured, &meant, at);
             // The same again says nothing new.
-            jitter.hear(&BODY, &meant, &meant, at);
+            jitter.hear(&meant, &meant, at);
         }
-        jitter.slot_over(2f64.to_radians()).map(f64::to_degrees)
+        jitter.slot_over().map(f64::to_degrees)
     }
 
     #[test]
     fn val_the_jitter_is_measured_beside_a_lean_and_told_once_where_it_is_another() {
         for (std_deg, is_told) in [(0.5, true), (1.5, false), (2.0, false), (3.0, false), (4.0, true)] {
-            let mut jitter = Jitter::default();
+            let mut jitter = expecting(2.0);
             assert_eq!(told(&mut jitter, std_deg, 100), None, "too short");
             let first = told(&mut jitter, std_deg, 400);
             assert_eq!(first.is_some(), is_told, "{std_deg}: {first:?}");
@@ -146,30 +162,30 @@ mod tests {
 
     #[test]
     fn spec_who_expects_none_is_told_of_none_that_a_good_vehicle_has() {
-        let mut jitter = Jitter::default();
+        let mut jitter = expecting(0.0);
         told(&mut jitter, 0.2, 0);
         for k in 0..400 {
             let off = Attitude::from_euler(if k % 2 == 0 { 0.003 } else { -0.003 }, 0.0, 0.0);
-            jitter.hear(&BODY, &off, &Attitude::level(), Instant::from_start(Duration::from_millis(20) * k));
+            jitter.hear(&off, &Attitude::level(), Instant::from_start(Duration::from_millis(20) * k));
         }
-        assert_eq!(jitter.slot_over(0.0), None);
+        assert_eq!(jitter.slot_over(), None);
     }
 
     /// Noise along Euler angles, turned as the vehicle would be.
     #[test]
     fn val_the_jitter_of_angles_is_measured_at_steep_poses_too() {
         for axes in [JitterAxes::RollPitch, JitterAxes::RollPitchYaw] {
-            let law = Law { std_rad: 0.05, model: JitterModel::Euler, axes };
+            let law = Law { std_rad: 0.0, model: JitterModel::Euler, axes };
             for (roll, pitch) in [(0.0, 0.0), (1.3, 0.2), (-0.9, 1.0)] {
-                let mut jitter = Jitter::default();
+                let mut jitter = Jitter::new(law);
                 for k in 0..512 {
                     let side = |bit: u32| if k >> bit & 1 == 0 { 0.05 } else { -0.05 };
                     let yaw = if axes == JitterAxes::RollPitch { 0.0 } else { side(2) };
                     let meant = Attitude::from_euler(roll, pitch, 0.4);
                     let measured = Attitude::from_euler(roll + side(0), pitch + side(1), 0.4 + yaw);
-                    jitter.hear(&law, &measured, &meant, Instant::from_start(Duration::from_millis(20) * k));
+                    jitter.hear(&measured, &meant, Instant::from_start(Duration::from_millis(20) * k));
                 }
-                let std_rad = jitter.slot_over(0.0).unwrap();
+                let std_rad = jitter.slot_over().unwrap();
                 assert!((std_rad / 0.05 - 1.0).abs() < 0.01, "{axes:?} {roll} {pitch}: {std_rad}");
             }
         }
@@ -177,12 +193,12 @@ mod tests {
 
     #[test]
     fn spec_who_swings_slowly_is_told_of_and_not_planned_for() {
-        let mut jitter = Jitter::default();
+        let mut jitter = expecting(1.0);
         for k in 0..400 {
             let off = Attitude::from_euler(0.1 * libm::sin(0.125 * f64::from(k)), 0.0, 0.0);
-            jitter.hear(&BODY, &off, &Attitude::level(), Instant::from_start(Duration::from_millis(20) * k));
+            jitter.hear(&off, &Attitude::level(), Instant::from_start(Duration::from_millis(20) * k));
         }
-        let told_deg = jitter.slot_over(1f64.to_radians()).unwrap().to_degrees();
+        let told_deg = jitter.slot_over().unwrap().to_degrees();
         assert!((told_deg - 2.86).abs() < 0.1 && jitter.other_rad().is_none(), "{told_deg}");
     }
 }

@@ -22,7 +22,7 @@ impl Executive {
                     |slot: &Slot| (slot.commitment.opens_at..slot.radiate_until).contains(&measured_at);
                 if self.service.slot().is_some_and(in_slot) {
                     let meant = motion.sample(measured_at).attitude;
-                    self.jitter.hear(&self.settings.jitter, &attitude, &meant, measured_at);
+                    self.jitter.hear(&attitude, &meant, measured_at);
                 }
             }
             if let Some((position, measured_at)) = self.autopilot.position(now) {
