@@ -70,18 +70,22 @@ impl Executive {
     /// does not matter when they are flown, nor at which height; `None` where one is not known. Whoever lands where it is does so
     /// on its way.
     fn ways_are_far_apart(&self, now: Instant) -> Option<bool> {
-        let Sample { position_enu_m, attitude, .. } = self.phase.motion()?.sample(now);
-        let own = self.own_way(&Start { position_enu_m, attitude }, &self.home_enu_m?).ok()?.path();
+        let router = self.router().ok()?;
+        let ground =
+            |way: &Trajectory| way.path().iter().map(|p| Enu::new(p.x, p.y, 0.0)).collect::<Vec<_>>();
         let (at, home) = (self.service.peer().position_enu_m?, self.home_of(Role::I)?);
         let start = Start { position_enu_m: at, attitude: Attitude::level() };
-        let of_i = self.router().ok()?.alone(Role::I, &start, &home, &[]).ok()?.path();
-        let [own, of_i] =
-            [own, of_i].map(|path| path.iter().map(|p| Enu::new(p.x, p.y, 0.0)).collect::<Vec<_>>());
+        let of_i = ground(&router.alone(Role::I, &start, &home, &[]).ok()?);
         let length_m: f64 = of_i.windows(2).map(|leg| (leg[1] - leg[0]).norm()).sum();
-        let is_straight = length_m <= (home - at).xy().norm() + STRAIGHT_M;
+        if length_m > (home - at).xy().norm() + STRAIGHT_M {
+            return Some(false);
+        }
+        let Sample { position_enu_m, attitude, .. } = self.phase.motion()?.sample(now);
+        let start = Start { position_enu_m, attitude };
+        let own = ground(&self.own_way(&router, &start, &self.home_enu_m?).ok()?);
         let between_m =
             APART * clearance_m(&self.settings.airspace) + stops_within_m(&self.settings.limits[Role::I]);
-        Some(is_straight && polyline_distance_m(&own, &of_i) >= between_m)
+        Some(polyline_distance_m(&own, &of_i) >= between_m)
     }
 
     fn router(&self) -> Result<Router, TransitError> {
@@ -110,8 +114,8 @@ impl Executive {
     }
 
     /// A way home that keeps clear of wherever the peer may be; failing that, of where it was last seen.
-    fn own_way(&self, start: &Start, home: &Enu) -> Result<Trajectory, TransitError> {
-        let (router, role) = (self.router()?, self.settings.role);
+    fn own_way(&self, router: &Router, start: &Start, home: &Enu) -> Result<Trajectory, TransitError> {
+        let role = self.settings.role;
         let near = self.service.peer().position_enu_m;
         router
             .alone(role, start, home, &self.keep_out())
@@ -133,7 +137,7 @@ impl Executive {
             return self.land(now);
         }
         let start = Start { position_enu_m: start.position_enu_m, attitude: start.attitude };
-        match self.own_way(&start, &home) {
+        match self.router().and_then(|router| self.own_way(&router, &start, &home)) {
             Ok(trajectory) => {
                 self.notice(Notice::ReturningHome);
                 self.phase = Phase::Returning(Motion::new(trajectory, now));

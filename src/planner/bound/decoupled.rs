@@ -6,7 +6,7 @@ use nalgebra::Vector3;
 
 use super::cell::{Cell, Region};
 use super::jammer::Jammer;
-use super::law::{ALL_ANGLES, Law, Least, Offset, Range, line_angles, minus};
+use super::law::{ALL_ANGLES, Law, Least, Offset, Range, line_angles};
 use super::link::{Gain, Links};
 use super::negative::{Asked, Negative};
 use super::steady::{Outcome, chord};
@@ -334,14 +334,9 @@ impl<'a> Search<'a> {
                 continue;
             }
             let e = &self.pair[k];
-            let [line_roll, line_pitch] = line_angles(&(node.position.lo - e), &(node.position.hi - e))
+            let line = line_angles(&(node.position.lo - e), &(node.position.hi - e))
                 .unwrap_or([ALL_ANGLES, [-std::f64::consts::PI, std::f64::consts::PI]]);
-            let offset = Offset {
-                roll: node.roll,
-                line_roll,
-                roll_off: minus(node.roll, line_roll),
-                pitch_off: minus(node.pitch, line_pitch),
-            };
+            let offset = Offset::new([node.roll, node.pitch], line);
             let Least { mean, rise, most: up_to } = gained(law, gains[k], scale[k], floor, share, &offset);
             heard[k] = (mean, rise);
             most = most.max(up_to);

@@ -114,6 +114,13 @@ pub(super) struct Offset {
     pub pitch_off: Range,
 }
 
+impl Offset {
+    /// Of boxes of an axis and of a line, each by roll and pitch.
+    pub fn new([roll, pitch]: [Range; 2], [line_roll, line_pitch]: [Range; 2]) -> Self {
+        Self { roll, line_roll, roll_off: minus(roll, line_roll), pitch_off: minus(pitch, line_pitch) }
+    }
+}
+
 /// Of a box of offsets: a lower bound on a mean, on how fast it rises with log2 of the scale, and the SINR up to which draws count.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Least {
@@ -412,15 +419,7 @@ mod tests {
             let scale = 10.0_f64.powf(rng.random_range(STATED)) / (std * std);
             let u = antenna_axis(line[0], line[1], 0.0);
             let truth = fine_mean(std, scale, axis, &u);
-            let at = |axis: [Range; 2], line: [Range; 2]| {
-                let offset = Offset {
-                    roll: axis[0],
-                    line_roll: line[0],
-                    roll_off: minus(axis[0], line[0]),
-                    pitch_off: minus(axis[1], line[1]),
-                };
-                law.least_mean(scale, &offset).0
-            };
+            let at = |axis: [Range; 2], line: [Range; 2]| law.least_mean(scale, &Offset::new(axis, line)).0;
             let point = at(axis.map(|x| [x; 2]), line.map(|x| [x; 2]));
             under = under.max(point - truth);
             if round % 3 == 0 {
@@ -468,13 +467,7 @@ mod tests {
             let truth = fine_mean(law.std_rad, 1e6, axis, &u);
             for half in [0.0, 1e-4, 1e-2] {
                 let [axis, line] = [axis, line].map(|at| at.map(|x| [x - half, x + half]));
-                let offset = Offset {
-                    roll: axis[0],
-                    line_roll: line[0],
-                    roll_off: minus(axis[0], line[0]),
-                    pitch_off: minus(axis[1], line[1]),
-                };
-                let bound = law.least_mean(1e6, &offset).0;
+                let bound = law.least_mean(1e6, &Offset::new(axis, line)).0;
                 assert!(
                     bound <= truth + TAKEN * ROUGH_QUADRATURE,
                     "{axis:?} {line:?}: {bound} above {truth}"
