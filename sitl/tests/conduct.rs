@@ -245,6 +245,39 @@ fn regress_over_a_cut_link_who_is_out_of_pose_is_off_by_what_it_was_told() {
     }
 }
 
+/// J's companion dies, is started again a third of a second later, and is blown out of its pose before it has heard its
+/// vehicle: what the dead one granted I may run yet, to the end of its lease and no longer. I has granted nobody anything.
+#[test]
+fn regress_what_j_s_former_process_left_on_the_air_ends_with_its_lease() {
+    for (vehicle, renewed, expected) in [
+        (1, false, &[][..]),
+        (1, true, &[("S2", "J radiates out of its pose")][..]),
+        (0, false, &[("S1", "I radiates out of its pose")][..]),
+    ] {
+        let mut flight = on_the_air();
+        let both = |on: bool| [vehicle == 0 && on, true];
+        if vehicle == 1 {
+            flight.off(0);
+        }
+        go_on(&mut flight, 20, both(true), [true, true]);
+        let dbm = flight.planned_dbm(0, vehicle);
+        flight.clients[vehicle].power(&mut flight.world, dbm, 0, 490);
+        flight.world.inject(Fault::CompanionLost { vehicle });
+        let steers = [vehicle == 1, vehicle == 0];
+        let others = [false, vehicle == 0];
+        go_on(&mut flight, 140, others, steers);
+        flight.world.inject(Fault::EstimatorReset { vehicle, jump_enu_m: [4.0, 0.0, 0.0] });
+        go_on(&mut flight, 20, others, steers);
+        flight.world.set_circumstances(vehicle, Circumstances { life: 1, ..Circumstances::default() });
+        go_on(&mut flight, 300, others, steers);
+        if renewed {
+            flight.clients[vehicle].power(&mut flight.world, dbm, 0, 300);
+        }
+        go_on(&mut flight, 400, others, steers);
+        assert_broken(&flight, expected);
+    }
+}
+
 #[test]
 fn spec_i_follows_a_jammer_that_falls_silent_out_of_turn() {
     for (from_peer, expected) in

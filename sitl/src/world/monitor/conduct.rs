@@ -69,6 +69,8 @@ pub(super) struct Side {
     gone_since: Option<Duration>,
     /// When the process of this life began.
     started_at: Option<Duration>,
+    /// By then what a former process, which died before that, left on the air is over (S5).
+    inherited_until: Duration,
     cut_since: Option<Duration>,
     /// What a link held up arrived then.
     mended_at: Option<Duration>,
@@ -133,7 +135,9 @@ impl Monitor {
     pub fn tell(&mut self, v: usize, told: Circumstances, now: Duration) {
         let before = std::mem::replace(&mut self.sides[v].told, told);
         if told.life != before.life {
-            self.sides[v].started_at = Some(now);
+            let side = &mut self.sides[v];
+            side.started_at = Some(now);
+            side.inherited_until = side.gone_since.map_or(Duration::ZERO, |gone| gone + LEASED);
         }
         self.sides[v].vehicle_way.change(told.vehicle_way, now);
         self.sides[v].peer_way.change(told.peer_way, now);
@@ -177,13 +181,20 @@ impl Monitor {
         let side = &self.sides[v];
         let way = side.vehicle_way.longest(now).saturating_sub(GOOD_WAY);
         let mended = side.mended_at.is_some_and(|at| now <= at + REACTION);
-        let expiry = if self.cannot_act(v) || mended { LEASE } else { side.expiry(now) };
+        let expires = self.cannot_act(v) || self.inherits(v, now) || mended;
+        let expiry = if expires { LEASE } else { side.expiry(now) };
         way.min(STATE_LIMIT) + way.min(LEASE).max(expiry)
     }
 
     /// The companion is gone, or nothing passes between it and its vehicle.
     pub(super) fn cannot_act(&self, v: usize) -> bool {
         self.sides[v].gone_since.is_some() || self.sides[v].cut_since.is_some()
+    }
+
+    /// What J's former process promised may be on the air yet: I may rest on it (S3), and the one that was started since
+    /// knows neither of that nor of the pose, so that it leaves it to its lease as a dead one does (S5).
+    fn inherits(&self, v: usize, now: Duration) -> bool {
+        v == 1 && now <= self.sides[v].inherited_until
     }
 
     fn reckon(&mut self, now: Duration) {
@@ -233,8 +244,9 @@ impl Monitor {
         // A peer's datagrams may be under way for a while yet; a lease that was granted counts from before.
         let unheard_since = side.unheard_since.unwrap_or_default();
         let under_way = if v == 1 { STEPS + side.peer_way.longest(unheard_since) } else { Duration::ZERO };
+        let acts = !self.inherits(v, now);
         let of = |since: Option<Duration>, allowed: Duration| {
-            since.map(|since| now.saturating_sub(since)).filter(|held| radiates && *held > allowed)
+            since.map(|since| now.saturating_sub(since)).filter(|held| acts && radiates && *held > allowed)
         };
         let out_of_control = of(side.sign(traces.out_of_control), reaction);
         let bad_estimate = of(side.sign(traces.bad_estimate), reaction);
