@@ -36,19 +36,21 @@ const MOST_OVER: usize = 5;
 /// Random positions among them.
 const RANDOM: usize = 9;
 /// Pairs of positions that are looked at more closely for all users, and positions of I and of J with the best of the other's.
-const PLACES: usize = 32;
+/// A first look tells little of what a place is worth: of few pairs the best place of all is often missing.
+const PLACES: usize = 200;
 const SIDES: usize = 3;
 /// Places that all users share, places of I and places of J that are climbed from; the first so far apart, in metres.
-const SHARED: [usize; 2] = [64, 4];
+const SHARED: [usize; 2] = [160, 4];
 const ONE_SHARED: usize = 1;
 const SCATTERED_M: f64 = 30.0;
 /// Axes that are followed at each place, and at those that have been climbed to.
-const FOLLOWED: [usize; 2] = [4, 12];
-/// Candidates that are climbed from to the end, after a few coarse steps of all.
-const CLIMBED: usize = 18;
+const FOLLOWED: [usize; 2] = [2, 12];
+/// Candidates that are climbed from to the end, after some coarse steps of all, and how far apart, in metres.
+const CLIMBED: usize = 25;
+const CLIMBED_APART_M: f64 = 8.0;
 /// Candidates that are polished.
-const POLISHED: usize = 3;
-const BEGIN: Settings = Settings { iterations: 20, tolerance: 1e-3, first_step: 0.5 };
+const POLISHED: usize = 4;
+const BEGIN: Settings = Settings { iterations: 30, tolerance: 1e-3, first_step: 0.5 };
 const CLIMB: Settings = Settings { iterations: 60, tolerance: 1e-4, first_step: 0.5 };
 const POLISH: Settings = Settings { iterations: 150, tolerance: 2e-5, first_step: 0.2 };
 
@@ -81,7 +83,7 @@ pub fn candidates<W: Ways>(
         });
         let mut begun: Vec<Candidate> = begun.into_iter().flatten().collect();
         begun.sort_by(|a, b| b.value.total_cmp(&a.value));
-        let begun = scattered(begun, CLIMBED, APART_M);
+        let begun = scattered(begun, CLIMBED, CLIMBED_APART_M);
         let ends = parallel::map(threads, begun.len(), |memory: &mut Memory, index| {
             climb(case, &begun[index], (MEDIUM, Axes::Nulled), &CLIMB, memory)
         });

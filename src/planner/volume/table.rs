@@ -44,7 +44,7 @@ impl Among {
 }
 
 /// Most states of a user that are weighed against each other.
-const MOST_STATES: usize = 36;
+const MOST_STATES: usize = 12;
 
 /// The best choice of a state for each user, by what they are worth about the value and the rates of `about`; `None` where a
 /// user has none among those allowed.
