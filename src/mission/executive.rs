@@ -26,6 +26,7 @@ use super::jitter::Jitter;
 use super::lag::{AttitudeLag, PlaceLag};
 use super::lean;
 use super::notice::Notice;
+use super::pace::Progress;
 use super::phase::Phase;
 use super::settings::Settings;
 use super::start::Start;
@@ -90,6 +91,7 @@ pub struct Executive {
     pub(super) lag: AttitudeLag,
     pub(super) place_lag: PlaceLag,
     pub(super) jitter: Jitter,
+    pub(super) progress: Progress,
     /// What is on disk of the operator's orders, as far as a disk takes it.
     pub(super) recorded: Record,
     pub(super) plan: Option<Plan>,
@@ -137,6 +139,7 @@ impl Executive {
             lag: AttitudeLag::default(),
             place_lag: PlaceLag::default(),
             jitter: Jitter::new(settings.jitter),
+            progress: Progress::new(settings.limits[settings.role].speed_m_s),
             recorded: settings.pair.orders,
             plan: None,
             itinerary: None,

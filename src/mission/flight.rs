@@ -415,6 +415,11 @@ impl Executive {
             let stated_rad = self.settings.jitter.std_rad;
             self.notice(Notice::Jitter { measured_rad, stated_rad });
         }
+        if let Some(made_m_s) = self.progress.slot_over() {
+            let counted_on_m_s = self.settings.limits[self.settings.role].speed_m_s;
+            self.notice(Notice::Slow { made_m_s, counted_on_m_s });
+        }
+        self.rest_where_it_got(now);
     }
 
     fn slot_not_served(&mut self, slot: u16, user: String, silence: Option<Silence>) {

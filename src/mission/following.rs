@@ -219,6 +219,7 @@ impl Executive {
         let Ok(begins_ms) = u32::try_from(begins.as_millis()) else { return };
         let mut places = Places::new(begins_ms);
         places.jitter = self.agreed_jitter();
+        places.paces = self.agreed_paces();
         let begins_s = seconds(slot.commitment.opens_at + places.begins());
         self.believe(&mut places, user, |estimate| estimate.at(begins_s));
         if places.moving().next().is_some() {
@@ -262,7 +263,7 @@ impl Executive {
             problem: jittering(problem, places),
             user,
             eavesdroppers,
-            limits: self.settings.limits.map(|limits| limits.of_motion()),
+            limits: self.limits_at(&places.paces).map(|limits| limits.of_motion()),
             turn_rate_rad_s: self.settings.limits.map(|limits| TURN_PART * limits.tilt_rate_rad_s),
             apart_m: clearance_m(&self.settings.airspace),
             rest,

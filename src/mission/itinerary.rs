@@ -12,7 +12,7 @@ use crate::planner::slots::{Plan, PlannedSlot};
 use crate::planner::track::{Followed, Track};
 use crate::role::{PerVehicle, Role};
 use crate::schedule::table::{Entry, Table, TableError};
-use crate::schedule::trajectory::{Start, Trajectory};
+use crate::schedule::trajectory::{Limits, Start, Trajectory};
 use crate::schedule::transit::{Router, Separation, TransitError};
 
 use super::settings::Settings;
@@ -107,7 +107,7 @@ impl Itinerary {
         from: &PerVehicle<Rest>,
         vehicles: Option<PerVehicle<VehiclePlan>>,
         plan: &Plan,
-        settings: &Settings,
+        (settings, limits): (&Settings, &PerVehicle<Limits>),
     ) -> Option<SlotTerms> {
         let planned = plan.slots.get(self.entry(slot)?.user_index)?;
         let vehicles = vehicles.unwrap_or(planned.plan.vehicles);
@@ -116,11 +116,11 @@ impl Itinerary {
             Some(Start { position_enu_m, attitude })
         };
         let starts = PerVehicle { i: start(&from.i)?, j: start(&from.j)? };
-        let router = Router::new(&settings.airspace, &settings.limits).ok()?;
+        let router = Router::new(&settings.airspace, limits).ok()?;
         let poses = vehicles.map(|vehicle| vehicle.pose);
         self.table.reroute(&router, slot, &starts, &poses, &settings.timing).ok()?;
         *self.tracks.get_mut(usize::from(slot))? = followed(&vehicles);
-        let anew = Some(digest(&plan.digest, slot, from, &vehicles));
+        let anew = Some(digest(&plan.digest, slot, (from, limits), &vehicles));
         Some(self.slot_terms(self.entry(slot)?, planned, &vehicles, anew))
     }
 
@@ -159,11 +159,11 @@ fn followed(vehicles: &PerVehicle<VehiclePlan>) -> PerVehicle<Track> {
     PerVehicle::from_fn(|role| Track::Followed(Followed::new(role, vehicles[role])))
 }
 
-/// First bytes of SHA-256 over what a slot is served from, and from where the vehicles come to it.
+/// First bytes of SHA-256 over what a slot is served from, and from where, and how fast, the vehicles come to it.
 fn digest(
     plan: &[u8; 32],
     slot: u16,
-    from: &PerVehicle<Rest>,
+    (from, limits): (&PerVehicle<Rest>, &PerVehicle<Limits>),
     vehicles: &PerVehicle<VehiclePlan>,
 ) -> ShortDigest {
     let mut hash = Sha256::new();
@@ -173,8 +173,8 @@ fn digest(
         let Rest { position_enu_m, wxyz } = &from[role];
         position_enu_m.iter().chain(wxyz).for_each(|number| hash.update(number.to_bits().to_le_bytes()));
         let VehiclePlan { pose, tx_power_w } = &vehicles[role];
-        let angles = [pose.roll_rad, pose.pitch_rad, pose.yaw_rad, *tx_power_w];
-        let numbers = pose.position_enu_m.iter().chain(&angles);
+        let others = [pose.roll_rad, pose.pitch_rad, pose.yaw_rad, *tx_power_w, limits[role].speed_m_s];
+        let numbers = pose.position_enu_m.iter().chain(&others);
         numbers.for_each(|number| hash.update(number.to_bits().to_le_bytes()));
     }
     wire::short(&hash.finalize().into())

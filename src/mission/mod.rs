@@ -17,6 +17,7 @@ mod lean;
 pub mod notice;
 mod opening;
 mod operator;
+mod pace;
 mod permission;
 mod phase;
 mod reaction;

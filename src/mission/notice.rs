@@ -105,6 +105,16 @@ pub enum Notice {
         /// What the mission states, radians.
         stated_rad: f64,
     },
+    /// Against this wind the vehicle is slower than ways count on; told once.
+    #[error(
+        "makes {made_m_s:.1} m/s in this wind, ways count on {counted_on_m_s:.1}: slots begin late, or are lost"
+    )]
+    Slow {
+        /// Towards where it should be, at best, m/s.
+        made_m_s: f64,
+        /// The mission's largest speed, m/s.
+        counted_on_m_s: f64,
+    },
     /// A slot that carried on the one before ended before this vehicle was on the air in it; it will be agreed on by itself.
     #[error("slot {0} for {1}: put off")]
     SlotPutOff(u16, String),
@@ -323,6 +333,7 @@ impl Notice {
             Self::Paused
             | Self::MayLean(_)
             | Self::Jitter { .. }
+            | Self::Slow { .. }
             | Self::SentHome
             | Self::GoingOn
             | Self::ParameterSet(..)

@@ -89,7 +89,7 @@ impl Executive {
             eavesdroppers: of_eavesdroppers.map(|(k, drift)| roaming(drift, Who::Eavesdropper(k))).collect(),
             options: following.options,
             from: PerVehicle { i: is_at(Role::I)?, j: is_at(Role::J)? },
-            limits: self.settings.limits.map(|limits| limits.of_motion()),
+            limits: self.limits_at(&asked.places.paces).map(|limits| limits.of_motion()),
             turn_rate_rad_s: self.settings.limits.map(|limits| limits.tilt_rate_rad_s),
             by_volume: following.by_volume,
             slot_s: [entry.closes.saturating_sub(entry.opens), self.settings.timing.settle + AGREEING]
@@ -103,6 +103,7 @@ impl Executive {
         let [now_s, known_s] = [now, now + HEARD].map(seconds);
         let mut places = Places::new(0);
         places.jitter = self.agreed_jitter();
+        places.paces = self.agreed_paces();
         self.believe(&mut places, user, |estimate| Belief {
             std_m: estimate.at(known_s).std_m,
             ..estimate.at(now_s)
@@ -124,9 +125,10 @@ impl Executive {
             return;
         };
         let rest_there = self.both_rest(now) == Some(from);
+        let limits = self.limits_at(&asked.places.paces);
         let terms = match (&mut self.itinerary, &self.plan) {
             (Some(itinerary), Some(plan)) if rest_there => {
-                itinerary.serve_from(asked.slot, &from, vehicles, plan, &self.settings)
+                itinerary.serve_from(asked.slot, &from, vehicles, plan, (&self.settings, &limits))
             }
             _ => None,
         };

@@ -27,6 +27,11 @@ impl Executive {
             }
             if let Some((position, measured_at)) = self.autopilot.position(now) {
                 self.place_lag.hear(motion, &position, measured_at, now);
+                if self.phase.is_in_service() && self.autopilot.commands_as_asked() {
+                    self.progress.hear(motion, &position, measured_at);
+                } else {
+                    self.progress.keep_up();
+                }
             }
             let sample = motion.commanded(now, [self.lag.lead(), self.place_lag.lead()]);
             let setpoint = Setpoint {
@@ -56,6 +61,7 @@ impl Executive {
             rests_for: self.rests_for(now),
             rests: self.rests(now),
             jitter: self.own_jitter(),
+            pace: self.progress.pace(),
             home_enu_m: self.home_enu_m,
             preflight_ok: self.ground.preflight_ok(),
             ended: self.phase.is_ending(),

@@ -30,7 +30,7 @@ use leader::Leader;
 use motions::{Motions, Outcome};
 use shared_time::SharedTime;
 pub use terms::{
-    AskedSlot, Commitment, Drifting, Event, Local, MeasuredJitter, OF_POSES, Places, PlanTerms, Rest,
+    AskedSlot, Commitment, Drifting, Event, Local, MeasuredJitter, OF_POSES, Pace, Places, PlanTerms, Rest,
     Settings, SlotTerms, Vouch,
 };
 pub use timer::Timer;
@@ -502,6 +502,7 @@ impl Coordinator {
             rests_enu_m: local.rests.map_or([0.0; 3], |rest| rest.position_enu_m),
             rests_wxyz: local.rests.map_or([0.0; 4], |rest| rest.wxyz),
             jitter_cdeg: MeasuredJitter::to_wire(local.jitter),
+            pace_percent: Pace::to_wire(local.pace),
             ..Default::default()
         };
         self.orders.say(&mut status);

@@ -11,8 +11,8 @@ mod peer;
 pub mod wire;
 
 pub use coordinator::{
-    AskedSlot, Commitment, Coordinator, Drifting, Event, Local, MeasuredJitter, OF_POSES, Places, PlanTerms,
-    Rest, Settings, SlotTerms, Timer, Vouch,
+    AskedSlot, Commitment, Coordinator, Drifting, Event, Local, MeasuredJitter, OF_POSES, Pace, Places,
+    PlanTerms, Rest, Settings, SlotTerms, Timer, Vouch,
 };
 pub use orders::{Change, Order, Orders, Record};
 pub use peer::Peer;

@@ -8,7 +8,7 @@ use crate::geo::{Enu, has_meaning};
 use crate::time::Instant;
 
 use super::age::Ages;
-use super::coordinator::{MeasuredJitter, Rest};
+use super::coordinator::{MeasuredJitter, Pace, Rest};
 use super::wire::{VEILWING_HELLO_DATA, VEILWING_STATUS_DATA, VeilwingFlags};
 
 /// The other companion, as its messages describe it.
@@ -41,6 +41,8 @@ pub struct Peer {
     pub rests: Option<Rest>,
     /// Its jitter in the last slot, where that is another than the mission says.
     pub jitter: Option<MeasuredJitter>,
+    /// What it makes in this wind, where that is less than the mission says.
+    pub pace: Option<Pace>,
     /// The proposal it is committed to.
     pub committed: Option<u32>,
 }
@@ -64,6 +66,7 @@ impl Default for Peer {
             position_enu_m: None,
             rests: None,
             jitter: None,
+            pace: None,
             committed: None,
         }
     }
@@ -193,6 +196,7 @@ impl Peer {
         }
         self.rests = Rest::of_wire(status.rests_enu_m, status.rests_wxyz);
         self.jitter = MeasuredJitter::of_wire(status.jitter_cdeg);
+        self.pace = Pace::of_wire(status.pace_percent);
         true
     }
 }

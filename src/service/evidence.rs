@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use crate::geo::{Attitude, Enu};
-use crate::pair::{MeasuredJitter, Rest};
+use crate::pair::{MeasuredJitter, Pace, Rest};
 use crate::time::Instant;
 
 /// What is known of the own vehicle at one instant.
@@ -35,6 +35,8 @@ pub struct Vehicle {
     pub rests: Option<Rest>,
     /// Its jitter in the last slot, where that is another than the mission says.
     pub jitter: Option<MeasuredJitter>,
+    /// What it makes in this wind, where that is less than the mission says.
+    pub pace: Option<Pace>,
     /// Where it took off, or stands.
     pub home_enu_m: Option<Enu>,
     /// No preflight check fails.

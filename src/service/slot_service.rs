@@ -528,6 +528,7 @@ impl SlotService {
             position_enu_m: vehicle.position.map(|(position, _)| position),
             rests: vehicle.rests.filter(|_| matches!(self.stage, Stage::Between { .. })),
             jitter: vehicle.jitter,
+            pace: vehicle.pace,
             preflight_ok: vehicle.preflight_ok,
             airborne: !matches!(self.stage, Stage::Away) && vehicle.in_control,
             on_station: in_pose && self.staleness.is_fresh(now) && vehicle.in_control,

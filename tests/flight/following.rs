@@ -10,6 +10,7 @@ use veilwing::desk::simulation::Scenario;
 use veilwing::mission::Outcome;
 use veilwing::planner::following::Gait;
 use veilwing::role::{PerVehicle, Role};
+use veilwing_sitl::Fault;
 
 use crate::harness::*;
 
@@ -268,4 +269,26 @@ fn val_slots_are_planned_for_the_jitter_that_was_measured() {
     }
     let [measured, told] = [unknown, known].map(|flight| rates(&flight)[1..].iter().sum::<f64>());
     assert!(measured > 0.97 * told, "Mbit/s: {measured} {told}");
+}
+
+/// In a gale a vehicle is slower than the mission lets it be. The first slots it is late for, or loses; for what it then makes the next
+/// ones are planned, and it is there in time.
+#[test]
+fn val_slots_are_planned_for_the_speed_that_the_wind_allows() {
+    for (role, mean_enu_m_s, first_in_time) in
+        [(Role::I, [-16.0, 0.0, 0.0], 2), (Role::J, [0.0, 16.0, 0.0], 3)]
+    {
+        let planned = following().given.i.under(|m| (m.tdma.superframes, m.tdma.slot_s) = (2, 10.0));
+        let given = PerVehicle { i: planned.clone(), j: planned };
+        let mut flight = Flight::new(Setup { given, ..Setup::default() });
+        flight.until(|flight| flight.said(role, "airborne").is_some());
+        flight.world.inject(Fault::WindStep { vehicle: index(role), mean_enu_m_s });
+        flight.fly_out();
+        flight.assert_safe();
+        assert!(flight.said(role, "in this wind").is_some(), "{}", flight.story());
+        let served_s: Vec<f64> = flight.report().slots.iter().map(|slot| slot.radiated_s.i).collect();
+        let [late, in_time] = [&served_s[..first_in_time], &served_s[first_in_time..]];
+        assert!(late.iter().any(|s| *s < 7.0), "{served_s:?}\n{}", flight.story());
+        assert!(in_time.iter().all(|s| *s > 8.9), "{served_s:?}\n{}", flight.story());
+    }
 }

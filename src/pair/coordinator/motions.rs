@@ -5,8 +5,9 @@ use crate::time::Instant;
 
 use super::super::adoption::{Asked, Follower, Leader, Word};
 use super::super::wire::{self, MavMessage, VeilwingWord};
-use super::terms::{Commitment, Drifting, Event, MeasuredJitter, OF_POSES, Places};
+use super::terms::{Commitment, Drifting, Event, MeasuredJitter, OF_POSES, Pace, Places};
 use crate::planner::following::MOST_MOVERS;
+use crate::role::PerVehicle;
 
 /// See the module. Of one slot.
 #[derive(Debug, Clone)]
@@ -171,6 +172,8 @@ impl Places {
             begins_ms: self.begins_ms,
             number: OF_POSES,
             jitter_cdeg: MeasuredJitter::to_wire(self.jitter),
+            i_pace_percent: Pace::to_wire(self.paces.i),
+            j_pace_percent: Pace::to_wire(self.paces.j),
             who: [NOBODY; MOST_MOVERS],
             ..Default::default()
         };
@@ -186,6 +189,8 @@ impl Places {
     pub(super) fn of_wire(message: &wire::VEILWING_PLACES_DATA) -> Self {
         let mut places = Self::new(message.begins_ms);
         places.jitter = MeasuredJitter::of_wire(message.jitter_cdeg);
+        let [i, j] = [message.i_pace_percent, message.j_pace_percent].map(Pace::of_wire);
+        places.paces = PerVehicle { i, j };
         for (k, who) in message.who.iter().enumerate().filter(|(_, who)| **who != NOBODY) {
             let three = |all: &[i16; 3 * MOST_MOVERS]| [0, 1, 2].map(|axis: usize| all[3 * k + axis]);
             places.push(Drifting {
@@ -237,6 +242,7 @@ mod tests {
         let (mut i, mut j) = (motions(Role::I, 0), motions(Role::J, 500));
         let mut places = Places::new(1_500);
         places.jitter = Some(MeasuredJitter::of(0.1));
+        places.paces.j = Pace::of(0.4);
         places.push(Drifting::of(0, &belief(-123.44, 7.996, 1.1)).unwrap());
         places.push(Drifting::of(4, &belief(3000.0, 0.0, 90.0)).unwrap());
         assert_eq!(i.ask(places, at(11_000)), Some(Event::PlanMotion));

@@ -1,6 +1,6 @@
 //! What the executive tells the coordinator, and what it is told.
 
-use std::num::NonZeroU16;
+use std::num::{NonZeroU8, NonZeroU16};
 use std::time::Duration;
 
 use super::super::orders::{Change, Record};
@@ -168,6 +168,45 @@ impl MeasuredJitter {
     }
 }
 
+/// What a vehicle makes in this wind of the largest speed that the mission lets it have, in percent: both companions reckon with this
+/// number.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Pace(NonZeroU8);
+
+impl Pace {
+    /// Who makes less is not planned for: it may not get there at all.
+    const LEAST_PERCENT: f64 = 10.0;
+    /// Added after a slot in which it kept up.
+    const STEP: f64 = 0.1;
+
+    /// To the nearest of what the wire can say; `None` of one that makes all of it.
+    #[must_use]
+    pub fn of(share: f64) -> Option<Self> {
+        let percent = (100.0 * share).round().max(Self::LEAST_PERCENT);
+        NonZeroU8::new(percent as u8).filter(|_| percent < 100.0).map(Self)
+    }
+
+    /// Of the largest speed.
+    #[must_use]
+    pub fn share(self) -> f64 {
+        0.01 * f64::from(self.0.get())
+    }
+
+    /// The next that is tried.
+    #[must_use]
+    pub fn faster(self) -> Option<Self> {
+        Self::of(self.share() + Self::STEP)
+    }
+
+    pub(in super::super) fn of_wire(percent: u8) -> Option<Self> {
+        NonZeroU8::new(percent).and_then(|percent| Self::of(0.01 * f64::from(percent.get())))
+    }
+
+    pub(in super::super) fn to_wire(told: Option<Self>) -> u8 {
+        told.map_or(0, |Self(percent)| percent.get())
+    }
+}
+
 /// What is believed of those that move in a slot, at an instant, and of the vehicles.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Places {
@@ -175,6 +214,8 @@ pub struct Places {
     pub begins_ms: u32,
     /// The jitter to be planned for, where it is not what the mission says.
     pub jitter: Option<MeasuredJitter>,
+    /// The speeds to be planned for, where they are not what the mission says.
+    pub paces: PerVehicle<Option<Pace>>,
     count: usize,
     moving: [Drifting; MOST_MOVERS],
 }
@@ -183,7 +224,13 @@ impl Places {
     /// Nobody moves.
     #[must_use]
     pub fn new(begins_ms: u32) -> Self {
-        Self { begins_ms, jitter: None, count: 0, moving: [Drifting::default(); MOST_MOVERS] }
+        Self {
+            begins_ms,
+            jitter: None,
+            paces: PerVehicle::default(),
+            count: 0,
+            moving: [Drifting::default(); MOST_MOVERS],
+        }
     }
 
     /// Another one that moves; one too many is left out.
@@ -260,6 +307,8 @@ pub struct Local {
     pub rests: Option<Rest>,
     /// Our jitter in the last slot, where it is another than the mission says.
     pub jitter: Option<MeasuredJitter>,
+    /// What we make in this wind, where it is less than the mission says.
+    pub pace: Option<Pace>,
     /// No preflight check fails.
     pub preflight_ok: bool,
     /// In the air and in control.
@@ -403,6 +452,20 @@ mod tests {
         assert_eq!(MeasuredJitter::of_wire(u16::MAX), Some(MeasuredJitter::of(9.0)));
         assert_eq!((MeasuredJitter::of_wire(0), MeasuredJitter::to_wire(None)), (None, 0));
         assert!((MeasuredJitter::of(0.1).std_rad() - 0.1).abs() < 1e-4);
+    }
+
+    #[test]
+    fn spec_a_pace_comes_back_from_the_wire_and_none_is_told_by_nothing() {
+        for (share, percent) in
+            [(0.3, 30), (0.234, 23), (0.04, 10), (-3.0, 10), (f64::NAN, 10), (0.999, 0), (1.0, 0), (9.0, 0)]
+        {
+            let pace = Pace::of(share);
+            assert_eq!(Pace::to_wire(pace), percent, "{share}");
+            assert_eq!(Pace::of_wire(percent), pace);
+        }
+        assert_eq!((Pace::of_wire(1), Pace::of_wire(u8::MAX)), (Pace::of(0.1), None));
+        assert_eq!(Pace::of(0.5).and_then(Pace::faster), Pace::of(0.6));
+        assert_eq!(Pace::of(0.95).and_then(Pace::faster), None);
     }
 
     #[test]

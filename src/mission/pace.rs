@@ -1,0 +1,188 @@
+//! How fast the vehicle is against this wind, and whether the ways that are laid out for it count on more.
+//!
+//! A multirotor that gives all the tilt it has against a strong wind is slower than `max_speed_m_s`: its setpoints run away from it, it
+//! is metres behind them, and late in its slot. What it makes meanwhile towards where it should be is its pace. Where a mission follows
+//! what moves, the next ways, poses and motions are planned for it: J tells I of its own in VEILWING_STATUS, and I tells J for
+//! which of both, with those that move ([`Places`](crate::pair::Places)). A slot in which it keeps up lets it be tried faster again.
+//! The plans of the other modes are agreed on as they are, and an operator is told.
+
+use super::executive::Executive;
+use super::phase::{Motion, Phase};
+use crate::geo::Enu;
+use crate::pair::Pace;
+use crate::role::{PerVehicle, Role};
+use crate::schedule::separation::clearance_m;
+use crate::schedule::trajectory::{Limits, Start, Trajectory};
+use crate::schedule::transit::Router;
+use crate::time::Instant;
+
+/// Over the ground; the loops and links of one that keeps up leave less, in metres.
+const BEHIND_M: f64 = 4.0;
+/// The best of so many seconds says what it makes: it may have to gather speed first.
+const SPAN_S: f64 = 2.0;
+/// Positions farther apart come over a link that has stood still, in seconds.
+const HELD_UP_S: f64 = 0.25;
+/// Who makes this share of what is counted on is behind for another reason.
+const KEEPS_UP: f64 = 0.9;
+/// The share of what was made that is counted on next: gusts.
+const MARGIN: f64 = 0.9;
+
+/// See the module.
+#[derive(Debug, Clone)]
+pub(super) struct Progress {
+    /// What the mission lets ways count on, m/s.
+    largest_m_s: f64,
+    last: Option<(Instant, Enu)>,
+    /// While it is behind.
+    made_m: f64,
+    span_s: f64,
+    /// Since the last slot was over.
+    best_m_s: Option<f64>,
+    pace: Option<Pace>,
+    told: bool,
+}
+
+impl Progress {
+    pub fn new(largest_m_s: f64) -> Self {
+        Self { largest_m_s, last: None, made_m: 0.0, span_s: 0.0, best_m_s: None, pace: None, told: false }
+    }
+
+    /// Takes the position that was measured at `at`, while the vehicle follows `motion`.
+    pub fn hear(&mut self, motion: &Motion, position_enu_m: &Enu, at: Instant) {
+        let Some((before, was)) = self.last.replace((at, *position_enu_m)) else { return };
+        let off = (motion.sample(at).position_enu_m - position_enu_m).xy();
+        let apart_s = at.seconds_since(before);
+        let is_behind = off.norm() >= BEHIND_M && (0.0..HELD_UP_S).contains(&apart_s);
+        if !is_behind {
+            return self.keep_up();
+        }
+        self.made_m += (position_enu_m - was).xy().dot(&off.normalize());
+        self.span_s += apart_s;
+        if self.span_s >= SPAN_S {
+            let made_m_s = self.made_m / self.span_s;
+            self.best_m_s = Some(self.best_m_s.map_or(made_m_s, |best| best.max(made_m_s)));
+            self.keep_up();
+        }
+    }
+
+    /// It is not behind, or not by the wind.
+    pub fn keep_up(&mut self) {
+        (self.made_m, self.span_s) = (0.0, 0.0);
+    }
+
+    /// A slot is over. What the vehicle made, in m/s, where that is less than what is counted on; told once.
+    pub fn slot_over(&mut self) -> Option<f64> {
+        self.keep_up();
+        let made_m_s = self.best_m_s.take().filter(|made| *made < KEEPS_UP * self.largest_m_s);
+        self.pace = match made_m_s {
+            Some(made_m_s) => Pace::of(MARGIN * made_m_s / self.largest_m_s),
+            None => self.pace.and_then(Pace::faster),
+        };
+        made_m_s.filter(|_| !std::mem::replace(&mut self.told, true))
+    }
+
+    /// What is to be counted on, if that is less than what the mission lets ways count on.
+    pub fn pace(&self) -> Option<Pace> {
+        self.pace
+    }
+}
+
+impl Executive {
+    /// In a plan that follows a vehicle that is far behind after a slot rests where it is: the next ways begin there, and not where it
+    /// would have to fly for long yet.
+    pub(super) fn rest_where_it_got(&mut self, now: Instant) {
+        let (Phase::InService { motion, .. }, Some((position_enu_m, at))) =
+            (&self.phase, self.autopilot.position(now))
+        else {
+            return;
+        };
+        let meant = motion.sample(at);
+        let is_behind = (meant.position_enu_m - position_enu_m).xy().norm() >= BEHIND_M;
+        if self.settings.following.is_none() || !is_behind || self.progress.pace().is_none() {
+            return;
+        }
+        let airspace = &self.settings.airspace;
+        let apart = |peer_enu_m: Enu| (peer_enu_m - position_enu_m).norm() > clearance_m(airspace);
+        let may_be_there =
+            Router::new(airspace, &self.settings.limits).is_ok_and(|router| router.holds(&position_enu_m));
+        if may_be_there && self.service.peer().position_enu_m.is_some_and(apart) {
+            let start = Start { position_enu_m, attitude: meant.attitude };
+            self.phase = Phase::InService { motion: Motion::new(Trajectory::rest(&start), now), turns: None };
+        }
+    }
+
+    /// I: what both vehicles are planned for.
+    pub(super) fn agreed_paces(&self) -> PerVehicle<Option<Pace>> {
+        let own = self.progress.pace();
+        if self.settings.role == Role::I {
+            PerVehicle { i: own, j: self.service.peer().pace }
+        } else {
+            PerVehicle::default()
+        }
+    }
+
+    /// What ways and motions may ask of both vehicles at these paces.
+    pub(super) fn limits_at(&self, paces: &PerVehicle<Option<Pace>>) -> PerVehicle<Limits> {
+        PerVehicle::from_fn(|role| {
+            let limits = self.settings.limits[role];
+            let share = paces[role].map_or(1.0, Pace::share);
+            Limits { speed_m_s: share * limits.speed_m_s, ..limits }
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use super::*;
+    use crate::geo::Attitude;
+
+    /// 100 m at 8 m/s at the most, from one second on.
+    fn away() -> Motion {
+        let start = Start { position_enu_m: Enu::new(0.0, 0.0, 30.0), attitude: Attitude::level() };
+        let mut trajectory = Trajectory::rest(&start);
+        trajectory.fly(&[Enu::new(60.0, 80.0, 30.0)], &Limits::new(8.0, 3.0, 1.0));
+        Motion::new(trajectory, Instant::from_start(Duration::from_secs(1)))
+    }
+
+    /// The pace after a slot in which a vehicle goes there at this speed, with positions so many milliseconds apart.
+    fn after(progress: &mut Progress, speed_m_s: f64, every_ms: u64) -> (Option<f64>, Option<f64>) {
+        let motion = away();
+        for at_ms in (0..20_000).step_by(every_ms as usize) {
+            let at = Instant::from_start(Duration::from_millis(at_ms));
+            let meant = motion.sample(at).position_enu_m;
+            let start = motion.sample(Instant::ZERO).position_enu_m;
+            let gone_m =
+                (speed_m_s * at.seconds_since(motion.starts_at).max(0.0)).min((meant - start).norm());
+            progress.hear(&motion, &(start + gone_m * nalgebra::Vector3::new(0.6, 0.8, 0.0)), at);
+        }
+        (progress.slot_over(), progress.pace().map(Pace::share))
+    }
+
+    #[test]
+    fn val_the_pace_is_what_the_wind_leaves_of_the_speed_and_is_tried_upwards_again() {
+        for (speed_m_s, share) in [(2.0, 0.22), (4.0, 0.45), (-1.0, 0.1)] {
+            let mut progress = Progress::new(8.0);
+            let (told, pace) = after(&mut progress, speed_m_s, 20);
+            assert!(told.is_some_and(|told| (told - speed_m_s).abs() < 0.1), "{speed_m_s}: {told:?}");
+            assert!(pace.is_some_and(|pace| (pace - share).abs() < 0.02), "{speed_m_s}: {pace:?}");
+            // It is told once, and measured again.
+            assert_eq!(after(&mut progress, 3.0, 20).0, None);
+            let mut last = progress.pace().map(Pace::share);
+            for _ in 0..12 {
+                let (told, pace) = after(&mut progress, 20.0, 20);
+                assert!(told.is_none() && pace.is_none_or(|pace| last.is_some_and(|last| pace > last)));
+                last = pace;
+            }
+            assert_eq!(last, None);
+        }
+    }
+
+    #[test]
+    fn spec_who_keeps_up_or_is_not_heard_has_no_pace() {
+        for (speed_m_s, every_ms) in [(20.0, 20), (7.6, 20), (2.0, 300)] {
+            assert_eq!(after(&mut Progress::new(8.0), speed_m_s, every_ms), (None, None), "{speed_m_s}");
+        }
+    }
+}
