@@ -1,6 +1,6 @@
 //! How fast the vehicle is against this wind, and whether the ways that are laid out for it count on more.
 //!
-//! A multirotor that gives all the tilt it has against a strong wind is slower than `speed_m_s`: its setpoints run away from it, it
+//! A multirotor that gives all the force it has against a strong wind is slower than `speed_m_s`: its setpoints run away from it, it
 //! is metres behind them, and late in its slot. What it makes meanwhile towards where it should be is its pace. Where a mission follows
 //! what moves, the next ways, poses and motions are planned for it: J tells I of its own in VEILWING_STATUS, and I tells J for
 //! which of both, with those that move ([`Places`](crate::pair::Places)). A slot in which it keeps up lets it be tried faster again.

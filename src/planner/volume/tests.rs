@@ -183,3 +183,22 @@ fn spec_what_knows_no_volume_is_refused() {
         problems.iter().map(|p| Problem { objective: Objective::Quantile, ..p.clone() }).collect();
     assert_eq!(plan(&cautious, &SERVICE, &ways, &Options::default()), Err(PlanError::VolumeObjective));
 }
+
+/// Three users all over the paper's arena, with five eavesdroppers anywhere: the place that serves all best is among those that look
+/// middling at first.
+#[test]
+fn regress_the_best_place_for_all_need_not_look_so_at_first() {
+    use rand::{RngExt, SeedableRng};
+    let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(23 * 0x9e37_79b9 + 31);
+    let nodes: Vec<[f64; 2]> = (0..5).map(|_| [0; 2].map(|_| rng.random_range(-500.0..500.0))).collect();
+    let mut problem = Problem::paper(nodes, 0.5, f64::to_radians(2.0));
+    problem.airspace.min_separation_m = 5.0;
+    let mut place = || rng.random_range(-400.0..400.0);
+    let problems: Vec<Problem> = (0..3)
+        .map(|_| Problem { user_enu_m: Vector3::new(place(), place(), 0.0), ..problem.clone() })
+        .collect();
+    let service = Service { slot_s: 20.0, settle_s: 3.0, slot_limits_s: [10.0, 40.0], ..SERVICE };
+    let found = choices(&problems, &service, &Plain::default(), &Options::default()).unwrap();
+    let best = found.iter().map(|choice| choice.worth).fold(0.0, f64::max) / std::f64::consts::LN_2;
+    assert!(best > 9.3, "bit/s/Hz: {best}");
+}
