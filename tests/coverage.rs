@@ -152,7 +152,11 @@ const ELSEWHERE: &[(&str, &[&str], &str)] = &[
     ("notice", &["ArmingRefused"], "no simulated autopilot asks; tests/flight/face.rs"),
     ("notice", &["OrderUnconfirmed"], "of a link that is deaf one way; tests/flight/orders.rs"),
     ("notice", &["SlotPutOff"], "of slots that carry each other on; tests/flight/turning.rs"),
-    ("notice", &["Slow"], "of winds that are stronger than a mission counts on; tests/flight/following.rs"),
+    (
+        "notice",
+        &["Slow", "BlownOut"],
+        "of winds that are stronger than a mission counts on; tests/flight/following.rs",
+    ),
     ("notice", &["Jitter"], "of missions that know their vehicles too little; tests/flight/nominal.rs"),
     ("notice", &["MayLean"], "of conventional vehicles; src/mission/lean.rs"),
     ("notice", &["Troubled"], "of radio hosts; tests/flight/hosts.rs"),

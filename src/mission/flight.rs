@@ -70,6 +70,7 @@ impl Executive {
                 self.keep_turns(now);
                 self.keep_to_way(now);
                 self.keep_to_slot(now);
+                self.keep_inside(now);
                 self.ask_for_motion(now);
                 self.ask_for_poses(now);
             }

@@ -115,6 +115,9 @@ pub enum Notice {
         /// The mission's largest speed, m/s.
         counted_on_m_s: f64,
     },
+    /// A vehicle that lost its motion, or its way, to the wind and is about to leave the airspace, comes back; its slot is over for it.
+    #[error("blown towards the edge of the airspace: comes back inside, level")]
+    BlownOut,
     /// A slot that carried on the one before ended before this vehicle was on the air in it; it will be agreed on by itself.
     #[error("slot {0} for {1}: put off")]
     SlotPutOff(u16, String),
@@ -364,6 +367,7 @@ impl Notice {
             | Self::ArmingRefused(_)
             | Self::OrderUnconfirmed { .. }
             | Self::StartExpired { .. }
+            | Self::BlownOut
             | Self::LosingLog => MavSeverity::MAV_SEVERITY_WARNING,
             Self::NoWayHome(_)
             | Self::Astray(_)

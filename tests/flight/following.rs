@@ -292,3 +292,25 @@ fn val_slots_are_planned_for_the_speed_that_the_wind_allows() {
         assert!(in_time.iter().all(|s| *s > 8.9), "{served_s:?}\n{}", flight.story());
     }
 }
+
+/// A gale holds a vehicle back on a motion, or a way, along the fence, and blows it over: it leaves that and comes back before it is a metre
+/// outside, and a slot after that is served.
+#[test]
+fn regress_who_is_blown_over_the_fence_comes_back_at_once() {
+    let planned = following().given.i.under(|m| {
+        let corners = [[-100.0, -100.0], [100.0, -100.0], [100.0, 100.0], [-100.0, 100.0]];
+        m.airspace.area_enu_m = corners.map(Vector2::from).to_vec();
+    });
+    for (seed, direction_deg, next_s) in [(1, 135.0, None), (2, 135.0, None), (1, 315.0, Some(5.0))] {
+        let given = PerVehicle { i: planned.clone(), j: planned.clone() };
+        let mut flight = Flight::new(Setup { given, seed, ..Setup::default() });
+        flight.until(|flight| flight.said(Role::J, "airborne").is_some());
+        let (sin, cos) = f64::sin_cos(f64::to_radians(direction_deg));
+        flight.world.inject(Fault::WindStep { vehicle: 0, mean_enu_m_s: [15.0 * cos, 15.0 * sin, 0.0] });
+        flight.fly_out();
+        flight.assert_safe();
+        assert!(flight.said(Role::I, "edge of the airspace").is_some(), "{}", flight.story());
+        let next = &flight.report().slots[1];
+        assert!(next_s.is_none_or(|s| next.radiated_s.i > s), "{next:?}\n{}", flight.story());
+    }
+}
