@@ -11,7 +11,7 @@ use super::notice::Notice;
 use super::opening::Openings;
 use super::phase::{self, Phase};
 use super::reported::Heard;
-use crate::geo::Attitude;
+use crate::geo::{Attitude, Enu};
 use crate::pair::adoption::{AT_REST, GRACE};
 use crate::pair::{Drifting, Places};
 use crate::planner::Options;
@@ -372,6 +372,11 @@ impl Executive {
         }
         let back = soon + out_m + INSIDE_M * out_m.normalize();
         let position_enu_m = region.nearest_allowed(&back);
+        let apart =
+            |peer_enu_m: Enu| (peer_enu_m - position_enu_m).norm() > clearance_m(&self.settings.airspace);
+        if !self.service.peer().position_enu_m.is_none_or(apart) {
+            return;
+        }
         let (_, _, yaw_rad) = meant.attitude.euler();
         let start = Start { position_enu_m, attitude: Attitude::from_euler(0.0, 0.0, yaw_rad) };
         self.phase =

@@ -88,8 +88,8 @@ impl Progress {
 }
 
 impl Executive {
-    /// In a plan that follows a vehicle that is far behind after a slot rests where it is: the next ways begin there, and not where it
-    /// would have to fly for long yet.
+    /// In a plan that follows, a vehicle that is far behind as a slot is over rests where it is: the next ways begin there, and not where
+    /// it would have to fly for long yet.
     pub(super) fn rest_where_it_got(&mut self, now: Instant) {
         let (Phase::InService { motion, .. }, Some((position_enu_m, at))) =
             (&self.phase, self.autopilot.position(now))
