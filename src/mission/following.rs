@@ -7,23 +7,19 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use super::executive::Executive;
-use super::notice::Notice;
 use super::opening::Openings;
-use super::phase::{self, Phase};
+use super::phase::Phase;
 use super::reported::Heard;
-use crate::geo::{Attitude, Enu};
 use crate::pair::adoption::{AT_REST, GRACE};
 use crate::pair::{Drifting, Places};
 use crate::planner::Options;
 use crate::planner::following::{self, Belief, Drift, Estimate, Motion, Mover, Opening, Unrest, Who};
 use crate::planner::plan::VehiclePlan;
 use crate::planner::problem::Problem;
-use crate::planner::region::Region;
 use crate::planner::track::{APART_S, Followed, Track};
 use crate::planner::turning::{LARGEST_RAD, Sizes};
 use crate::role::{PerVehicle, Role};
 use crate::schedule::separation::clearance_m;
-use crate::schedule::trajectory::{Start, Trajectory};
 use crate::service::Tolerance;
 use crate::time::Instant;
 
@@ -36,12 +32,6 @@ const ERRORS: Sizes = {
     let [position_m, attitude_rad] = Tolerance::widest();
     Sizes { pointing_rad: [attitude_rad, LARGEST_RAD], position_m: [position_m; 2] }
 };
-/// Who is so far off its motion, in metres, has lost its pose: half as much again as any slot bears.
-const BLOWN_OFF_M: f64 = 1.5;
-/// So far outside the airspace nobody is by then who holds a pose on its edge, and so far inside it comes back, in metres and seconds.
-const SOON_S: f64 = 0.5;
-const OUTSIDE_M: f64 = 0.1;
-const INSIDE_M: f64 = 1.0;
 /// The part of what they may turn that motions ask of them: the rest is for what has to be caught up with.
 pub const TURN_PART: f64 = 0.5;
 
@@ -349,39 +339,6 @@ impl Executive {
         {
             *motion = motion.stopped(now, &limits);
         }
-    }
-
-    /// In a plan that follows: who is blown off its motion, or its way to a slot, and is about to leave the airspace, leaves it and comes back
-    /// inside, level. What goes along a fence runs away from a vehicle that the wind holds back, and what force that has left it spends to
-    /// catch up, while it drifts outward; tilted it has the least. Its pose is lost, so that it is silent.
-    pub(super) fn keep_inside(&mut self, now: Instant) {
-        let (Phase::InService { motion, .. }, Some((is_at, at))) =
-            (&self.phase, self.autopilot.position(now))
-        else {
-            return;
-        };
-        let meant = motion.sample(at);
-        let follows = self.settings.following.is_some();
-        let is_lost = follows && (meant.position_enu_m - is_at).norm() >= BLOWN_OFF_M;
-        let Some(region) = is_lost.then(|| Region::new(&self.settings.airspace)).flatten() else { return };
-        let velocity = self.autopilot.state().velocity_enu_m_s.map(|measured| measured.value.vector());
-        let soon = is_at + SOON_S * velocity.unwrap_or_default();
-        let out_m = region.nearest_allowed(&soon) - soon;
-        if out_m.norm() < OUTSIDE_M {
-            return;
-        }
-        let back = soon + out_m + INSIDE_M * out_m.normalize();
-        let position_enu_m = region.nearest_allowed(&back);
-        let apart =
-            |peer_enu_m: Enu| (peer_enu_m - position_enu_m).norm() > clearance_m(&self.settings.airspace);
-        if !self.service.peer().position_enu_m.is_none_or(apart) {
-            return;
-        }
-        let (_, _, yaw_rad) = meant.attitude.euler();
-        let start = Start { position_enu_m, attitude: Attitude::from_euler(0.0, 0.0, yaw_rad) };
-        self.phase =
-            Phase::InService { motion: phase::Motion::new(Trajectory::rest(&start), now), turns: None };
-        self.notice(Notice::BlownOut);
     }
 }
 

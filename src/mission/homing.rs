@@ -88,7 +88,7 @@ impl Executive {
         Some(polyline_distance_m(&own, &of_i) >= between_m)
     }
 
-    fn router(&self) -> Result<Router, TransitError> {
+    pub(super) fn router(&self) -> Result<Router, TransitError> {
         Router::new(&self.settings.airspace, &self.settings.limits)
     }
 

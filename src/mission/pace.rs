@@ -4,16 +4,18 @@
 //! is metres behind them, and late in its slot. What it makes meanwhile towards where it should be is its pace. Where a mission follows
 //! what moves, the next ways, poses and motions are planned for it: J tells I of its own in VEILWING_STATUS, and I tells J for
 //! which of both, with those that move ([`Places`](crate::pair::Places)). A slot in which it keeps up lets it be tried faster again.
-//! The plans of the other modes are agreed on as they are, and an operator is told.
+//! The plans of the other modes are agreed on as they are, and an operator is told. Such a mission may also leave a motion that the wind
+//! has it lose: the next one is made from where it then rests.
 
 use super::executive::Executive;
+use super::notice::Notice;
 use super::phase::{Motion, Phase};
-use crate::geo::Enu;
+use crate::geo::{Attitude, Enu};
 use crate::pair::Pace;
+use crate::planner::region::Region;
 use crate::role::{PerVehicle, Role};
 use crate::schedule::separation::clearance_m;
-use crate::schedule::trajectory::{Limits, Start, Trajectory};
-use crate::schedule::transit::Router;
+use crate::schedule::trajectory::{Limits, Sample, Start, Trajectory};
 use crate::time::Instant;
 
 /// Over the ground; the loops and links of one that keeps up leave less, in metres.
@@ -22,6 +24,14 @@ const BEHIND_M: f64 = 4.0;
 const SPAN_S: f64 = 2.0;
 /// Positions farther apart come over a link that has stood still, in seconds.
 const HELD_UP_S: f64 = 0.25;
+/// Who is so far off its motion, in metres, has lost its pose: half as much again as any slot bears.
+const BLOWN_OFF_M: f64 = 1.5;
+/// Where a vehicle is in so many seconds by its velocity, ...
+const SOON_S: f64 = 0.5;
+/// ... so far outside the airspace, in metres, is nobody who holds a pose on its edge, ...
+const OUTSIDE_M: f64 = 0.1;
+/// ... and so far inside it comes back.
+const INSIDE_M: f64 = 1.0;
 /// Who makes this share of what is counted on is behind for another reason.
 const KEEPS_UP: f64 = 0.9;
 /// The share of what was made that is counted on next: gusts.
@@ -91,24 +101,56 @@ impl Executive {
     /// In a plan that follows, a vehicle that is far behind as a slot is over rests where it is: the next ways begin there, and not where
     /// it would have to fly for long yet.
     pub(super) fn rest_where_it_got(&mut self, now: Instant) {
-        let (Phase::InService { motion, .. }, Some((position_enu_m, at))) =
-            (&self.phase, self.autopilot.position(now))
-        else {
-            return;
-        };
-        let meant = motion.sample(at);
-        let is_behind = (meant.position_enu_m - position_enu_m).xy().norm() >= BEHIND_M;
-        if self.settings.following.is_none() || !is_behind || self.progress.pace().is_none() {
+        let Some((is_at, meant)) = self.follows_at(now) else { return };
+        let is_behind = (meant.position_enu_m - is_at).xy().norm() >= BEHIND_M;
+        let may_be_there = is_behind
+            && self.progress.pace().is_some()
+            && self.router().is_ok_and(|router| router.holds(&is_at))
+            && self.is_clear_of_peer(&is_at).unwrap_or(false);
+        if may_be_there {
+            self.rest_at(is_at, meant.attitude, now);
+        }
+    }
+
+    /// In a plan that follows, who is blown off its motion, or its way to a slot, and is about to leave the airspace, leaves it and comes
+    /// back inside, level. What goes along a fence runs away from a vehicle that the wind holds back, and what force that has left it
+    /// spends to catch up, while it drifts outward; tilted it has the least. Its pose is lost, so that it is silent.
+    pub(super) fn keep_inside(&mut self, now: Instant) {
+        let Some((is_at, meant)) = self.follows_at(now) else { return };
+        let is_lost = (meant.position_enu_m - is_at).norm() >= BLOWN_OFF_M;
+        let Some(region) = is_lost.then(|| Region::new(&self.settings.airspace)).flatten() else { return };
+        let velocity = self.autopilot.state().velocity_enu_m_s.map(|measured| measured.value.vector());
+        let soon = is_at + SOON_S * velocity.unwrap_or_default();
+        let out_m = region.nearest_allowed(&soon) - soon;
+        if out_m.norm() < OUTSIDE_M {
             return;
         }
-        let airspace = &self.settings.airspace;
-        let apart = |peer_enu_m: Enu| (peer_enu_m - position_enu_m).norm() > clearance_m(airspace);
-        let may_be_there =
-            Router::new(airspace, &self.settings.limits).is_ok_and(|router| router.holds(&position_enu_m));
-        if may_be_there && self.service.peer().position_enu_m.is_some_and(apart) {
-            let start = Start { position_enu_m, attitude: meant.attitude };
-            self.phase = Phase::InService { motion: Motion::new(Trajectory::rest(&start), now), turns: None };
+        let back = region.nearest_allowed(&(soon + out_m + INSIDE_M * out_m.normalize()));
+        if self.is_clear_of_peer(&back).unwrap_or(true) {
+            let (_, _, yaw_rad) = meant.attitude.euler();
+            self.rest_at(back, Attitude::from_euler(0.0, 0.0, yaw_rad), now);
+            self.notice(Notice::BlownOut);
         }
+    }
+
+    /// In a plan that follows, in service: where the vehicle is, and how it is meant to be.
+    fn follows_at(&self, now: Instant) -> Option<(Enu, Sample)> {
+        self.settings.following.as_ref()?;
+        let motion = self.phase.motion().filter(|_| self.phase.is_in_service())?;
+        let (is_at, at) = self.autopilot.position(now)?;
+        Some((is_at, motion.sample(at)))
+    }
+
+    /// Whether a place is farther from the other vehicle than both keep from each other; `None`: nobody knows where that is.
+    fn is_clear_of_peer(&self, place: &Enu) -> Option<bool> {
+        let peer_enu_m = self.service.peer().position_enu_m?;
+        Some((peer_enu_m - place).norm() > clearance_m(&self.settings.airspace))
+    }
+
+    /// In service, at rest there from now on.
+    fn rest_at(&mut self, position_enu_m: Enu, attitude: Attitude, now: Instant) {
+        let rest = Trajectory::rest(&Start { position_enu_m, attitude });
+        self.phase = Phase::InService { motion: Motion::new(rest, now), turns: None };
     }
 
     /// I: what both vehicles are planned for.
@@ -136,7 +178,6 @@ mod tests {
     use std::time::Duration;
 
     use super::*;
-    use crate::geo::Attitude;
 
     /// 100 m at 8 m/s at the most, from one second on.
     fn away() -> Motion {
