@@ -16,7 +16,7 @@ use crate::planner::slots::{Plan, PlannedSlot};
 use crate::planner::turning::{self, Standing, TOLERATED};
 use crate::planner::volume::{self, Fairness, Service};
 use crate::planner::{Near, Options, PlanError, plan_slot, plan_slot_near};
-use crate::role::PerVehicle;
+use crate::role::{PerVehicle, Role};
 use crate::schedule::choice;
 use crate::schedule::order::Order;
 use crate::schedule::transit::Router;
@@ -78,6 +78,23 @@ pub fn plan_with(
         // Slots by themselves are far from each other: there is no motion to begin with.
         Mode::Turning | Mode::Moving => through(mission, options, timed, &mut now),
     }
+}
+
+/// The mission's plan once more, for what was measured in flight: another jitter, in radians, and shares of the speeds that ways and
+/// motions may count on. Its users are served in this order, each of them once.
+#[must_use]
+pub fn again(mission: &Mission, jitter_rad: f64, shares: &PerVehicle<f64>, order: &[usize]) -> Option<Plan> {
+    let listed = mission.users.len();
+    let mission = mission.changed(|draft| {
+        draft.jitter.std_deg = jitter_rad.to_degrees();
+        for role in Role::BOTH {
+            draft.vehicles[role].speed_m_s *= shares[role];
+        }
+        draft.tdma.order = Order::Listed;
+        draft.users = order.iter().filter_map(|&user| draft.users.get(user).cloned()).collect();
+    });
+    let mission = mission.ok().filter(|again| again.users.len() == listed)?;
+    plan(&mission).ok()?.relisted(order)
 }
 
 /// Every slot by itself, wherever its best poses are.

@@ -157,6 +157,11 @@ const ELSEWHERE: &[(&str, &[&str], &str)] = &[
         &["Slow", "BlownOut"],
         "of winds that are stronger than a mission counts on; tests/flight/following.rs",
     ),
+    (
+        "notice",
+        &["Replanned", "NotReplanned"],
+        "of missions that know their vehicles too little, and no plan for them; tests/flight/renewal.rs, tests/planning.rs",
+    ),
     ("notice", &["Jitter"], "of missions that know their vehicles too little; tests/flight/nominal.rs"),
     ("notice", &["MayLean"], "of conventional vehicles; src/mission/lean.rs"),
     ("notice", &["Troubled"], "of radio hosts; tests/flight/hosts.rs"),

@@ -28,6 +28,7 @@ use std::time::Duration;
 use clap::Parser as _;
 use setup::Flown;
 use veilwing::pair::wire::MavMessage;
+use veilwing::role::Role;
 use world::{Case, FaultKind};
 
 fn quiet(seed: u64, slots: usize) -> Case {
@@ -263,6 +264,20 @@ fn prop_model_a_slot_that_carries_another_on_is_served_when_the_losses_end() {
 #[test]
 fn prop_model_no_restart_breaks_a_slot_that_carries_another_on() {
     holds(model::SlotModel { crashes: 1, restarts: 1, ..change(Some(1)) });
+}
+
+/// The same where the slot after it is planned anew, as only one of the two knows: it does not carry the one before on.
+fn renewed(knows: Role, losses: Option<u8>) -> model::SlotModel {
+    let change = change(losses);
+    let flown = Flown { renews: Some(knows), ..change.flown };
+    model::SlotModel { flown, step: Duration::from_millis(350), ..change }
+}
+
+#[test]
+fn prop_model_no_death_breaks_a_slot_that_is_planned_anew() {
+    for knows in Role::BOTH {
+        holds(model::SlotModel { crashes: 1, ..renewed(knows, Some(0)) });
+    }
 }
 
 /// The last second of a slot, in which motions are taken up, one after the other.

@@ -358,3 +358,23 @@ fn spec_slots_are_as_long_as_the_least_served_asks_for() {
         .collect();
     assert!(volumes[0] / volumes[1] < 1.01 && volumes[1] / volumes[0] < 1.01, "{volumes:?} {lengths:?}");
 }
+
+/// A plan that is made once more in flight is the one that a mission would have which stated what was measured, by the users as that
+/// mission lists them.
+#[test]
+fn spec_a_plan_made_again_is_that_of_a_mission_that_states_what_was_measured() {
+    let mission = Mission::parse("m.toml", &mission("shortest")).unwrap();
+    let shares = PerVehicle { i: 1.0, j: 0.5 };
+    let again = |order: &[usize]| planning::again(&mission, 0.06, &shares, order);
+    let stated = mission.changed(|draft| {
+        draft.jitter.std_deg = f64::to_degrees(0.06);
+        draft.vehicles.j.speed_m_s *= 0.5;
+        draft.tdma.order = Order::Listed;
+    });
+    assert_eq!(again(&[0, 1]), planning::plan(&stated.unwrap()).ok());
+    let other = again(&[1, 0]).unwrap();
+    assert_eq!(other.slots.iter().map(|slot| slot.user.as_str()).collect::<Vec<_>>(), ["user-1", "user-2"]);
+    // Users that are not all of them, and a speed that no mission may state.
+    assert_eq!((again(&[0]), again(&[0, 2])), (None, None));
+    assert_eq!(planning::again(&mission, 0.06, &PerVehicle { i: 1.0, j: 0.0 }, &[0, 1]), None);
+}

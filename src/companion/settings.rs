@@ -7,8 +7,8 @@ use crate::autopilot::{self, Fence, FenceDuty};
 use crate::config::{ExposedLink, FenceShape, Mission, Optimise, Transmitter, User, Vehicle, fence_corners};
 use crate::link::Form;
 use crate::mission::following::Following;
-use crate::mission::{Battery, Operators, Permission, Scene, Settings};
-use crate::pair::{self, Record};
+use crate::mission::{Battery, Measured, Operators, Permission, Replanner, Scene, Settings};
+use crate::pair::{self, MeasuredJitter, Pace, Record};
 use crate::planner::problem::{Airframe, Airspace};
 use crate::planning;
 use crate::preflight::{Check, Verdict, check};
@@ -96,6 +96,7 @@ pub fn settings(mission: &Mission, vehicle: &Vehicle, boot_id: u32, start_unaske
             fading: mission.fading,
         },
         following: following(mission),
+        replanner: replanner(mission),
         start_unasked,
         start_utc: mission.tdma.start_utc,
     }
@@ -110,6 +111,17 @@ fn following(mission: &Mission) -> Option<Arc<Following>> {
         let by_volume = mission.planner.optimise == Optimise::Volume;
         Arc::new(Following { problems, movers, options: planning::options(mission), by_volume })
     })
+}
+
+/// Makes the plan anew, where nothing moves and the mission asks for it.
+fn replanner(mission: &Mission) -> Option<Replanner> {
+    let asked = mission.planner.replan && mission.movers.is_empty();
+    let mission = asked.then(|| mission.clone())?;
+    Some(Replanner::new(move |Measured { jitter, paces }, order| {
+        let jitter_rad = jitter.map_or(mission.jitter.std_rad, MeasuredJitter::std_rad);
+        let shares = paces.map(|pace| pace.map_or(1.0, Pace::share));
+        planning::again(&mission, jitter_rad, &shares, order)
+    }))
 }
 
 /// Where a vehicle's autopilot crosses when it returns by itself, in metres above the origin: I in the lower half of the band,

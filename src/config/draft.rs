@@ -96,6 +96,7 @@ impl Default for MissionDraft {
                 optimise: Optimise::Rate,
                 mode: Mode::Static,
                 fairness: Fairness::Slots,
+                replan: false,
                 free_yaw: false,
                 target_rate_bps: None,
             },
@@ -464,6 +465,9 @@ pub struct PlannerSettings {
     pub mode: Mode,
     /// Who comes first in a superframe.
     pub fairness: Fairness,
+    /// The plan is made anew in flight, between two slots, for the jitter and the speeds that are measured. Where somebody moves, poses
+    /// and motions are made anew in any case.
+    pub replan: bool,
     /// The desired yaw is a variable instead of 0.
     pub free_yaw: bool,
     /// A secrecy rate in bit/s that is counted on: plans say how likely a slot misses it.

@@ -560,6 +560,13 @@ fn planner(s: &mut Section<'_, '_>, planner: &mut PlannerSettings) {
         &Fairness::default(),
         &mut planner.fairness,
     );
+    s.set_newer(
+        "replan",
+        "Make the plan anew in flight, between two slots, where vehicles jitter otherwise than stated, or the wind leaves them less speed.",
+        Flag,
+        &false,
+        &mut planner.replan,
+    );
     s.set("free_yaw", "Plan the yaw too, instead of 0.", Flag, &mut planner.free_yaw);
     s.set_optional(
         "target_rate_bps",

@@ -28,6 +28,7 @@ use super::lean;
 use super::notice::Notice;
 use super::pace::Progress;
 use super::phase::Phase;
+use super::renewal::Renewal;
 use super::settings::Settings;
 use super::start::Start;
 
@@ -101,6 +102,7 @@ pub struct Executive {
     pub(super) endurance: Endurance,
     pub(super) ground_station: GroundStation,
     pub(super) followers: Followers,
+    pub(super) renewal: Renewal,
     /// Operator's commands that are to be answered.
     pub(super) asked_for: AskedFor,
     pub(super) abort_cause: Option<Cause>,
@@ -139,7 +141,7 @@ impl Executive {
             lag: AttitudeLag::default(),
             place_lag: PlaceLag::default(),
             jitter: Jitter::new(settings.jitter),
-            progress: Progress::new(settings.limits[settings.role].speed_m_s),
+            progress: Progress::new(settings.limits[settings.role].speed_m_s, settings.replanner.is_some()),
             recorded: settings.pair.orders,
             plan: None,
             itinerary: None,
@@ -148,6 +150,7 @@ impl Executive {
             endurance: Endurance::new(settings.battery),
             ground_station: GroundStation::new(now),
             followers: Followers::new(settings.following.as_deref(), now),
+            renewal: Renewal::default(),
             asked_for: AskedFor::default(),
             abort_cause: None,
             outcome: None,
@@ -347,6 +350,7 @@ impl Executive {
         }
         let utc = self.autopilot.utc(now);
         self.service.set_permitted(self.settings.permission.holds(utc));
+        self.service.set_renewing(self.renews());
         self.service.advance(utc, now);
         self.take_service_events(now);
         if self.stopping == Stopping::Wanted {

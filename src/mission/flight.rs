@@ -287,9 +287,11 @@ impl Executive {
 
     /// Both sides have agreed: the transit begins at the table's time before the opening.
     pub(super) fn begin_transit(&mut self, commitment: Commitment, now: Instant) {
+        self.renewal.agreed();
         let transit = self.itinerary.as_ref().and_then(|i| i.transit(commitment.slot, self.settings.role));
         let Some((trajectory, peer)) = transit.filter(|_| self.phase.is_in_service()) else { return };
-        if self.settings.following.is_some() && !self.begins_here(&trajectory, now) {
+        let is_anew = self.settings.following.is_some() || self.may_replan();
+        if is_anew && !self.begins_here(&trajectory, now) {
             return self.abort(Cause::Astray(self.phase_name()), now);
         }
         if let Some(cause) = self.too_little_for(&commitment, now) {
@@ -355,7 +357,7 @@ impl Executive {
         let limits = self.motion_limits();
         let closing = self.service.slot().map(|slot| slot.is_closing());
         let next = self.service.slot_number();
-        let role = self.settings.role;
+        let (role, renews) = (self.settings.role, self.renews());
         let tracks = self.itinerary.as_ref().and_then(|itinerary| itinerary.tracks(next));
         let Some(way) = tracks.and_then(|tracks| tracks[role].way()) else { return };
         let Phase::InService { motion, .. } = &mut self.phase else { return };
@@ -364,7 +366,8 @@ impl Executive {
             Some(true) if motion.is_on_track(now) => *motion = motion.stopped(now, &limits),
             Some(true) if motion.track.is_some() => *motion = motion.clone().without_track(),
             Some(true) => {}
-            None if self.service.orders().is_paused() || !motion.is_at_rest(now) => {}
+            // Another plan begins where both rest.
+            None if renews || self.service.orders().is_paused() || !motion.is_at_rest(now) => {}
             None => {
                 if let Some(glide) = motion.rests_s.and_then(|rests_s| way.approach(rests_s, &limits)) {
                     *motion = Motion::along(glide, motion.sample(now).attitude, now);
@@ -381,6 +384,9 @@ impl Executive {
         }
         let way = self.itinerary.as_ref()?.tracks(next)?[self.settings.role].way()?;
         let Phase::InService { motion, .. } = &self.phase else { return None };
+        if self.renewal.begins_with(next) {
+            return motion.is_at_rest(now).then_some(next);
+        }
         let rests_s = motion.rests_s.filter(|_| motion.is_at_rest(now))?;
         way.is_entered_from(rests_s).then_some(next)
     }

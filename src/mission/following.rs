@@ -9,14 +9,17 @@ use std::time::Duration;
 use super::executive::Executive;
 use super::opening::Openings;
 use super::phase::Phase;
+use super::renewal::{Anew, Measured};
 use super::reported::Heard;
+use crate::geo::Pose;
 use crate::pair::adoption::{AT_REST, GRACE};
 use crate::pair::{Drifting, Places};
 use crate::planner::Options;
 use crate::planner::following::{self, Belief, Drift, Estimate, Motion, Mover, Opening, Unrest, Who};
 use crate::planner::plan::VehiclePlan;
 use crate::planner::problem::Problem;
-use crate::planner::track::{APART_S, Followed, Track};
+use crate::planner::slots::Plan;
+use crate::planner::track::{APART_S, Track};
 use crate::planner::turning::{LARGEST_RAD, Sizes};
 use crate::role::{PerVehicle, Role};
 use crate::schedule::separation::clearance_m;
@@ -78,13 +81,50 @@ pub struct Ticket {
     pub(super) number: u16,
 }
 
-/// What both vehicles fly in a slot whose motions are made anew, as one companion knows it.
+/// What both vehicles fly in a slot whose motions are made anew, or that is served by a plan which was, as one companion knows it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Flown {
     /// The slot.
     pub slot: u16,
     opens_at: Instant,
-    tracks: PerVehicle<Followed>,
+    courses: PerVehicle<Course>,
+}
+
+/// One vehicle's part: how it is held where it neither turns nor moves.
+#[derive(Debug, Clone, PartialEq)]
+struct Course {
+    held: VehiclePlan,
+    track: Option<Track>,
+}
+
+impl Course {
+    fn vehicle(&self, since_s: f64) -> VehiclePlan {
+        match &self.track {
+            None => self.held,
+            Some(Track::Followed(track)) => track.vehicle(since_s),
+            Some(track) => {
+                let place = track.place(since_s).map(|place| place.position_enu_m);
+                let position_enu_m = place.unwrap_or(self.held.pose.position_enu_m);
+                let (roll_rad, pitch_rad, yaw_rad) = track.attitude(since_s).euler();
+                let pose = Pose { position_enu_m, roll_rad, pitch_rad, yaw_rad };
+                VehiclePlan { pose, tx_power_w: track.protects_w(since_s) }
+            }
+        }
+    }
+
+    /// What it is told to radiate, in watts.
+    fn commanded_w(&self, since_s: f64) -> f64 {
+        self.track.as_ref().map_or(self.held.tx_power_w, |track| track.tx_power_w(since_s))
+    }
+
+    /// The same as of before a motion that began later.
+    fn as_of(&self, since_s: f64) -> Self {
+        let track = self.track.as_ref().map(|track| match track {
+            Track::Followed(track) => Track::Followed(track.as_of(since_s)),
+            planned @ Track::Planned(_) => planned.clone(),
+        });
+        Self { track, ..self.clone() }
+    }
 }
 
 /// Both vehicles at an instant of such a slot.
@@ -103,13 +143,14 @@ impl Flown {
     #[must_use]
     pub fn at(&self, now: Instant) -> Due {
         let since_s = now.seconds_since(self.opens_at);
-        let behind = self.tracks.as_ref().map(|track| track.as_of(since_s - GRACE.as_secs_f64()));
+        let behind = self.courses.as_ref().map(|course| course.as_of(since_s - GRACE.as_secs_f64()));
         // The other's clock may be ahead.
         let most_w = PerVehicle::from_fn(|role| {
-            let both = [&self.tracks[role], &behind[role]].into_iter();
-            both.flat_map(|track| [0.0, APART_S].map(|s| track.tx_power_w(since_s + s))).fold(0.0, f64::max)
+            let both = [&self.courses[role], &behind[role]].into_iter();
+            both.flat_map(|course| [0.0, APART_S].map(|s| course.commanded_w(since_s + s)))
+                .fold(0.0, f64::max)
         });
-        let vehicles = self.tracks.as_ref().map(|track| track.vehicle(since_s));
+        let vehicles = self.courses.as_ref().map(|course| course.vehicle(since_s));
         Due { vehicles, behind: behind.j.vehicle(since_s), most_w }
     }
 }
@@ -121,6 +162,8 @@ pub enum Question {
     Motion(following::Question),
     /// The poses of the next slot.
     Poses(Opening),
+    /// The mission's plan, from the next slot on.
+    Plan(Anew),
 }
 
 /// What was found for a question, if anything was.
@@ -130,6 +173,8 @@ pub enum Answer {
     Motion(Option<Motion>),
     /// To [`Question::Poses`].
     Poses(Option<PerVehicle<VehiclePlan>>),
+    /// To [`Question::Plan`], with what it is made for.
+    Plan(Measured, Option<Arc<Plan>>),
 }
 
 impl Question {
@@ -139,6 +184,10 @@ impl Question {
         match self {
             Self::Motion(question) => Answer::Motion(question.answer()),
             Self::Poses(opening) => Answer::Poses(opening.answer()),
+            Self::Plan(anew) => {
+                let (measured, plan) = anew.answer();
+                Answer::Plan(measured, plan)
+            }
         }
     }
 }
@@ -285,6 +334,7 @@ impl Executive {
         match answer {
             Answer::Motion(motion) => self.take_motion(ticket, motion, now),
             Answer::Poses(vehicles) => self.take_poses(ticket, vehicles, now),
+            Answer::Plan(measured, plan) => self.take_plan(measured, plan, now),
         }
         self.react(now);
     }
@@ -313,14 +363,23 @@ impl Executive {
         }
     }
 
-    /// What both fly in the slot that is served, as far as is known here; `None` where no motion is made anew.
+    /// What both fly in the slot that is served, as far as is known here; `None` where that is as the plan has it which was made before
+    /// the flight.
     #[must_use]
     pub fn flown(&self) -> Option<Flown> {
         let slot = self.service.slot()?;
-        let track = slot.track.as_ref().and_then(Track::followed)?;
-        let rest = self.service.slot_vehicles()?;
-        let tracks = PerVehicle::from_fn(|role| track.other(role, rest[role]));
-        Some(Flown { slot: slot.commitment.slot, opens_at: slot.commitment.opens_at, tracks })
+        let terms = self.service.agreed_terms()?;
+        let made_anew = slot.track.as_ref().and_then(Track::followed);
+        let from_rest = |track: Track| if slot.carried_on { track } else { track.from_rest() };
+        let track = |role: Role| match made_anew {
+            Some(track) => Some(Track::Followed(track.other(role, terms.vehicles[role]))),
+            None => terms.tracks.as_ref().map(|tracks| from_rest(tracks[role].clone())),
+        };
+        if made_anew.is_none() && terms.anew.is_none() {
+            return None;
+        }
+        let courses = PerVehicle::from_fn(|role| Course { held: terms.vehicles[role], track: track(role) });
+        Some(Flown { slot: slot.commitment.slot, opens_at: slot.commitment.opens_at, courses })
     }
 
     /// I: whether J flies the same, as far as is known here. J goes by itself.

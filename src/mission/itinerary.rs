@@ -17,6 +17,9 @@ use crate::schedule::transit::{Router, Separation, TransitError};
 
 use super::settings::Settings;
 
+/// Shorter ways take no time beside coming to rest, metres.
+const FAR_M: f64 = 5.0;
+
 /// Why the slots cannot be flown one after the other.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub(super) enum NoItinerary {
@@ -29,11 +32,14 @@ pub(super) enum NoItinerary {
 /// See the module.
 #[derive(Debug, Clone)]
 pub(super) struct Itinerary {
+    homes: PerVehicle<Enu>,
     table: Table,
     /// From the last slot's poses to above the homes, where both can fly at once.
     pub way_home: Option<Trajectory>,
     /// By slot, where the plan has the vehicles turn on the air.
     tracks: Vec<PerVehicle<Track>>,
+    /// Whether a vehicle has far to go from slot to slot, or in one: whether its speed counts.
+    pub flies: PerVehicle<bool>,
 }
 
 impl Itinerary {
@@ -43,23 +49,53 @@ impl Itinerary {
             homes.map(|home| Start { position_enu_m: settings.above(home), attitude: Attitude::level() });
         let router = Router::new(&settings.airspace, &settings.limits)?;
         let table = Table::of_plan(&router, &start, plan, &settings.timing, settings.order)?;
-        let way_home = match table.entries.last() {
-            Some(last) => {
-                let home = router.home(&last.leaves, homes)?;
-                let together = home.separation == Separation::Paths;
-                together.then(|| home.trajectories[settings.role].clone())
-            }
-            None => None,
-        };
-        let limits = settings.limits.map(|limits| limits.of_motion());
+        let way_home = way_home(&table, &router, homes, settings.role)?;
         let tracks = match &settings.following {
             Some(_) => {
                 let slots = table.entries.iter().filter_map(|entry| plan.slots.get(entry.user_index));
                 slots.map(|slot| followed(&slot.plan.vehicles)).collect()
             }
-            None => flown(&table, &plan.tracks(settings.timing.guard.as_secs_f64(), &limits)),
+            None => flown(&table, plan, (settings, &settings.limits)),
         };
-        Ok(Self { table, way_home, tracks })
+        Ok(Self { homes: *homes, flies: flies(&table, &tracks), table, way_home, tracks })
+    }
+
+    /// Flies another plan from this slot on, by ways and motions within these limits; both vehicles rest `from` there. `None` where
+    /// there is no such slot, or no way. The same on both vehicles, bit for bit.
+    pub fn renewed(
+        &self,
+        slot: u16,
+        from: &PerVehicle<Rest>,
+        plan: &Plan,
+        (settings, limits): (&Settings, &PerVehicle<Limits>),
+    ) -> Option<Self> {
+        let router = Router::new(&settings.airspace, limits).ok()?;
+        let table = self.table.resumed(slot, &router, &starts(from)?, plan, &settings.timing).ok()?;
+        let tracks = flown(&table, plan, (settings, limits));
+        let way_home = way_home(&table, &router, &self.homes, settings.role).ok()?;
+        Some(Self { homes: self.homes, flies: flies(&table, &tracks), table, way_home, tracks })
+    }
+
+    /// The order of users in a superframe.
+    pub fn order(&self, users: usize) -> Vec<usize> {
+        self.table.entries.iter().take(users).map(|entry| entry.user_index).collect()
+    }
+
+    /// What the two companions agree on from a slot on, in a plan that was made anew.
+    pub fn terms_anew(
+        &self,
+        slot: u16,
+        from: &PerVehicle<Rest>,
+        plan: &Plan,
+        limits: &PerVehicle<Limits>,
+    ) -> Option<Vec<SlotTerms>> {
+        let first = plan.slots.get(self.entry(slot)?.user_index)?;
+        let anew = Some(digest(&plan.digest, slot, (from, limits), &first.plan.vehicles));
+        let terms = |entry: &Entry| {
+            let slot = plan.slots.get(entry.user_index)?;
+            Some(self.slot_terms(entry, slot, &slot.plan.vehicles, anew))
+        };
+        self.table.entries.get(usize::from(slot)..)?.iter().map(terms).collect()
     }
 
     /// How both vehicles turn and move in a slot, where they do on the air.
@@ -111,11 +147,7 @@ impl Itinerary {
     ) -> Option<SlotTerms> {
         let planned = plan.slots.get(self.entry(slot)?.user_index)?;
         let vehicles = vehicles.unwrap_or(planned.plan.vehicles);
-        let start = |rest: &Rest| {
-            let (position_enu_m, attitude) = rest.pose()?;
-            Some(Start { position_enu_m, attitude })
-        };
-        let starts = PerVehicle { i: start(&from.i)?, j: start(&from.j)? };
+        let starts = starts(from)?;
         let router = Router::new(&settings.airspace, limits).ok()?;
         let poses = vehicles.map(|vehicle| vehicle.pose);
         self.table.reroute(&router, slot, &starts, &poses, &settings.timing).ok()?;
@@ -180,15 +212,55 @@ fn digest(
     wire::short(&hash.finalize().into())
 }
 
-/// The tracks of all the table's slots, from those of a superframe: a slot that no other one carries on ends at rest.
-fn flown(table: &Table, superframe: &[PerVehicle<Track>]) -> Vec<PerVehicle<Track>> {
-    let entries = table.entries.iter().zip(superframe.iter().cycle());
-    let tracks = entries.map(|(entry, tracks)| {
+/// Who has far to go.
+fn flies(table: &Table, tracks: &[PerVehicle<Track>]) -> PerVehicle<bool> {
+    PerVehicle::from_fn(|role| {
+        let is_far = |entry: &Entry| {
+            let way = &entry.transit[role];
+            (way.end().position_enu_m - way.sample(Duration::ZERO).position_enu_m).norm() > FAR_M
+        };
+        table.entries.iter().skip(1).any(is_far) || tracks.iter().any(|tracks| tracks[role].is_in_motion())
+    })
+}
+
+/// Home from the last slot's poses, where both can fly at once.
+fn way_home(
+    table: &Table,
+    router: &Router,
+    homes: &PerVehicle<Enu>,
+    role: Role,
+) -> Result<Option<Trajectory>, TransitError> {
+    let Some(last) = table.entries.last() else { return Ok(None) };
+    let home = router.home(&last.leaves, homes)?;
+    Ok((home.separation == Separation::Paths).then(|| home.trajectories[role].clone()))
+}
+
+/// Where both set out.
+fn starts(from: &PerVehicle<Rest>) -> Option<PerVehicle<Start>> {
+    let start = |rest: &Rest| {
+        let (position_enu_m, attitude) = rest.pose()?;
+        Some(Start { position_enu_m, attitude })
+    };
+    Some(PerVehicle { i: start(&from.i)?, j: start(&from.j)? })
+}
+
+/// The tracks of all the table's slots; none of a plan whose poses are held. A slot that no other one carries on ends at rest.
+fn flown(
+    table: &Table,
+    plan: &Plan,
+    (settings, limits): (&Settings, &PerVehicle<Limits>),
+) -> Vec<PerVehicle<Track>> {
+    let limits = limits.map(|limits| limits.of_motion());
+    let superframe = plan.tracks(settings.timing.guard.as_secs_f64(), &limits);
+    let served = plan.turns.iter().flat_map(|turns| &turns.slots).map(|slot| slot.user);
+    let served: Vec<_> = served.zip(superframe).collect();
+    let tracks = table.entries.iter().filter_map(|entry| {
+        let (_, tracks) = served.iter().find(|(user, _)| *user == entry.user_index)?;
         let next = table.entries.get(usize::from(entry.slot) + 1);
-        match next.is_some_and(|next| next.carries_on_after.is_some()) {
+        Some(match next.is_some_and(|next| next.carries_on_after.is_some()) {
             true => tracks.clone(),
             false => tracks.clone().map(Track::to_rest),
-        }
+        })
     });
     tracks.collect()
 }

@@ -26,6 +26,8 @@ const LEAST_SAMPLES: u32 = 150;
 const MORE: f64 = 1.5;
 const BEYOND_RAD: f64 = 0.3f64.to_radians();
 const LESS: f64 = 0.5;
+/// A pose is judged by so many times what was measured: that may be less than it is by twice the error of a slot's few seconds.
+const MEASURED_WITHIN: f64 = 1.06;
 
 /// See the module.
 #[derive(Debug, Clone)]
@@ -72,36 +74,73 @@ impl Jitter {
 
     /// A slot is over. Its jitter per axis in radians, if it is another than is expected; told once.
     pub fn slot_over(&mut self) -> Option<f64> {
-        let Sums { samples, errors, squares, steps, shares, .. } = std::mem::take(&mut self.slot);
+        let slot = std::mem::take(&mut self.slot);
         self.heard = None;
+        let (std_rad, other_rad) = self.judged(&slot)?;
+        self.other_rad = other_rad;
+        let is_another = std_rad < LESS * self.expected.std_rad || self.is_more(std_rad);
+        let tells = !self.told && is_another;
+        self.told |= tells;
+        tells.then_some(std_rad)
+    }
+
+    fn is_more(&self, std_rad: f64) -> bool {
+        std_rad > MORE * self.expected.std_rad + BEYOND_RAD
+    }
+
+    /// The jitter of a slot that says something, and what is to be planned for by it.
+    fn judged(&self, slot: &Sums) -> Option<(f64, Option<f64>)> {
+        let Sums { samples, errors, squares, steps, shares, .. } = *slot;
         if samples < LEAST_SAMPLES {
             return None;
         }
         let squares = squares - errors.norm_squared() / f64::from(samples);
         let std_rad = (squares / (2.0 * shares)).max(0.0).sqrt();
         let quick_rad = (steps / (4.0 * shares)).sqrt();
-        let expected_rad = self.expected.std_rad;
-        let is_more = |rad: f64| rad > MORE * expected_rad + BEYOND_RAD;
-        let less = std_rad < LESS * expected_rad;
-        self.other_rad = if less { Some(std_rad) } else { Some(quick_rad).filter(|rad| is_more(*rad)) };
-        let tells = !self.told && (less || is_more(std_rad));
-        self.told |= tells;
-        tells.then_some(std_rad)
+        let other_rad = match std_rad < LESS * self.expected.std_rad {
+            true => Some(std_rad),
+            false => Some(quick_rad).filter(|rad| self.is_more(*rad)),
+        };
+        Some((std_rad, other_rad))
     }
 
     /// What was measured in the last slot that says something, per axis in radians, if that is to be planned for.
     pub fn other_rad(&self) -> Option<f64> {
         self.other_rad
     }
+
+    /// The same if the slot under way were over.
+    pub fn would_be_rad(&self) -> Option<f64> {
+        self.judged(&self.slot).map_or(self.other_rad, |(_, other_rad)| other_rad)
+    }
 }
 
 impl Executive {
     /// I: what both vehicles plan for; `None`: what the mission says. A plan has one jitter for both: that of the less steady one.
     pub(super) fn agreed_jitter(&self) -> Option<MeasuredJitter> {
+        self.larger_jitter(self.jitter.other_rad()).filter(|_| self.settings.role == Role::I)
+    }
+
+    /// The jitter of the less steady vehicle, with this as what was measured here; `None`: what the mission says.
+    pub(super) fn larger_jitter(&self, own_rad: Option<f64>) -> Option<MeasuredJitter> {
         let stated = MeasuredJitter::of(self.settings.jitter.std_rad);
         let peer = self.service.peer().jitter;
-        let larger = self.own_jitter().unwrap_or(stated).max(peer.unwrap_or(stated));
-        (larger != stated && self.settings.role == Role::I).then_some(larger)
+        let larger = own_rad.map_or(stated, MeasuredJitter::of).max(peer.unwrap_or(stated));
+        (larger != stated).then_some(larger)
+    }
+
+    /// What the other is told. Where no slot is to carry on one after which all is planned anew, that has to be known by its end.
+    pub(super) fn told_jitter(&self) -> Option<MeasuredJitter> {
+        match self.may_replan() {
+            true => self.jitter.would_be_rad().map(MeasuredJitter::of),
+            false => self.own_jitter(),
+        }
+    }
+
+    /// By which jitter our own poses are judged in slots that are planned for this one.
+    pub(super) fn judged_by(&self, planned_for: Option<MeasuredJitter>) -> Option<MeasuredJitter> {
+        let own = self.own_jitter()?.min(planned_for?);
+        Some(MeasuredJitter::of(MEASURED_WITHIN * own.std_rad()))
     }
 
     /// What was measured here, if it is to be planned for.

@@ -7,7 +7,7 @@ use mavlink::dialects::ardupilotmega::MavSeverity;
 use crate::autopilot::{EstimatorFault, Firmware};
 use crate::pair::orders::START_EXPIRES;
 use crate::pair::wire::{VeilwingAnswer, VeilwingSilence};
-use crate::role::Role;
+use crate::role::{PerVehicle, Role};
 use crate::schedule::transit::TransitError;
 use crate::service::{GiveUp, Jamming, Silence};
 use crate::transmitter::{NotReady, Trouble};
@@ -115,6 +115,22 @@ pub enum Notice {
         /// The mission's largest speed, m/s.
         counted_on_m_s: f64,
     },
+    /// A new plan is flown from this slot on.
+    #[error(
+        "planned anew from slot {slot} on: jitter {:.2} deg, I at {:.0}% of its speed, J at {:.0}%",
+        jitter_rad.to_degrees(), 100.0 * shares.i, 100.0 * shares.j
+    )]
+    Replanned {
+        /// The first slot that is flown by it.
+        slot: u16,
+        /// The jitter that it is made for, per axis in radians.
+        jitter_rad: f64,
+        /// What it counts on of each vehicle's largest speed.
+        shares: PerVehicle<f64>,
+    },
+    /// There is no plan for what was measured.
+    #[error("no plan is found for what was measured: the one that is flown goes on")]
+    NotReplanned,
     /// A vehicle that lost its motion, or its way, to the wind and is about to leave the airspace, comes back; its slot is over for it.
     #[error("blown towards the edge of the airspace: comes back inside, level")]
     BlownOut,
@@ -337,6 +353,8 @@ impl Notice {
             | Self::MayLean(_)
             | Self::Jitter { .. }
             | Self::Slow { .. }
+            | Self::Replanned { .. }
+            | Self::NotReplanned
             | Self::SentHome
             | Self::GoingOn
             | Self::ParameterSet(..)

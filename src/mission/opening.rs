@@ -6,6 +6,7 @@ use std::time::Duration;
 use super::executive::Executive;
 use super::following::{Question, Ticket, drifts, jittering, seconds};
 use super::phase::Phase;
+use super::renewal::Measured;
 use crate::geo::Pose;
 use crate::pair::{AskedSlot, Places, Rest, SlotTerms};
 use crate::planner::following::{Belief, Drift, Opening, Roaming, Who};
@@ -25,13 +26,15 @@ pub(super) struct Openings {
     /// The slot whose poses are to be made, and of J for whom.
     wanted: Option<(u16, Option<AskedSlot>)>,
     /// What is being planned, and where both rest.
-    asked: Option<(AskedSlot, PerVehicle<Rest>)>,
+    pub(super) asked: Option<(AskedSlot, PerVehicle<Rest>)>,
 }
 
 impl Executive {
     /// Where the vehicle rests, between slots whose poses are made anew.
     pub(super) fn rests(&self, now: Instant) -> Option<Rest> {
-        self.settings.following.as_ref()?;
+        if self.settings.following.is_none() && !self.may_replan() {
+            return None;
+        }
         let Phase::InService { motion, .. } = &self.phase else { return None };
         let between = self.service.slot().is_none() && motion.is_at_rest(now);
         between.then(|| {
@@ -40,7 +43,7 @@ impl Executive {
         })
     }
 
-    fn both_rest(&self, now: Instant) -> Option<PerVehicle<Rest>> {
+    pub(super) fn both_rest(&self, now: Instant) -> Option<PerVehicle<Rest>> {
         let (own, peer) = (self.rests(now)?, self.service.peer().rests?);
         Some(PerVehicle::from_fn(|role| if role == self.settings.role { own } else { peer }))
     }
@@ -50,27 +53,29 @@ impl Executive {
         self.followers.openings.wanted = Some((slot, asked));
     }
 
-    /// Asks for the poses that are wanted, once both vehicles rest.
+    /// Asks for the poses, or the plan, that are wanted, once both vehicles rest.
     pub(super) fn ask_for_poses(&mut self, now: Instant) {
         let Some((slot, asked)) = self.followers.openings.wanted else { return };
         let Some(from) = self.both_rest(now) else { return };
-        let Some((asked, opening)) = self.opening(slot, asked, &from, now) else { return };
-        let ticket = Ticket { proposal: asked.proposal, number: slot };
+        let asked = asked.unwrap_or_else(|| self.seen(slot, now));
+        let opening = self.opening(slot, &asked, &from);
+        if opening.is_none() && !self.may_replan() {
+            return;
+        }
         let openings = &mut self.followers.openings;
         (openings.wanted, openings.asked) = (None, Some((asked, from)));
-        self.followers.question = Some((ticket, Question::Poses(opening)));
+        match opening {
+            Some(opening) => {
+                let ticket = Ticket { proposal: asked.proposal, number: slot };
+                self.followers.question = Some((ticket, Question::Poses(opening)));
+            }
+            None => self.ask_for_plan(now),
+        }
     }
 
-    fn opening(
-        &self,
-        slot: u16,
-        asked: Option<AskedSlot>,
-        from: &PerVehicle<Rest>,
-        now: Instant,
-    ) -> Option<(AskedSlot, Opening)> {
+    fn opening(&self, slot: u16, asked: &AskedSlot, from: &PerVehicle<Rest>) -> Option<Opening> {
         let (following, user) = (self.settings.following.as_ref()?, self.user_of(slot)?);
         let (_, problem) = following.problems.get(user)?;
-        let asked = asked.unwrap_or_else(|| self.seen(slot, user, now));
         let roaming =
             |drift: Option<Drift>, who| Some(Roaming { drift: drift?, unrest: following.unrest(who)? });
         let (of_user, of_eavesdroppers) = drifts(&asked.places, problem)?;
@@ -83,7 +88,7 @@ impl Executive {
             let pose = Pose { position_enu_m, roll_rad, pitch_rad, yaw_rad };
             Some(VehiclePlan { pose, tx_power_w: planned.vehicles[role].tx_power_w })
         };
-        let opening = Opening {
+        Some(Opening {
             problem: jittering(problem, &asked.places),
             user: roaming(of_user, Who::User(user)),
             eavesdroppers: of_eavesdroppers.map(|(k, drift)| roaming(drift, Who::Eavesdropper(k))).collect(),
@@ -94,20 +99,26 @@ impl Executive {
             by_volume: following.by_volume,
             slot_s: [entry.closes.saturating_sub(entry.opens), self.settings.timing.settle + AGREEING]
                 .map(|time| time.as_secs_f64()),
-        };
-        Some((asked, opening))
+        })
     }
 
     /// I: those that move, where they are now.
-    fn seen(&self, slot: u16, user: usize, now: Instant) -> AskedSlot {
+    fn seen(&self, slot: u16, now: Instant) -> AskedSlot {
         let [now_s, known_s] = [now, now + HEARD].map(seconds);
         let mut places = Places::new(0);
-        places.jitter = self.agreed_jitter();
-        places.paces = self.agreed_paces();
-        self.believe(&mut places, user, |estimate| Belief {
-            std_m: estimate.at(known_s).std_m,
-            ..estimate.at(now_s)
-        });
+        (places.jitter, places.paces) = match self.may_replan() {
+            true => {
+                let Measured { jitter, paces } = self.measured();
+                (jitter, paces)
+            }
+            false => (self.agreed_jitter(), self.agreed_paces()),
+        };
+        if let Some(user) = self.user_of(slot) {
+            self.believe(&mut places, user, |estimate| Belief {
+                std_m: estimate.at(known_s).std_m,
+                ..estimate.at(now_s)
+            });
+        }
         AskedSlot { proposal: 0, slot, places }
     }
 
@@ -132,11 +143,11 @@ impl Executive {
             }
             _ => None,
         };
-        let planned_for = asked.places.jitter.zip(self.own_jitter()).map(|(both, own)| own.min(both));
-        let terms = terms.map(|terms| SlotTerms { jitter: planned_for, ..terms });
+        let jitter = self.judged_by(asked.places.jitter);
+        let terms = terms.map(|terms| SlotTerms { jitter, ..terms });
         // I asks again after a while, and J says that it has not found the same.
         if terms.is_some() || self.settings.role == Role::J {
-            self.service.slot_planned(&asked, terms, now);
+            self.service.slot_planned(&asked, terms.map(|terms| vec![terms]), now);
         }
     }
 }

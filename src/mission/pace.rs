@@ -50,15 +50,29 @@ pub(super) struct Progress {
     best_m_s: Option<f64>,
     pace: Option<Pace>,
     told: bool,
+    /// A plan for another pace is one for all slots that are left: only what was paid for counts, and no more is tried.
+    of_plan: bool,
+    /// It was behind while it was to be on the air.
+    was_late: bool,
 }
 
 impl Progress {
-    pub fn new(largest_m_s: f64) -> Self {
-        Self { largest_m_s, last: None, made_m: 0.0, span_s: 0.0, best_m_s: None, pace: None, told: false }
+    pub fn new(largest_m_s: f64, of_plan: bool) -> Self {
+        Self {
+            largest_m_s,
+            last: None,
+            made_m: 0.0,
+            span_s: 0.0,
+            best_m_s: None,
+            pace: None,
+            told: false,
+            of_plan,
+            was_late: false,
+        }
     }
 
-    /// Takes the position that was measured at `at`, while the vehicle follows `motion`.
-    pub fn hear(&mut self, motion: &Motion, position_enu_m: &Enu, at: Instant) {
+    /// Takes the position that was measured at `at`, while the vehicle follows `motion`, and is to be `on_air` or not.
+    pub fn hear(&mut self, motion: &Motion, position_enu_m: &Enu, at: Instant, on_air: bool) {
         let Some((before, was)) = self.last.replace((at, *position_enu_m)) else { return };
         let off = (motion.sample(at).position_enu_m - position_enu_m).xy();
         let apart_s = at.seconds_since(before);
@@ -66,6 +80,7 @@ impl Progress {
         if !is_behind {
             return self.keep_up();
         }
+        self.was_late |= on_air;
         self.made_m += (position_enu_m - was).xy().dot(&off.normalize());
         self.span_s += apart_s;
         if self.span_s >= SPAN_S {
@@ -83,12 +98,27 @@ impl Progress {
     /// A slot is over. What the vehicle made, in m/s, where that is less than what is counted on; told once.
     pub fn slot_over(&mut self) -> Option<f64> {
         self.keep_up();
-        let made_m_s = self.best_m_s.take().filter(|made| *made < KEEPS_UP * self.largest_m_s);
-        self.pace = match made_m_s {
-            Some(made_m_s) => Pace::of(MARGIN * made_m_s / self.largest_m_s),
-            None => self.pace.and_then(Pace::faster),
-        };
+        let made_m_s = self.made_m_s();
+        self.pace = self.would_be();
+        (self.best_m_s, self.was_late) = (None, false);
         made_m_s.filter(|_| !std::mem::replace(&mut self.told, true))
+    }
+
+    /// What it made since the last slot was over, where that is less than what is counted on.
+    fn made_m_s(&self) -> Option<f64> {
+        let counts = self.was_late || !self.of_plan;
+        self.best_m_s.filter(|made| counts && *made < KEEPS_UP * self.largest_m_s)
+    }
+
+    /// What is to be counted on once a slot under way is over.
+    pub fn would_be(&self) -> Option<Pace> {
+        let made = self.made_m_s().and_then(|made_m_s| Pace::of(MARGIN * made_m_s / self.largest_m_s));
+        match (made, self.pace) {
+            (Some(made), Some(known)) if self.of_plan => Some(made.min(known)),
+            (Some(made), _) => Some(made),
+            (None, known) if self.of_plan => known,
+            (None, known) => known.and_then(Pace::faster),
+        }
     }
 
     /// What is to be counted on, if that is less than what the mission lets ways count on.
@@ -147,6 +177,15 @@ impl Executive {
         Some((peer_enu_m - place).norm() > clearance_m(&self.settings.airspace))
     }
 
+    /// In service, at rest where it is meant to be, whatever way it has come.
+    pub(super) fn rest_here(&mut self, now: Instant) {
+        let sample =
+            self.phase.motion().filter(|_| self.phase.is_in_service()).map(|motion| motion.sample(now));
+        if let Some(Sample { position_enu_m, attitude, .. }) = sample {
+            self.rest_at(position_enu_m, attitude, now);
+        }
+    }
+
     /// In service, at rest there from now on.
     fn rest_at(&mut self, position_enu_m: Enu, attitude: Attitude, now: Instant) {
         let rest = Trajectory::rest(&Start { position_enu_m, attitude });
@@ -196,7 +235,7 @@ mod tests {
             let start = motion.sample(Instant::ZERO).position_enu_m;
             let gone_m =
                 (speed_m_s * at.seconds_since(motion.starts_at).max(0.0)).min((meant - start).norm());
-            progress.hear(&motion, &(start + gone_m * nalgebra::Vector3::new(0.6, 0.8, 0.0)), at);
+            progress.hear(&motion, &(start + gone_m * nalgebra::Vector3::new(0.6, 0.8, 0.0)), at, false);
         }
         (progress.slot_over(), progress.pace().map(Pace::share))
     }
@@ -204,7 +243,7 @@ mod tests {
     #[test]
     fn val_the_pace_is_what_the_wind_leaves_of_the_speed_and_is_tried_upwards_again() {
         for (speed_m_s, share) in [(2.0, 0.22), (4.0, 0.45), (-1.0, 0.1)] {
-            let mut progress = Progress::new(8.0);
+            let mut progress = Progress::new(8.0, false);
             let (told, pace) = after(&mut progress, speed_m_s, 20);
             assert!(told.is_some_and(|told| (told - speed_m_s).abs() < 0.1), "{speed_m_s}: {told:?}");
             assert!(pace.is_some_and(|pace| (pace - share).abs() < 0.02), "{speed_m_s}: {pace:?}");
@@ -220,10 +259,26 @@ mod tests {
         }
     }
 
+    /// Where a plan for another pace is one for all that is left.
+    #[test]
+    fn spec_a_pace_of_a_plan_is_one_that_was_paid_for_and_no_more_is_tried() {
+        let mut progress = Progress::new(8.0, true);
+        assert_eq!(after(&mut progress, 2.0, 20), (None, None), "in time for its slot");
+        for (speed_m_s, share) in [(4.0, 0.45), (2.0, 0.23), (5.0, 0.23)] {
+            progress.was_late = true;
+            assert_eq!(after(&mut progress, speed_m_s, 20).1, Some(share), "{speed_m_s}");
+        }
+        assert_eq!(after(&mut progress, 20.0, 20), (None, Some(0.23)));
+    }
+
     #[test]
     fn spec_who_keeps_up_or_is_not_heard_has_no_pace() {
         for (speed_m_s, every_ms) in [(20.0, 20), (7.6, 20), (2.0, 300)] {
-            assert_eq!(after(&mut Progress::new(8.0), speed_m_s, every_ms), (None, None), "{speed_m_s}");
+            assert_eq!(
+                after(&mut Progress::new(8.0, false), speed_m_s, every_ms),
+                (None, None),
+                "{speed_m_s}"
+            );
         }
     }
 }

@@ -19,6 +19,7 @@ use crate::transmitter::Demands;
 use super::endurance::Battery;
 use super::following::Following;
 use super::permission::Permission;
+use super::renewal::Replanner;
 use super::scene::Scene;
 
 /// Whose commands are obeyed.
@@ -83,6 +84,8 @@ pub struct Settings {
     pub scene: Scene,
     /// Those that move, if any do.
     pub following: Option<Arc<Following>>,
+    /// Makes the plan anew in flight, where nothing moves and the mission asks for it.
+    pub replanner: Option<Replanner>,
     /// Begin as soon as both vehicles are ready, without waiting for MISSION_START.
     pub start_unasked: bool,
     /// When the transit to the first slot begins, unless the operator decides.

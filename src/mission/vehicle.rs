@@ -18,9 +18,7 @@ impl Executive {
                 } else {
                     self.lag.hold_up();
                 }
-                let in_slot =
-                    |slot: &Slot| (slot.commitment.opens_at..slot.radiate_until).contains(&measured_at);
-                if self.service.slot().is_some_and(in_slot) {
+                if self.is_open(measured_at) {
                     let meant = motion.sample(measured_at).attitude;
                     self.jitter.hear(&attitude, &meant, measured_at);
                 }
@@ -28,7 +26,8 @@ impl Executive {
             if let Some((position, measured_at)) = self.autopilot.position(now) {
                 self.place_lag.hear(motion, &position, measured_at, now);
                 if self.phase.is_in_service() && self.autopilot.commands_as_asked() {
-                    self.progress.hear(motion, &position, measured_at);
+                    let on_air = self.is_open(measured_at);
+                    self.progress.hear(motion, &position, measured_at, on_air);
                 } else {
                     self.progress.keep_up();
                 }
@@ -42,6 +41,12 @@ impl Executive {
             };
             self.autopilot.set_setpoint(setpoint, now);
         }
+    }
+
+    /// Whether a slot is open then.
+    fn is_open(&self, at: Instant) -> bool {
+        let open = |slot: &Slot| (slot.commitment.opens_at..slot.radiate_until).contains(&at);
+        self.service.slot().is_some_and(open)
     }
 
     pub(super) fn vehicle(&self, now: Instant) -> Vehicle {
@@ -60,8 +65,8 @@ impl Executive {
             at_rest: in_service.is_some_and(|motion| motion.is_at_rest(now)),
             rests_for: self.rests_for(now),
             rests: self.rests(now),
-            jitter: self.own_jitter(),
-            pace: self.progress.pace(),
+            jitter: self.told_jitter(),
+            pace: if self.may_replan() { self.progress.would_be() } else { self.progress.pace() },
             home_enu_m: self.home_enu_m,
             preflight_ok: self.ground.preflight_ok(),
             ended: self.phase.is_ending(),

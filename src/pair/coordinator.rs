@@ -154,16 +154,16 @@ impl Coordinator {
         }
     }
 
-    /// A slot's poses are made anew, with the way to them, from where both rest: they take the place of those that the plan has,
-    /// or that were made before; `None`, for J: none were found. What is agreed on stays.
-    pub fn slot_planned(&mut self, asked: &AskedSlot, terms: Option<SlotTerms>, now: Instant) {
+    /// A slot is planned anew, with the way to it, from where both rest, and perhaps those after it: they take the place of those that
+    /// the plan has, or that were made before; `None`, for J: nothing was found. What is agreed on stays.
+    pub fn slot_planned(&mut self, asked: &AskedSlot, terms: Option<Vec<SlotTerms>>, now: Instant) {
         let awaited = match &mut self.part {
             Part::I(leader) => !leader.is_proposing(),
             Part::J(follower) => follower.made_anew(asked),
         };
-        let own = self.plan.as_mut().and_then(|plan| plan.slots.get_mut(usize::from(asked.slot)));
+        let own = self.plan.as_mut().and_then(|plan| plan.slots.get_mut(usize::from(asked.slot)..));
         if let (true, None, Some((own, terms))) = (awaited, self.agreed, own.zip(terms)) {
-            *own = terms;
+            own.iter_mut().zip(terms).for_each(|(own, terms)| *own = terms);
         }
         let waiting = match &mut self.part {
             Part::J(follower) if awaited => follower.take_waiting(),

@@ -89,6 +89,29 @@ impl Plan {
         Some(Moving { protected: self.turns.clone()?, ways: self.ways.clone()? })
     }
 
+    /// The plan by the users of a mission, made for one that lists them in this order instead: a permutation. One that is none gives
+    /// `None`.
+    #[must_use]
+    pub fn relisted(self, order: &[usize]) -> Option<Self> {
+        let listed = |user: usize| order.iter().position(|listed| *listed == user);
+        let slots = (0..self.slots.len()).map(|user| self.slots.get(listed(user)?).cloned());
+        let slots = slots.collect::<Option<Vec<_>>>().filter(|_| order.len() == self.slots.len())?;
+        let turns = self.turns.map(|mut turns| {
+            for slot in &mut turns.slots {
+                slot.user = *order.get(slot.user)?;
+                slot.knots.iter_mut().for_each(|knot| {
+                    knot.served = knot.served.and_then(|user| order.get(user).copied());
+                });
+            }
+            Some(turns)
+        });
+        let turns = match turns {
+            Some(relisted) => Some(relisted?),
+            None => None,
+        };
+        Some(Self::sealed(slots, turns, self.ways))
+    }
+
     fn sealed(slots: Vec<PlannedSlot>, turns: Option<Protected>, ways: Option<PerVehicle<Spline>>) -> Self {
         let mut hash = Sha256::new();
         for slot in &slots {
@@ -133,20 +156,16 @@ pub fn hex(digest: &[u8]) -> String {
 }
 
 #[cfg(test)]
-mod tests {
-    use nalgebra::Vector3;
-
+pub(crate) mod testing {
     use super::*;
     use crate::geo::Pose;
     use crate::planner::plan::{BoundKind, Status};
 
-    fn slot(user: &str, x: f64) -> PlannedSlot {
-        let pose =
-            Pose { position_enu_m: Vector3::new(x, 0.0, 80.0), roll_rad: 0.1, pitch_rad: 0.2, yaw_rad: 0.0 };
-        let vehicle = VehiclePlan { pose, tx_power_w: 0.5 };
+    /// With these poses, half a watt each.
+    pub fn slot(user: &str, poses: &PerVehicle<Pose>) -> PlannedSlot {
         let plan = SlotPlan {
             status: Status::Converged,
-            vehicles: PerVehicle { i: vehicle, j: vehicle },
+            vehicles: poses.map(|pose| VehiclePlan { pose, tx_power_w: 0.5 }),
             secrecy_rate_bps: 1.0,
             standard_error_bps: 0.0,
             objective_bps: 1.0,
@@ -156,6 +175,32 @@ mod tests {
             eavesdropper_sinr: vec![],
         };
         PlannedSlot { user: user.into(), plan, lean_rad: PerVehicle { i: None, j: None }, length: None }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Vector3;
+
+    use super::*;
+    use crate::geo::Pose;
+
+    fn slot(user: &str, x: f64) -> PlannedSlot {
+        let pose =
+            Pose { position_enu_m: Vector3::new(x, 0.0, 80.0), roll_rad: 0.1, pitch_rad: 0.2, yaw_rad: 0.0 };
+        testing::slot(user, &PerVehicle { i: pose, j: pose })
+    }
+
+    #[test]
+    fn spec_a_plan_by_another_list_is_the_plan_by_the_mission_s() {
+        let listed = Plan::new(["a", "b", "c"].map(|user| slot(user, 1.0)).into());
+        let order = [2, 0, 1];
+        let other = Plan::new(order.map(|user| listed.slots[user].clone()).into());
+        assert_ne!(other.digest, listed.digest);
+        assert_eq!(other.clone().relisted(&order), Some(listed));
+        for none in [&[2, 0][..], &[0, 0, 1], &[0, 1, 3], &[0, 1, 2, 3]] {
+            assert_eq!(other.clone().relisted(none), None, "{none:?}");
+        }
     }
 
     #[test]

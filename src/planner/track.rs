@@ -135,6 +135,15 @@ impl Track {
         }
     }
 
+    /// The power in watts that protects at a time since the opening; before the user is served, and afterwards, as commanded then.
+    #[must_use]
+    pub fn protects_w(&self, since_opening_s: f64) -> f64 {
+        match self {
+            Self::Planned(track) => track.protects_w(since_opening_s),
+            Self::Followed(track) => track.vehicle(since_opening_s).tx_power_w,
+        }
+    }
+
     /// The power that protects exceeds this one from then on, in seconds since the opening, if it does at this time or later.
     #[must_use]
     pub fn outgrows(&self, tx_power_w: f64, since_opening_s: f64) -> Option<f64> {

@@ -105,6 +105,26 @@ pub struct Turned {
 }
 
 impl Turned {
+    /// The users of a plan, where it has the vehicles hold their poses: as listed.
+    fn standing(plan: &Plan, usual: Duration) -> Vec<Self> {
+        let slots = plan.slots.iter().zip(plan.lengths(usual)).enumerate();
+        let users = slots.map(|(user_index, (slot, length))| Self {
+            user_index,
+            ends: [slot.plan.vehicles.map(|vehicle| vehicle.pose); 2],
+            length,
+            carries_on_after: None,
+            enters: None,
+        });
+        users.collect()
+    }
+
+    /// The users of a plan, where it has the vehicles turn on the air; `None` where they hold their poses.
+    fn turning(router: &Router, plan: &Plan, guard: Duration) -> Option<Vec<Self>> {
+        let turns = plan.turns.as_ref()?;
+        let limits = PerVehicle::from_fn(|role| router.limits(role).of_motion());
+        Self::of(turns, &plan.tracks(guard.as_secs_f64(), &limits), guard)
+    }
+
     /// The users of a plan, where it has the vehicles turn on the air.
     fn of(turns: &Protected, tracks: &[PerVehicle<Track>], guard: Duration) -> Option<Vec<Self>> {
         let guard_s = guard.as_secs_f64();
@@ -153,12 +173,8 @@ impl Table {
         timing: &Timing,
         order: Order,
     ) -> Result<Self, TableError> {
-        if let Some(turns) = &plan.turns {
-            let limits = PerVehicle::from_fn(|role| router.limits(role).of_motion());
-            let tracks = plan.tracks(timing.guard.as_secs_f64(), &limits);
-            if let Some(users) = Turned::of(turns, &tracks, timing.guard) {
-                return Self::turned(router, start, &users, timing);
-            }
+        if let Some(users) = Turned::turning(router, plan, timing.guard) {
+            return Self::turned(router, start, &users, timing);
         }
         let users: Vec<_> = plan.slots.iter().map(|slot| vec![slot.plan.vehicles.map(|v| v.pose)]).collect();
         Self::with_lengths(router, start, &users, &plan.lengths(timing.slot), timing, order)
@@ -175,10 +191,43 @@ impl Table {
         timing: &Timing,
     ) -> Result<Self, TableError> {
         check(users.len(), users.len(), users.iter().map(|user| user.length), timing)?;
+        let visits = (0..timing.superframes).flat_map(|_| users);
+        Self::visiting(Vec::new(), router, start, visits, timing)
+    }
+
+    /// The same slots, by another plan from this one on: from where the vehicles rest, with each user served when it would have been.
+    /// The plan has the same users, and where it has the vehicles turn on the air it serves them in this table's order.
+    ///
+    /// # Errors
+    /// [`TableError::Transit`] where there is no way.
+    pub fn resumed(
+        &self,
+        slot: u16,
+        router: &Router,
+        from: &PerVehicle<Start>,
+        plan: &Plan,
+        timing: &Timing,
+    ) -> Result<Self, TableError> {
+        let users = Turned::turning(router, plan, timing.guard)
+            .unwrap_or_else(|| Turned::standing(plan, timing.slot));
+        let (over, left) = self.entries.split_at(self.entries.len().min(slot.into()));
+        let visits =
+            left.iter().filter_map(|entry| users.iter().find(|user| user.user_index == entry.user_index));
+        Self::visiting(over.to_vec(), router, from, visits, timing)
+    }
+
+    /// Slots that follow others.
+    fn visiting<'a>(
+        mut entries: Vec<Entry>,
+        router: &Router,
+        start: &PerVehicle<Start>,
+        visits: impl Iterator<Item = &'a Turned>,
+        timing: &Timing,
+    ) -> Result<Self, TableError> {
         let hover = |pose: Pose| Start { position_enu_m: pose.position_enu_m, attitude: pose.attitude() };
-        let mut entries: Vec<Entry> = Vec::new();
+        let first = u16::try_from(entries.len()).unwrap_or(u16::MAX);
         let mut before: Option<&Turned> = None;
-        for (slot, user) in (0..=u16::MAX).zip((0..timing.superframes).flat_map(|_| users)) {
+        for (slot, user) in (first..=u16::MAX).zip(visits) {
             let from = match before {
                 None => *start,
                 Some(before) if user.enters.is_some() => PerVehicle::from_fn(|role| Start {
@@ -403,6 +452,34 @@ mod tests {
 
     fn built(users: &[Vec<PerVehicle<Pose>>], timing: &Timing, order: Order) -> Result<Table, TableError> {
         Table::build(&testing::router(), &start(), users, timing, order)
+    }
+
+    /// Other poses from the second slot of four on: those before are as they were, those after serve the same users, in time.
+    #[test]
+    fn val_a_table_goes_on_by_another_plan_from_where_the_vehicles_rest() {
+        let plan = |metres: f64| {
+            let slot = |user: &str, y: f64| {
+                let pose = |p: Pose| Pose { position_enu_m: p.position_enu_m + Enu::new(0.0, y, 0.0), ..p };
+                crate::planner::slots::testing::slot(user, &poses(0.0).map(pose))
+            };
+            Plan::new(vec![slot("a", metres), slot("b", metres + 50.0)])
+        };
+        let table =
+            Table::of_plan(&testing::router(), &start(), &plan(100.0), &TIMING, Order::Listed).unwrap();
+        let rest = PerVehicle::from_fn(|role| table.entries[0].leaves[role]);
+        let other = table.resumed(1, &testing::router(), &rest, &plan(0.0), &TIMING).unwrap();
+        assert_eq!(other.entries[0], table.entries[0]);
+        let (of, was) = (&other.entries[1..], &table.entries[1..]);
+        let users = |entries: &[Entry]| entries.iter().map(|e| (e.slot, e.user_index)).collect::<Vec<_>>();
+        assert_eq!((of.len(), users(of)), (3, users(was)));
+        assert_eq!(of[0].transit_starts, table.entries[0].closes);
+        assert_eq!(of[0].transit.i.sample(Duration::ZERO).position_enu_m, rest.i.position_enu_m);
+        // 50 m south instead of 50 m north.
+        assert_eq!((of[0].opens, of[0].leaves.i.position_enu_m.y), (was[0].opens, 50.0));
+        assert_eq!(other.ends, table.ends);
+        // The same plan from where its own slot ended is no other table.
+        assert_eq!(table.resumed(1, &testing::router(), &rest, &plan(100.0), &TIMING).unwrap(), table);
+        assert_eq!(table.resumed(9, &testing::router(), &rest, &plan(0.0), &TIMING).unwrap(), table);
     }
 
     #[test]

@@ -72,6 +72,8 @@ pub struct SlotService {
     table_zero: Option<Instant>,
     /// I: the slot whose poses are to be made anew, or are.
     anew: Anew,
+    /// From the next slot on all is to be planned anew.
+    renews: bool,
     vehicle: Vehicle,
     /// The mission's permission to radiate holds at present.
     permitted: bool,
@@ -102,6 +104,7 @@ impl SlotService {
             agreement_time: AgreementTime::default(),
             table_zero: None,
             anew: Anew::No,
+            renews: false,
             vehicle: Vehicle::default(),
             permitted: true,
             events: VecDeque::new(),

@@ -31,6 +31,7 @@ mod preflight;
 mod radio_table;
 mod reaction;
 mod reaction_table;
+mod renewal;
 mod setpoints;
 mod sightings;
 mod signed;

@@ -34,6 +34,8 @@ pub struct Companion {
     /// What is flown; I: how often it has made poses anew.
     flown: Flown,
     poses_made: u32,
+    /// A slot that was planned anew is agreed on.
+    renewed: bool,
     /// The motion that it flies: its number, when it begins, and what each flew when it was asked for.
     pub flies: (u16, Instant, [u16; 2]),
     /// How many it may ask for yet, and those that it has made.
@@ -49,6 +51,7 @@ impl Companion {
         Self {
             flown: *flown,
             poses_made: 0,
+            renewed: false,
             role,
             clocks,
             service,
@@ -143,12 +146,15 @@ impl Companion {
             self.joining = false;
             self.service.join(0, None, now);
         }
+        let measures = self.service.slot().is_some() || self.service.slot_number() > 0;
+        self.service.set_renewing(self.flown.renews == Some(self.role) && measures && !self.renewed);
         self.service.advance(Some(self.clocks.utc(t)), now);
         while let Some(event) = self.service.poll_event() {
             self.events.iter_mut().for_each(|events| events.push(event));
             match event {
                 Event::Over(slot, _) => self.finished.push(slot),
                 Event::AllOver => self.joining = true,
+                Event::Agreed(commitment) => self.renewed |= commitment.slot > 0,
                 Event::GiveUp(why) => self.abort(format!("{why:?}"), now),
                 Event::PlanMotion => {
                     let Some(asked) = self.service.asked_motion().copied() else { continue };
@@ -167,7 +173,7 @@ impl Companion {
                         AskedSlot { proposal: 0, slot, places: Places::new(self.poses_made) }
                     });
                     let terms = self.flown.terms_anew(slot, asked.places.begins_ms);
-                    self.service.slot_planned(&asked, terms, now);
+                    self.service.slot_planned(&asked, terms.map(|terms| vec![terms]), now);
                 }
                 // One that it has not made would be a motion of nobody's.
                 Event::TakeUp(number) => {

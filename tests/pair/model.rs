@@ -299,7 +299,8 @@ impl SlotModel {
             let to = role.peer();
             state.under_way.push((to, message));
             let waiting = state.under_way.iter().filter(|(whose, _)| *whose == to).count();
-            if bounded && waiting > 2 {
+            // A proposal for places comes as two.
+            if bounded && waiting > 2 + usize::from(self.flown.renews.is_some()) {
                 let oldest = state.under_way.iter().position(|(whose, _)| *whose == to);
                 oldest.map(|oldest| state.under_way.remove(oldest));
             }
@@ -500,7 +501,7 @@ impl Model for SlotModel {
             }));
             properties.push(Property::<Self>::sometimes("both fly the last motion", |_, state| state.joined));
         }
-        if self.flown.anew {
+        if self.flown.anew || self.flown.renews.is_some() {
             properties.push(Property::<Self>::always("both serve a slot from the same poses", |_, state| {
                 state.same_poses
             }));

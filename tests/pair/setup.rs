@@ -49,12 +49,14 @@ pub struct Flown {
     pub motions: u16,
     /// So are the poses of each slot.
     pub anew: bool,
+    /// Slots that carry each other on are planned anew from the second on: who knows of that by itself.
+    pub renews: Option<Role>,
 }
 
 /// Slots that are each agreed on.
 impl Default for Flown {
     fn default() -> Self {
-        Self { slots: SLOTS, length: SLOT, turning: false, motions: 0, anew: false }
+        Self { slots: SLOTS, length: SLOT, turning: false, motions: 0, anew: false, renews: None }
     }
 }
 
@@ -81,12 +83,17 @@ impl Flown {
         PlanTerms { digest: [7; 32], slots: (0..self.slots).map(terms).collect() }
     }
 
-    /// A slot whose poses are made anew: the first, second, ... that are.
+    /// A slot whose poses are made anew, or that is planned anew: the first, second, ... that is.
     pub fn terms_anew(&self, slot: u16, number: u32) -> Option<SlotTerms> {
-        let mut terms = self.anew.then(|| self.plan().slots.into_iter().nth(usize::from(slot))).flatten()?;
+        let is_anew = self.anew || self.renews.is_some();
+        let mut terms = is_anew.then(|| self.plan().slots.into_iter().nth(usize::from(slot))).flatten()?;
         terms.anew = Some([number as u8; 8]);
         terms.vehicles.i.tx_power_w *= powered(number);
-        terms.tracks = Some(at_rest(&terms.vehicles));
+        if self.anew {
+            terms.tracks = Some(at_rest(&terms.vehicles));
+        } else {
+            terms.carries_on_after = None;
+        }
         Some(terms)
     }
 

@@ -175,7 +175,7 @@ impl Companion {
                 let asked = asked.unwrap_or(AskedSlot { proposal: 0, slot, places });
                 let anew = Some([u8::from(asked.proposal % 5 == 4); 8]);
                 let terms = terms::followed().slots.pop().map(|terms| SlotTerms { anew, ..terms });
-                self.service.slot_planned(&asked, terms, now);
+                self.service.slot_planned(&asked, terms.map(|terms| vec![terms]), now);
             }
         }
         assert!(events.len() <= 5, "{} at once: {events:?}", self.role);

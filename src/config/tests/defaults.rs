@@ -54,6 +54,7 @@ fn spec_defaults_are_those_of_the_interface() {
         optimise: Optimise::Rate,
         mode: Mode::Static,
         fairness: Fairness::Slots,
+        replan: false,
         free_yaw: false,
         target_rate_bps: None,
     };
@@ -236,6 +237,7 @@ fn spec_all_settings_of_the_interface_are_there() {
         "planner.optimise",
         "planner.mode",
         "planner.fairness",
+        "planner.replan",
         "tdma.slot_min_s",
         "tdma.slot_max_s",
     ] {

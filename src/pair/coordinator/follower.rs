@@ -85,7 +85,9 @@ impl Follower {
         propose: &wire::VEILWING_PROPOSE_DATA,
         plan: Option<&PlanTerms>,
     ) -> Option<Option<Event>> {
-        let terms = plan?.slots.get(usize::from(propose.slot)).filter(|terms| terms.follows())?;
+        let places = self.told.filter(|(proposal, _)| *proposal == propose.proposal);
+        let terms = plan?.slots.get(usize::from(propose.slot));
+        let terms = terms.filter(|terms| terms.follows() || places.is_some())?;
         let as_planned = propose.plan_digest == wire::short(&plan?.digest) && terms.anew.is_none();
         if self.readiness != Some(propose.slot) || as_planned {
             return None;
@@ -93,7 +95,6 @@ impl Follower {
         match &self.anew {
             Some((asked, done)) if asked.proposal == propose.proposal => (!done).then_some(None),
             _ => {
-                let places = self.told.filter(|(proposal, _)| *proposal == propose.proposal);
                 let (proposal, slot) = (propose.proposal, propose.slot);
                 let asked = places.map(|(_, places)| AskedSlot { proposal, slot, places });
                 self.anew = asked.map(|asked| (asked, false)).or(self.anew);

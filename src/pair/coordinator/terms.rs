@@ -170,7 +170,7 @@ impl MeasuredJitter {
 
 /// What a vehicle makes in this wind of the largest speed that the mission lets it have, in percent: both companions reckon with this
 /// number.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Pace(NonZeroU8);
 
 impl Pace {

@@ -359,7 +359,7 @@ fn asked(proposal: u32, number: u8) -> AskedSlot {
 /// I has made the first slot's poses of this number, and proposes it.
 fn propose_anew(i: &mut Coordinator, number: u8, ms: u64) {
     let asked = asked(0, number);
-    i.slot_planned(&asked, Some(anew(i, number)), at(ms));
+    i.slot_planned(&asked, Some(vec![anew(i, number)]), at(ms));
     i.propose(0, utc(ms + 4000), Some(asked.places), at(ms));
     i.handle_timeout(at(ms));
 }
@@ -393,14 +393,39 @@ fn spec_j_makes_a_slot_s_poses_before_it_answers_and_agrees_where_it_finds_the_s
         assert_eq!((events(&mut j), answers(&mut j)), (vec![], vec![]));
         let terms = found.map(|found| anew(&j, found));
         // Nor by what another question has found.
-        j.slot_planned(&asked(1, 5), Some(anew(&j, 5)), at(2050));
+        j.slot_planned(&asked(1, 5), Some(vec![anew(&j, 5)]), at(2050));
         assert_eq!(answers(&mut j), vec![]);
         // It answers as soon as it is.
-        j.slot_planned(&asked(1, 3), terms, at(2060));
+        j.slot_planned(&asked(1, 3), terms.map(|terms| vec![terms]), at(2060));
         assert_eq!(answers(&mut j), vec![expected], "{found:?}");
         said.iter().for_each(|m| j.handle_message(m, at(2070)));
         assert_eq!(answers(&mut j), vec![expected], "{found:?}");
     }
+}
+
+/// A plan that is made anew, of a mission in which nothing moves: from a slot on, all of them.
+#[test]
+fn spec_j_makes_the_slots_that_are_left_before_it_answers_where_it_is_told_for_what() {
+    let (mut i, mut j) = pair();
+    let renewed = |of: &Coordinator| {
+        let slots = (0..).map_while(|slot| of.slot_terms(slot).cloned());
+        slots.map(|terms| SlotTerms { anew: Some([9; 8]), ..terms }).collect::<Vec<_>>()
+    };
+    let terms = renewed(&i);
+    assert!(terms.len() > 1 && !terms[0].follows());
+    i.slot_planned(&asked(0, 3), Some(terms.clone()), at(2000));
+    i.propose(0, utc(6000), Some(asked(0, 3).places), at(2000));
+    i.handle_timeout(at(2000));
+    let said = sent(&mut i);
+    let places = |m: &&MavMessage| matches!(m, MavMessage::VEILWING_PLACES(_));
+    // Without the word for what, it is another plan.
+    said.iter().filter(|m| !places(m)).for_each(|m| j.handle_message(m, at(2000)));
+    assert_eq!((events(&mut j), answers(&mut j)), (vec![], vec![VeilwingAnswer::VEILWING_ANSWER_WRONG_PLAN]));
+    said.iter().for_each(|m| j.handle_message(m, at(2010)));
+    assert_eq!((events(&mut j), answers(&mut j)), (vec![Event::PlanSlot(asked(1, 3))], vec![]));
+    j.slot_planned(&asked(1, 3), Some(terms), at(2020));
+    assert_eq!(answers(&mut j), vec![VeilwingAnswer::VEILWING_ANSWER_ACCEPTED]);
+    assert_eq!(renewed(&j), (0..).map_while(|slot| j.slot_terms(slot).cloned()).collect::<Vec<_>>());
 }
 
 #[test]
@@ -427,7 +452,7 @@ fn spec_what_is_said_late_of_a_slot_that_is_over_takes_the_place_of_nothing() {
     hear(&mut j, &old_places, 2010);
     assert_eq!(hear(&mut j, &old, 2010), vec![Event::PlanSlot(asked(1, 3))]);
     let terms = anew(&j, 3);
-    j.slot_planned(&asked(1, 3), Some(terms), at(2020));
+    j.slot_planned(&asked(1, 3), Some(vec![terms]), at(2020));
     assert_eq!(answers(&mut j), vec![VeilwingAnswer::VEILWING_ANSWER_ACCEPTED]);
     j.release(at(2030));
     j.set_readiness(Some(0));
@@ -482,7 +507,7 @@ fn prop_both_are_committed_to_the_same_poses() {
             if let Some((_, asked)) = making.take_if(|(made, _)| *made <= ms) {
                 let found = asked.places.begins_ms as u8;
                 let terms = anew(&j, if rng.random_bool(0.1) { found.wrapping_add(1) } else { found });
-                j.slot_planned(&asked, Some(terms), at(ms));
+                j.slot_planned(&asked, Some(vec![terms]), at(ms));
             }
             for event in events(&mut j) {
                 if let Event::PlanSlot(asked) = event {

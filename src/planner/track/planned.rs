@@ -186,7 +186,13 @@ impl Planned {
             step.leg.begins_s <= since_opening_s + APART_S + UNDER_WAY_S
                 && since_opening_s < step.leg.ends_s + APART_S
         });
-        near.map(|step| step.tx_power_w).fold(self.step(since_opening_s).tx_power_w, f64::max)
+        near.map(|step| step.tx_power_w).fold(self.protects_w(since_opening_s), f64::max)
+    }
+
+    /// The power in watts of the step that is under way, or of the nearest one.
+    #[must_use]
+    pub fn protects_w(&self, since_opening_s: f64) -> f64 {
+        self.step(since_opening_s).tx_power_w
     }
 
     /// The power that protects exceeds this one from then on, in seconds since the opening, if it does at this time or later.

@@ -11,7 +11,7 @@ use crate::time::Instant;
 impl SlotService {
     /// The slot that carries on one which closes at `closes_at`, if it does: by the clock, and by nobody's word.
     pub(super) fn carried_on(&mut self, closes_at: Instant, now: Instant) -> Option<Slot> {
-        let in_order = self.slot().is_some_and(|slot| !slot.closing) && now >= closes_at;
+        let in_order = self.slot().is_some_and(|slot| !slot.closing) && now >= closes_at && !self.renews;
         if !in_order || self.abandoning || self.orders().is_paused() || self.orders().is_killed() {
             return None;
         }
@@ -40,7 +40,7 @@ impl SlotService {
     pub(super) fn is_elsewhere(&self, next: u16) -> bool {
         let moves = |slot: u16| self.pair.slot_terms(slot).is_some_and(SlotTerms::is_in_motion);
         next.checked_sub(1).is_some_and(moves)
-            && (!self.vehicle.at_rest || moves(next) && self.vehicle.rests_for != Some(next))
+            && (!self.vehicle.at_rest || !self.renews && moves(next) && self.vehicle.rests_for != Some(next))
     }
 
     /// How far this vehicle's clock may be from I's, by which slots open.

@@ -1,4 +1,4 @@
-//! Poses that are made anew before a slot is agreed on, and motions while it is served.
+//! Poses, or a whole plan, made anew before a slot is agreed on, and motions while it is served.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -45,7 +45,7 @@ impl SlotService {
         planned: (Duration, Duration),
         now: Instant,
     ) -> Option<(Duration, Duration)> {
-        if !self.pair.slot_terms(next).is_some_and(SlotTerms::follows) {
+        if !self.renews && !self.pair.slot_terms(next).is_some_and(SlotTerms::follows) {
             return Some(planned);
         }
         match self.anew {
@@ -61,9 +61,16 @@ impl SlotService {
         }
     }
 
-    /// What [`super::Event::PlanSlot`] asked for: the slot's poses and the way to them, from where both rest. `None`: none were
-    /// found; I then proposes the slot as the plan has it, which is for a vehicle that rests where the slot before left it.
-    pub fn slot_planned(&mut self, asked: &AskedSlot, terms: Option<SlotTerms>, now: Instant) {
+    /// The slots from the next one on are to be planned anew before it is agreed on, from where both rest: none carries on the one under
+    /// way.
+    pub fn set_renewing(&mut self, renews: bool) {
+        self.renews = renews;
+    }
+
+    /// What [`super::Event::PlanSlot`] asked for: the slot's poses and the way to them, from where both rest, and of those after it where
+    /// they are planned with it. `None`: none were found; I then proposes the slot as the plan has it, which is for a vehicle that rests
+    /// where the slot before left it.
+    pub fn slot_planned(&mut self, asked: &AskedSlot, terms: Option<Vec<SlotTerms>>, now: Instant) {
         if let Anew::Asked(slot, _) = self.anew
             && slot == asked.slot
         {
@@ -105,7 +112,13 @@ impl SlotService {
     /// How both are in the slot agreed on, as planned before anything moved.
     #[must_use]
     pub fn slot_vehicles(&self) -> Option<PerVehicle<VehiclePlan>> {
-        Some(self.pair.slot_terms(self.slot()?.commitment.slot)?.vehicles)
+        Some(self.agreed_terms()?.vehicles)
+    }
+
+    /// The terms of the slot agreed on.
+    #[must_use]
+    pub fn agreed_terms(&self) -> Option<&SlotTerms> {
+        self.pair.slot_terms(self.slot()?.commitment.slot)
     }
 
     /// What [`super::Event::TakeUp`] asked for: pose and power follow it from its beginning on.
