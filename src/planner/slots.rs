@@ -96,19 +96,13 @@ impl Plan {
         let listed = |user: usize| order.iter().position(|listed| *listed == user);
         let slots = (0..self.slots.len()).map(|user| self.slots.get(listed(user)?).cloned());
         let slots = slots.collect::<Option<Vec<_>>>().filter(|_| order.len() == self.slots.len())?;
-        let turns = self.turns.map(|mut turns| {
-            for slot in &mut turns.slots {
-                slot.user = *order.get(slot.user)?;
-                slot.knots.iter_mut().for_each(|knot| {
-                    knot.served = knot.served.and_then(|user| order.get(user).copied());
-                });
+        let mut turns = self.turns;
+        for slot in turns.iter_mut().flat_map(|turns| &mut turns.slots) {
+            slot.user = *order.get(slot.user)?;
+            for served in slot.knots.iter_mut().filter_map(|knot| knot.served.as_mut()) {
+                *served = *order.get(*served)?;
             }
-            Some(turns)
-        });
-        let turns = match turns {
-            Some(relisted) => Some(relisted?),
-            None => None,
-        };
+        }
         Some(Self::sealed(slots, turns, self.ways))
     }
 
