@@ -82,7 +82,7 @@ pub(super) enum Tracking {
 pub(super) struct BootClock {
     /// The latest time of its own that the autopilot has named, and when that was heard.
     latest: Option<(BootTime, Instant)>,
-    /// The first since it was found or restarted, likewise.
+    /// The first since it was found or restarted, likewise; or one since then that was less under way.
     first: Option<(BootTime, Instant)>,
     exchanges: Exchanges,
     envelope: Envelope,
@@ -109,7 +109,10 @@ impl BootClock {
     /// Takes the stamp of a message that is heard at `now`.
     pub(super) fn hear(&mut self, boot_ms: u32, now: Instant) -> BootTime {
         let time = self.unwrap(boot_ms);
-        self.first.get_or_insert((time, now));
+        // None is heard before it was taken: what names a later time was longer under way.
+        if self.on_our_clock(time).is_none_or(|taken| taken > now) {
+            self.first = Some((time, now));
+        }
         if self.latest.is_none_or(|(latest, _)| time > latest) {
             self.latest = Some((time, now));
         }
@@ -138,7 +141,7 @@ impl BootClock {
         }
     }
 
-    /// The autopilot's time on our clock, but for a constant and the drift: for the time between samples.
+    /// The autopilot's time on our clock, but for the delay of its least delayed message and the drift: for the time between samples.
     pub(super) fn on_our_clock(&self, time: BootTime) -> Option<Instant> {
         let (first, heard_at) = self.first?;
         let since = time.0.saturating_sub(first.0);

@@ -387,6 +387,18 @@ fn val_the_time_between_samples_is_the_autopilots_whatever_their_delays() {
     assert!((later.seconds_since(time) * 1e6 - (taken_later - taken) as f64).abs() <= 1e3);
 }
 
+/// The first message came over a link that held it up, and was taken for one that came at once: what came later was of the future.
+#[test]
+fn regress_no_sample_is_of_the_future_where_the_first_was_long_under_way() {
+    let mut clock = BootClock::default();
+    let first = clock.hear(50_000, at(1_400 * MS));
+    assert_eq!(clock.on_our_clock(first), Some(at(1_400 * MS)));
+    let second = clock.hear(50_500, at(1_510 * MS));
+    let held_up = clock.hear(51_000, at(2_600 * MS));
+    let taken = [first, second, held_up].map(|time| clock.on_our_clock(time));
+    assert_eq!(taken, [1_010, 1_510, 2_010].map(|ms| Some(at(ms * MS))));
+}
+
 impl World {
     /// Lets time pass in which nothing is said.
     fn run_silently(&mut self, ms: i64) {
