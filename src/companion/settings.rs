@@ -8,7 +8,7 @@ use crate::config::{ExposedLink, FenceShape, Mission, Optimise, Transmitter, Use
 use crate::link::Form;
 use crate::mission::following::Following;
 use crate::mission::{Battery, Measured, Operators, Permission, Replanner, Scene, Settings};
-use crate::pair::{self, MeasuredJitter, Pace, Record};
+use crate::pair::{self, Record};
 use crate::planner::problem::{Airframe, Airspace};
 use crate::planning;
 use crate::preflight::{Check, Verdict, check};
@@ -117,10 +117,8 @@ fn following(mission: &Mission) -> Option<Arc<Following>> {
 fn replanner(mission: &Mission) -> Option<Replanner> {
     let asked = mission.planner.replan && mission.movers.is_empty();
     let mission = asked.then(|| mission.clone())?;
-    Some(Replanner::new(move |Measured { jitter, paces }, order| {
-        let jitter_rad = jitter.map_or(mission.jitter.std_rad, MeasuredJitter::std_rad);
-        let shares = paces.map(|pace| pace.map_or(1.0, Pace::share));
-        planning::again(&mission, jitter_rad, &shares, order)
+    Some(Replanner::new(move |measured: &Measured, order| {
+        planning::again(&mission, measured.jitter_rad(mission.jitter.std_rad), &measured.shares(), order)
     }))
 }
 

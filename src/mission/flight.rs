@@ -357,9 +357,10 @@ impl Executive {
         let limits = self.motion_limits();
         let closing = self.service.slot().map(|slot| slot.is_closing());
         let next = self.service.slot_number();
-        let (role, renews) = (self.settings.role, self.renews());
+        let role = self.settings.role;
         let tracks = self.itinerary.as_ref().and_then(|itinerary| itinerary.tracks(next));
         let Some(way) = tracks.and_then(|tracks| tracks[role].way()) else { return };
+        let renews = self.renews();
         let Phase::InService { motion, .. } = &mut self.phase else { return };
         match closing {
             Some(false) => {}

@@ -38,13 +38,24 @@ impl Measured {
         Self { jitter: places.jitter, paces: places.paces }
     }
 
+    /// The jitter in radians, where the mission says `stated_rad`.
+    #[must_use]
+    pub fn jitter_rad(&self, stated_rad: f64) -> f64 {
+        self.jitter.map_or(stated_rad, MeasuredJitter::std_rad)
+    }
+
+    /// The shares of their largest speeds.
+    #[must_use]
+    pub fn shares(&self) -> PerVehicle<f64> {
+        self.paces.map(|pace| pace.map_or(1.0, Pace::share))
+    }
+
     /// Whether this is far from what a plan is made for. `stated_rad`: the jitter that the mission says; `flies`: who flies far in it.
     fn is_far_from(&self, planned_for: &Self, stated_rad: f64, flies: &PerVehicle<bool>) -> bool {
-        let [is_rad, was_rad] =
-            [self, planned_for].map(|measured| measured.jitter.map_or(stated_rad, MeasuredJitter::std_rad));
+        let [is_rad, was_rad] = [self, planned_for].map(|measured| measured.jitter_rad(stated_rad));
         let jitters = is_rad.max(was_rad) > JITTER_RATIO * is_rad.min(was_rad);
-        let share = |measured: &Self, role: Role| measured.paces[role].map_or(1.0, Pace::share);
-        let is_other = |role: Role| (share(self, role) - share(planned_for, role)).abs() > PACE_STEP;
+        let [are, were] = [self, planned_for].map(Self::shares);
+        let is_other = |role: Role| (are[role] - were[role]).abs() > PACE_STEP;
         jitters || Role::BOTH.into_iter().any(|role| flies[role] && is_other(role))
     }
 }
@@ -196,8 +207,8 @@ impl Executive {
         if !was_made {
             self.notice(Notice::Replanned {
                 slot: asked.slot,
-                jitter_rad: measured.jitter.map_or(self.settings.jitter.std_rad, MeasuredJitter::std_rad),
-                shares: measured.paces.map(|pace| pace.map_or(1.0, Pace::share)),
+                jitter_rad: measured.jitter_rad(self.settings.jitter.std_rad),
+                shares: measured.shares(),
             });
         }
         self.plan = Some(Plan::clone(&plan));
