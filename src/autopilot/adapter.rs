@@ -2,7 +2,7 @@
 
 mod known;
 
-use mavlink::dialects::ardupilotmega::{HEARTBEAT_DATA, MavMessage, MavModeFlag, MavSeverity};
+use mavlink::dialects::ardupilotmega::{HEARTBEAT_DATA, MavMessage, MavModeFlag, MavSeverity, MavState};
 use mavlink::{MavHeader, MessageData};
 
 use super::command::{CommandQueue, Outcome, Purpose};
@@ -326,6 +326,8 @@ impl Autopilot {
         let state = &mut self.telemetry.state;
         state.vehicle_type = Some(heartbeat.mavtype);
         state.mode = Some(Timed::new(mode, now));
+        state.in_failsafe =
+            matches!(heartbeat.system_status, MavState::MAV_STATE_CRITICAL | MavState::MAV_STATE_EMERGENCY);
         let was_armed = state.armed.replace(Timed::new(armed, now)).is_some_and(|armed| armed.value);
         if mode == Mode::Companion {
             self.stall.shown(now);

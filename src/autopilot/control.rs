@@ -65,11 +65,13 @@ pub(super) struct Control {
     /// Whether this flight has left the ground. It ends by disarming alone: a land detector may be mistaken.
     flown: bool,
     previous_mode: Option<Mode>,
+    /// The mode that the autopilot's failsafe took from the companion's, while it is in it.
+    fell_back_to: Option<Mode>,
 }
 
 impl Control {
     pub(super) fn new() -> Self {
-        Self { phase: Phase::Released, arming: None, flown: false, previous_mode: None }
+        Self { phase: Phase::Released, arming: None, flown: false, previous_mode: None, fell_back_to: None }
     }
 
     pub(super) fn timeout(&self) -> Option<Instant> {
@@ -146,6 +148,7 @@ impl Control {
         self.drop(commands);
         self.flown = false;
         self.previous_mode = None;
+        self.fell_back_to = None;
     }
 
     /// Asks for the companion's mode.
@@ -333,8 +336,16 @@ impl Control {
             context.out.tell(Event::Armed);
         }
         let name = context.firmware.mode_name(mode);
+        let fell_back_to = self.fell_back_to.take_if(|to| *to != mode);
         match &mut self.phase {
-            Phase::Released => {}
+            Phase::Released => {
+                if let Some(to) = fell_back_to
+                    && mode == Mode::Companion
+                    && armed
+                {
+                    self.send_back(to, context);
+                }
+            }
             Phase::Taking { pursuit, .. } if mode == Mode::Companion => {
                 if pursuit.was_asked(context.now) {
                     context.commands.cancel(Purpose::Mode);
@@ -345,12 +356,12 @@ impl Control {
             // On the ground, modes come and go while an autopilot starts; in flight another mode is another hand.
             Phase::Taking { from, .. } => {
                 if armed && from.is_some_and(|from| from != mode) {
-                    self.lose(name, context);
+                    self.lose(mode, context);
                 }
             }
             Phase::Held { .. } => {
                 if mode != Mode::Companion {
-                    self.lose(name, context);
+                    self.lose(mode, context);
                 }
             }
             Phase::HandingOver { to, .. } => {
@@ -359,7 +370,7 @@ impl Control {
                     self.phase = Phase::HandedOver { mode };
                     context.out.tell(Event::HandedOver { mode: name });
                 } else if mode != Mode::Companion && changed {
-                    self.lose(name, context);
+                    self.lose(mode, context);
                 }
             }
             Phase::HandedOver { mode: before } => {
@@ -368,15 +379,29 @@ impl Control {
                 if mode != *before && goes_on {
                     *before = mode;
                 } else if mode != *before && armed {
-                    self.lose(name, context);
+                    self.lose(mode, context);
                 }
             }
         }
     }
 
-    fn lose(&mut self, mode: &'static str, context: &mut Context) {
+    /// Control is another's, and nothing more is asked for; but where a failsafe took it that our setpoints undo, those that
+    /// are under way still.
+    fn lose(&mut self, mode: Mode, context: &mut Context) {
         self.drop(context.commands);
+        if context.state.in_failsafe && context.firmware.resumes_by_setpoints() {
+            self.fell_back_to = Some(mode);
+        }
+        let mode = context.firmware.mode_name(mode);
         context.out.tell(Event::ControlLost { mode: mode.to_owned() });
+    }
+
+    /// Setpoints that were under way when the failsafe was seen have called the autopilot back to the companion's mode,
+    /// where nobody flies it: to its failsafe's mode again, before it goes on blindly with the last of them.
+    fn send_back(&mut self, to: Mode, context: &mut Context) {
+        let to = if matches!(to, Mode::Land | Mode::Return) { to } else { Mode::Hold };
+        self.begin_hand_over(to, false, context);
+        context.out.tell(Event::CalledBack { to: context.firmware.mode_name(to) });
     }
 }
 
@@ -482,6 +507,38 @@ mod tests {
             // The mode's return is nobody's request.
             flight.beat(Mode::Companion, true);
             assert!(!flight.control.is_held() && flight.bench.events().is_empty());
+        }
+    }
+
+    #[test]
+    fn regress_an_autopilot_that_late_setpoints_call_back_from_its_failsafe_is_sent_back() {
+        // The mode that is seen first, by whose doing, and what the autopilot is asked for as it shows the companion's.
+        let cases = [
+            (Firmware::Px4, Mode::Hold, true, Some("AUTO.LOITER")),
+            (Firmware::Px4, Mode::Land, true, Some("AUTO.LAND")),
+            (Firmware::Px4, POSCTL, true, Some("AUTO.LOITER")),
+            (Firmware::Px4, Mode::Hold, false, None),
+            // It knows no such return: another hand asked for GUIDED.
+            (Firmware::ArduPilot, Mode::Land, true, None),
+        ];
+        for (firmware, fallback, by_failsafe, to) in cases {
+            for pilot_between in [false, true] {
+                let mut flight = Flight::held(firmware);
+                flight.bench.state.in_failsafe = by_failsafe;
+                flight.beat(fallback, true);
+                flight.control.drop(&mut flight.bench.commands);
+                _ = flight.bench.events();
+                flight.bench.state.in_failsafe = false;
+                if pilot_between {
+                    flight.beat(Mode::Other { name: "ALTCTL", custom_mode: 2 << 16 }, true);
+                }
+                flight.beat(Mode::Companion, true);
+                let to = to.filter(|_| !pilot_between);
+                let expected: Vec<Event> = to.into_iter().map(|to| Event::CalledBack { to }).collect();
+                assert_eq!(flight.bench.events(), expected);
+                assert_eq!(flight.bench.sent().len(), expected.len());
+                assert!(!flight.lets_out() && !flight.control.is_held());
+            }
         }
     }
 

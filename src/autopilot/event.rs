@@ -87,6 +87,12 @@ pub enum Event {
         /// The mode it is in now.
         mode: String,
     },
+    /// After its own failsafe had taken control, the autopilot went back to the companion's mode by itself, and is asked for
+    /// one of its own.
+    CalledBack {
+        /// That mode's name.
+        to: &'static str,
+    },
     /// The autopilot is not heard. Control is lost, and not taken again by itself.
     LinkLost {
         /// What is not heard, in words: nothing at all, or no heartbeat.

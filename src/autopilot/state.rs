@@ -95,6 +95,8 @@ pub struct VehicleState {
     pub armed: Option<Timed<bool>>,
     /// The flight mode.
     pub mode: Option<Timed<Mode>>,
+    /// Whether the last heartbeat showed a failsafe at work: MAV_STATE_CRITICAL, or worse.
+    pub in_failsafe: bool,
     /// What the land detector says.
     pub landed: Option<Timed<Landed>>,
     /// The autopilot's home (where it launched) in the mission frame, in metres.

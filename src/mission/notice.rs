@@ -171,6 +171,10 @@ pub enum Notice {
     /// Control is another hand's (F2).
     #[error("silent, hands off: {0}")]
     HandsOff(Cause),
+    /// The autopilot came back to the companion's mode by itself, by setpoints that were under way, and is told to go to
+    /// this mode: nobody flies it.
+    #[error("the autopilot took up setpoints that came late: told to go to {0}")]
+    CalledBack(&'static str),
     /// Landed by the autopilot, under us.
     #[error("landed and disarmed")]
     Landed,
@@ -364,6 +368,7 @@ impl Notice {
             | Self::PutRight { .. }
             | Self::NotTakingOff(_) => MavSeverity::MAV_SEVERITY_NOTICE,
             Self::AutopilotRefused(_)
+            | Self::CalledBack(_)
             | Self::Estimator(_)
             | Self::BridgeDead(_)
             | Self::Waiting { again: true, .. }

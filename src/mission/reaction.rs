@@ -46,6 +46,7 @@ impl Executive {
             AutopilotEvent::ControlLost { mode } if !matches!(self.phase, Phase::Landing) => {
                 self.surrender(Cause::ControlLost(mode), control, now);
             }
+            AutopilotEvent::CalledBack { to } => self.notice(Notice::CalledBack(to)),
             AutopilotEvent::LinkLost { missing, silent_for } => {
                 let cause = Cause::AutopilotLost { missing, silent_for };
                 self.surrender(cause, VeilwingSilence::VEILWING_SILENCE_LINK, now);

@@ -3,9 +3,12 @@
 use std::time::Duration;
 
 use mavlink::dialects::ardupilotmega::{EstimatorStatusFlags, MavCmd, MavMessage, MavSysStatusSensor};
-use veilwing::mission::Outcome;
+use veilwing::autopilot::Actuation;
+use veilwing::config::Mission;
+use veilwing::desk::simulation::{Faults, Observer, Scenario, Witness, draw};
+use veilwing::mission::{Notice, Outcome};
 use veilwing::role::{PerVehicle, Role};
-use veilwing_sitl::Fault;
+use veilwing_sitl::{Fault, World};
 
 use crate::harness::*;
 
@@ -496,4 +499,56 @@ fn spec_no_length_of_a_cut_link_makes_an_autopilot_that_left_come_back_to_our_mo
         flight.assert_safe();
     }
     assert!((20..40).contains(&left), "{left} of 40");
+}
+
+/// When the companion of I told an autopilot that had come back to its mode to leave it again, and until when it had not.
+#[derive(Default)]
+struct SentBack {
+    told: Option<Duration>,
+    left: Option<Duration>,
+}
+
+impl Observer for SentBack {
+    fn said(&mut self, at: Duration, role: Role, _: Option<&'static str>, notice: &Notice) {
+        if role == Role::I && matches!(notice, Notice::CalledBack(_)) {
+            self.told = Some(at);
+        }
+    }
+
+    fn saw(&mut self, world: &World) {
+        let snapshot = world.snapshot();
+        if self.told.is_some() && !snapshot.vehicles[0].companion_controlled {
+            self.left.get_or_insert(Duration::from_secs_f64(snapshot.now_s));
+        }
+    }
+}
+
+impl Witness for SentBack {}
+
+/// A link that is late by up to a second brings a failsafe, and setpoints that end it, before the companion knows of the first:
+/// on the last of them the vehicle would fly on blindly for a second, on its side, and sink below its band.
+#[test]
+fn regress_late_setpoints_that_end_a_failsafe_leave_nobody_to_fly_blindly() {
+    const LATE: &str = r#"
+        [[fault]]
+        kind = "link-degraded"
+        vehicle = "i"
+        after_s = [22.0, 26.0]
+        duration_s = [4.5, 6.5]
+        loss = 0.2
+        delay_s = 0.07
+        spread_s = 0.94
+    "#;
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("config/mission.toml");
+    let planned = Planned::new(Mission::load(&path).unwrap());
+    let actuation = Some(Actuation::ThrustVector);
+    let scenario = Scenario::new(&planned.mission, &planned.plan, actuation).unwrap();
+    let late = Faults::parse("late.toml", LATE).unwrap();
+    for seed in [4, 17, 48] {
+        let mut sent_back = SentBack::default();
+        let flown = scenario.fly(seed, draw(&late, seed, scenario.lengths()), &mut sent_back).unwrap();
+        assert_eq!(flown.report.violations, [], "{seed}");
+        let (told, left) = sent_back.told.zip(sent_back.left).unwrap_or_else(|| panic!("{seed}"));
+        assert!(left - told < Duration::from_millis(50), "{seed}: {told:?} {left:?}");
+    }
 }

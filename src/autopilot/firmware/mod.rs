@@ -110,6 +110,11 @@ impl Firmware {
         self == Self::Px4
     }
 
+    /// Whether setpoints end the failsafe that their absence began, from whatever mode it took.
+    pub(super) fn resumes_by_setpoints(self) -> bool {
+        self == Self::Px4
+    }
+
     /// Whether the companion's setpoints fly the take-off. Otherwise the autopilot climbs by itself when it is told to,
     /// and setpoints are kept from it until it has: they would end the climb.
     pub(super) fn takes_off_by_setpoints(self) -> bool {
