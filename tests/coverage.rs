@@ -133,7 +133,11 @@ const ELSEWHERE: &[(&str, &[&str], &str)] = &[
         &["Astray"],
         "where a vehicle is blown that far, its autopilot's fence takes it first; tests/flight/fence.rs",
     ),
-    ("notice", &["CalledBack"], "of links that are late by a second, and thrust vectors; tests/flight/faults.rs"),
+    (
+        "notice",
+        &["CalledBack"],
+        "of links that are late by a second, and thrust vectors; tests/flight/faults.rs",
+    ),
     ("notice", &["BridgeDead", "SentHome"], "of ArduPilot's 6DoF frame, of an order; tests/flight/faults.rs"),
     ("notice", &["MissionDiffers", "PlanDiffers"], "both fly one mission; tests/flight/agreement.rs"),
     ("notice", &["NoOperator", "ParameterRefused", "ParameterSet"], "tests/flight/agreement.rs, face.rs"),

@@ -316,9 +316,14 @@ impl Executive {
         if let Some(cause) = self.too_little_for(&commitment, now) {
             return self.abort(cause, now);
         }
-        let Sample { position_enu_m, attitude, .. } = motion.sample(now);
-        let rest = Trajectory::rest(&Start { position_enu_m, attitude });
-        let motion = Motion::on_track(rest, now, self.track());
+        let motion = if motion.is_over(now) {
+            let Sample { position_enu_m, attitude, .. } = motion.sample(now);
+            let rest = Trajectory::rest(&Start { position_enu_m, attitude });
+            Motion::on_track(rest, now, self.track())
+        } else {
+            // Late, and still on its way to where both slots are served.
+            motion.clone().and_then(self.track())
+        };
         self.phase = Phase::InService { motion, turns: None };
         self.agreed(&commitment, now);
     }
@@ -342,7 +347,12 @@ impl Executive {
         if let Phase::InService { motion, .. } = &mut self.phase
             && motion.track.is_some()
         {
-            *motion = motion.stopped(now, &limits);
+            // Who is late goes on to where the next slot's way begins.
+            *motion = if motion.is_over(now) {
+                motion.stopped(now, &limits)
+            } else {
+                motion.clone().without_track()
+            };
         }
     }
 
@@ -398,8 +408,9 @@ impl Executive {
         let peer_at = peer.position_enu_m.filter(|_| peer.heard_within(HEARD_OF_LATE, now));
         let opens_at = self.service.slot().map(|slot| slot.commitment.opens_at);
         let Phase::InService { motion, turns: Some(turns) } = &mut self.phase else { return };
-        motion.starts_at = turns.started(&motion.trajectory, motion.starts_at, peer_at, now);
-        if opens_at.is_some_and(|opens_at| motion.ends_at() > opens_at) {
+        let starts_at = turns.started(&motion.trajectory, motion.starts_at, peer_at, now);
+        let is_kept = std::mem::replace(&mut motion.starts_at, starts_at) < starts_at;
+        if is_kept && opens_at.is_some_and(|opens_at| motion.ends_at() > opens_at) {
             self.abort(Cause::OutOfTurn(self.settings.role.peer()), now);
         }
     }

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use crate::geo::{Attitude, Enu};
 use crate::pair::wire::VeilwingFlags;
-use crate::role::Role;
+use crate::role::{PerVehicle, Role};
 use crate::schedule::separation::{clearance_m, polyline_distance_m};
 use crate::schedule::trajectory::{Limits, Sample, Start, Trajectory};
 use crate::schedule::transit::{Router, TransitError};
@@ -20,6 +20,8 @@ pub(super) const LAND_FIRST: Duration = Duration::from_secs(120);
 const LAND_UNHEARD: Duration = Duration::from_secs(5);
 /// A way begins where a vehicle is commanded to be, within so many metres.
 const BEGINS_WITHIN_M: f64 = 0.1;
+/// And the other keeps to one of its own within so many: what it is waited for, and its position's error.
+const PEER_KEEPS_WITHIN_M: f64 = 3.0;
 /// How far a vehicle that climbs or lands may be off the vertical above its home, in metres.
 const OWN_COLUMN_M: f64 = 2.0;
 /// What two ways home have between them, over the ground, where they are flown at once and nobody agreed on them: so many clearances ...
@@ -32,9 +34,13 @@ impl Executive {
     /// time or begin elsewhere, one after the other as after an abort, unless their ways from there are far apart.
     pub(super) fn finish(&mut self, now: Instant) {
         self.notice(Notice::AllSlotsOver);
-        let way_home = self.itinerary.as_ref().and_then(|itinerary| itinerary.way_home.clone());
-        match way_home.filter(|way| self.begins_here(way, now)) {
-            Some(trajectory) => self.phase = Phase::Returning(Motion::new(trajectory, now)),
+        let role = self.settings.role;
+        let ways = self.itinerary.as_ref().and_then(|itinerary| itinerary.ways_home.clone());
+        let at_once = |ways: &PerVehicle<Trajectory>| {
+            self.begins_here(&ways[role], now) && self.peer_keeps_to(&ways[role.peer()])
+        };
+        match ways.filter(at_once) {
+            Some(ways) => self.phase = Phase::Returning(Motion::new(ways[role].clone(), now)),
             None => self.hold_here(now),
         }
     }
@@ -43,6 +49,13 @@ impl Executive {
     pub(super) fn begins_here(&self, way: &Trajectory, now: Instant) -> bool {
         let here = self.phase.motion().map(|motion| motion.sample(now).position_enu_m);
         here.is_some_and(|here| (here - way.sample(Duration::ZERO).position_enu_m).norm() <= BEGINS_WITHIN_M)
+    }
+
+    /// Whether the other vehicle, by its own word, is on this way of its, or where it begins: one that was late for its last slot is
+    /// not.
+    fn peer_keeps_to(&self, way: &Trajectory) -> bool {
+        let peer = self.service.peer().position_enu_m;
+        peer.is_some_and(|at| polyline_distance_m(&way.path(), &[at]) <= PEER_KEEPS_WITHIN_M)
     }
 
     /// After an abort the two must not cross. I goes home first; J when I is down, or is not coming, or took too

@@ -35,7 +35,7 @@ pub(super) struct Itinerary {
     homes: PerVehicle<Enu>,
     table: Table,
     /// From the last slot's poses to above the homes, where both can fly at once.
-    pub way_home: Option<Trajectory>,
+    pub ways_home: Option<PerVehicle<Trajectory>>,
     /// By slot, where the plan has the vehicles turn on the air.
     tracks: Vec<PerVehicle<Track>>,
     /// Whether a vehicle has far to go from slot to slot, or in one: whether its speed counts.
@@ -49,7 +49,7 @@ impl Itinerary {
             homes.map(|home| Start { position_enu_m: settings.above(home), attitude: Attitude::level() });
         let router = Router::new(&settings.airspace, &settings.limits)?;
         let table = Table::of_plan(&router, &start, plan, &settings.timing, settings.order)?;
-        let way_home = way_home(&table, &router, homes, settings.role)?;
+        let ways_home = ways_home(&table, &router, homes)?;
         let tracks = match &settings.following {
             Some(_) => {
                 let slots = table.entries.iter().filter_map(|entry| plan.slots.get(entry.user_index));
@@ -57,7 +57,7 @@ impl Itinerary {
             }
             None => flown(&table, plan, (settings, &settings.limits)),
         };
-        Ok(Self { homes: *homes, flies: flies(&table, &tracks), table, way_home, tracks })
+        Ok(Self { homes: *homes, flies: flies(&table, &tracks), table, ways_home, tracks })
     }
 
     /// Flies another plan from this slot on, by ways and motions within these limits; both vehicles rest `from` there. `None` where
@@ -72,8 +72,8 @@ impl Itinerary {
         let router = Router::new(&settings.airspace, limits).ok()?;
         let table = self.table.resumed(slot, &router, &starts(from)?, plan, &settings.timing).ok()?;
         let tracks = flown(&table, plan, (settings, limits));
-        let way_home = way_home(&table, &router, &self.homes, settings.role).ok()?;
-        Some(Self { homes: self.homes, flies: flies(&table, &tracks), table, way_home, tracks })
+        let ways_home = ways_home(&table, &router, &self.homes).ok()?;
+        Some(Self { homes: self.homes, flies: flies(&table, &tracks), table, ways_home, tracks })
     }
 
     /// The order of users in a superframe.
@@ -224,15 +224,14 @@ fn flies(table: &Table, tracks: &[PerVehicle<Track>]) -> PerVehicle<bool> {
 }
 
 /// Home from the last slot's poses, where both can fly at once.
-fn way_home(
+fn ways_home(
     table: &Table,
     router: &Router,
     homes: &PerVehicle<Enu>,
-    role: Role,
-) -> Result<Option<Trajectory>, TransitError> {
+) -> Result<Option<PerVehicle<Trajectory>>, TransitError> {
     let Some(last) = table.entries.last() else { return Ok(None) };
     let home = router.home(&last.leaves, homes)?;
-    Ok((home.separation == Separation::Paths).then(|| home.trajectories[role].clone()))
+    Ok((home.separation == Separation::Paths).then_some(home.trajectories))
 }
 
 /// Where both set out.

@@ -3,7 +3,7 @@
 //! A multirotor that gives all the force it has against a strong wind is slower than `speed_m_s`: its setpoints run away from it, it
 //! is metres behind them, and late in its slot. What it makes meanwhile towards where it should be is its pace. Where a mission follows
 //! what moves, the next ways, poses and motions are planned for it: J tells I of its own in VEILWING_STATUS, and I tells J for
-//! which of both, with those that move ([`Places`](crate::pair::Places)). A slot in which it keeps up lets it be tried faster again.
+//! which of both, with those that move ([`Places`](crate::pair::Places)). A slot in which it keeps up, and is not waited for, lets it be tried faster again.
 //! The plans of the other modes are agreed on as they are, and an operator is told. Such a mission may also leave a motion that the wind
 //! has it lose: the next one is made from where it then rests.
 
@@ -20,6 +20,8 @@ use crate::time::Instant;
 
 /// Over the ground; the loops and links of one that keeps up leave less, in metres.
 const BEHIND_M: f64 = 4.0;
+/// A way slows down for a vehicle that is behind before that; so far, in metres, over the ground.
+const WAITED_FOR_M: f64 = 1.0;
 /// The best of so many seconds says what it makes: it may have to gather speed first.
 const SPAN_S: f64 = 2.0;
 /// Positions farther apart come over a link that has stood still, in seconds.
@@ -54,6 +56,8 @@ pub(super) struct Progress {
     of_plan: bool,
     /// It was behind while it was to be on the air.
     was_late: bool,
+    /// It was waited for, be it for moments.
+    was_waited_for: bool,
 }
 
 impl Progress {
@@ -68,6 +72,7 @@ impl Progress {
             told: false,
             of_plan,
             was_late: false,
+            was_waited_for: false,
         }
     }
 
@@ -76,7 +81,9 @@ impl Progress {
         let Some((before, was)) = self.last.replace((at, *position_enu_m)) else { return };
         let off = (motion.sample(at).position_enu_m - position_enu_m).xy();
         let apart_s = at.seconds_since(before);
-        let is_behind = off.norm() >= BEHIND_M && (0.0..HELD_UP_S).contains(&apart_s);
+        let waits = motion.waits() && off.norm() >= WAITED_FOR_M;
+        self.was_waited_for |= waits;
+        let is_behind = (off.norm() >= BEHIND_M || waits) && (0.0..HELD_UP_S).contains(&apart_s);
         if !is_behind {
             return self.keep_up();
         }
@@ -100,7 +107,7 @@ impl Progress {
         self.keep_up();
         let made_m_s = self.made_m_s();
         self.pace = self.would_be();
-        (self.best_m_s, self.was_late) = (None, false);
+        (self.best_m_s, self.was_late, self.was_waited_for) = (None, false, false);
         made_m_s.filter(|_| !std::mem::replace(&mut self.told, true))
     }
 
@@ -116,7 +123,7 @@ impl Progress {
         match (made, self.pace) {
             (Some(made), Some(known)) if self.of_plan => Some(made.min(known)),
             (Some(made), _) => Some(made),
-            (None, known) if self.of_plan => known,
+            (None, known) if self.of_plan || self.was_waited_for => known,
             (None, known) => known.and_then(Pace::faster),
         }
     }
@@ -133,7 +140,8 @@ impl Executive {
     pub(super) fn rest_where_it_got(&mut self, now: Instant) {
         let Some((is_at, meant)) = self.follows_at(now) else { return };
         let is_behind = (meant.position_enu_m - is_at).xy().norm() >= BEHIND_M;
-        let may_be_there = is_behind
+        let is_late = self.phase.motion().is_some_and(|motion| !motion.is_over(now));
+        let may_be_there = (is_behind || is_late)
             && self.progress.pace().is_some()
             && self.router().is_ok_and(|router| router.holds(&is_at))
             && self.is_clear_of_peer(&is_at).unwrap_or(false);

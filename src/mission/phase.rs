@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use crate::geo::Attitude;
+use crate::geo::{Attitude, Enu, EnuAcceleration, EnuVelocity};
 use crate::planner::moving::{Instant as Place, Limits};
 use crate::planner::track::{Glide, Track};
 use crate::schedule::trajectory::{Sample, Start, Trajectory};
@@ -10,11 +10,26 @@ use crate::time::Instant;
 
 use super::turns::Turns;
 
+/// For a vehicle that is farther than the first from where its trajectory has it, in metres, the trajectory goes slower, and waits at
+/// the second: no more than what paths are farther apart for the errors of both, and more than who keeps up is off.
+const WAITS_M: [f64; 2] = [1.0, 2.0];
+/// In all it waits for so many times as long as it takes: no state in the air lasts for ever.
+const WAITS_TIMES: u32 = 3;
+/// A position that is older says nothing of where the vehicle is: its link stands still, and its setpoints with it.
+const STALE: Duration = Duration::from_millis(250);
+
 /// What the setpoints follow.
 #[derive(Debug, Clone)]
 pub(super) struct Motion {
     pub trajectory: Trajectory,
+    /// Later by as long as the trajectory has waited.
     pub starts_at: Instant,
+    /// How long it has, in all.
+    waited: Duration,
+    /// How fast the trajectory's time goes, in [0, 1].
+    rate: f64,
+    /// Until when this is reckoned.
+    reckoned_at: Option<Instant>,
     /// How the vehicle turns, and moves, once the trajectory is flown, and the opening of the slot in which it does.
     pub track: Option<(Track, Instant)>,
     /// How it comes to rest on the way of a track, wherever its trajectory and another track have it, and since when it does so.
@@ -26,7 +41,16 @@ pub(super) struct Motion {
 impl Motion {
     /// Along a trajectory, and to rest.
     pub fn new(trajectory: Trajectory, starts_at: Instant) -> Self {
-        Self { trajectory, starts_at, track: None, glide: None, rests_s: None }
+        Self {
+            trajectory,
+            starts_at,
+            waited: Duration::ZERO,
+            rate: 1.0,
+            reckoned_at: None,
+            track: None,
+            glide: None,
+            rests_s: None,
+        }
     }
 
     /// At rest where the trajectory ends, and then along a track.
@@ -42,6 +66,37 @@ impl Motion {
         Self { glide: Some((glide, now)), rests_s, ..Self::new(Trajectory::rest(&start), now) }
     }
 
+    /// Has the rest of the trajectory be later while its vehicle, which was there at `at`, is not where it should be: a setpoint that
+    /// runs away from one that the wind holds back leads it straight on, off the path that is clear of the other vehicle and of all
+    /// that stands about.
+    pub fn wait_for(&mut self, position_enu_m: &Enu, at: Instant, now: Instant) {
+        let passed = now.saturating_since(self.reckoned_at.replace(now).unwrap_or(now));
+        let on_the_way = (self.starts_at..self.ends_at()).contains(&now);
+        if on_the_way {
+            let later = passed.mul_f64(1.0 - self.rate);
+            self.starts_at = self.starts_at + later;
+            self.waited += later;
+        }
+        let may_wait = on_the_way && self.waited < WAITS_TIMES * self.trajectory.duration();
+        self.rate = if may_wait && now.saturating_since(at) <= STALE {
+            let meant = self.trajectory.sample(at.saturating_since(self.starts_at)).position_enu_m;
+            let [from_m, to_m] = WAITS_M;
+            ((to_m - (meant - position_enu_m).norm()) / (to_m - from_m)).clamp(0.0, 1.0)
+        } else {
+            1.0
+        };
+    }
+
+    /// Whether the trajectory is slower for its vehicle's sake.
+    pub fn waits(&self) -> bool {
+        self.rate < 1.0
+    }
+
+    /// The same with this track to follow.
+    pub fn and_then(self, track: Option<(Track, Instant)>) -> Self {
+        Self { track, ..self }
+    }
+
     pub fn sample(&self, now: Instant) -> Sample {
         self.commanded(now, [Duration::ZERO; 2])
     }
@@ -49,6 +104,9 @@ impl Motion {
     /// What to command, so that a vehicle that turns and moves `late` is where it should be on its track and on its way.
     pub fn commanded(&self, now: Instant, [late, late_on_way]: [Duration; 2]) -> Sample {
         let mut sample = self.trajectory.sample(now.saturating_since(self.starts_at));
+        sample.velocity_enu_m_s = EnuVelocity::from_vector(self.rate * sample.velocity_enu_m_s.vector());
+        let acceleration = sample.acceleration_enu_m_s2.vector();
+        sample.acceleration_enu_m_s2 = EnuAcceleration::from_vector(self.rate * self.rate * acceleration);
         if let Some((track, opens_at)) = self.track.as_ref().filter(|_| self.is_over(now)) {
             sample.attitude = track.attitude((now + late).seconds_since(*opens_at));
         }
@@ -221,6 +279,14 @@ impl Phase {
         }
     }
 
+    /// The motion of one in the air that waits for its vehicle: in a climb the autopilot may take its own time.
+    pub fn motion_that_waits(&mut self) -> Option<&mut Motion> {
+        match self {
+            Self::InService { motion, .. } | Self::Returning(motion) => Some(motion),
+            _ => None,
+        }
+    }
+
     /// On the ground, before anything was asked of the autopilot.
     pub fn is_waiting(&self) -> bool {
         matches!(self, Self::Connecting | Self::Standby)
@@ -284,6 +350,57 @@ mod tests {
         {
             assert_eq!(motion.is_over(now), over, "{now:?}");
         }
+    }
+
+    /// A vehicle that makes `speed_m_s` along the way, and is blown `aside_m` off it, for so many seconds; how far it has come, how far it was
+    /// from where it was told to be, at most, and whether the way was flown to its end.
+    fn held_back(speed_m_s: f64, aside_m: f64, for_s: u64) -> (f64, f64, bool) {
+        let mut motion = motion();
+        let (mut gone_m, mut off_m) = (0.0f64, 0.0f64);
+        for k in 0..50 * for_s {
+            let now = at(100) + Duration::from_millis(20 * k);
+            let is_at = Enu::new(gone_m, aside_m, 0.0);
+            motion.wait_for(&is_at, now, now);
+            let meant = motion.sample(now);
+            off_m = off_m.max((meant.position_enu_m - is_at).norm());
+            gone_m = (gone_m + 0.02 * speed_m_s).min(meant.position_enu_m.x);
+        }
+        (gone_m, off_m, motion.is_over(at(100 + for_s)))
+    }
+
+    #[test]
+    fn spec_a_way_waits_for_its_vehicle_and_not_for_ever() {
+        let lasts_s = motion().trajectory.duration().as_secs_f64();
+        assert!((4.0..6.0).contains(&lasts_s), "{lasts_s}");
+        let (gone_m, off_m, over) = held_back(9.0, 0.9, 6);
+        assert!(gone_m > 9.99 && off_m < 1.0 && over, "it keeps up: {gone_m} {off_m}");
+        // Ten metres at one a second, never two behind.
+        let (gone_m, off_m, over) = held_back(1.0, 0.0, 9);
+        assert!((8.5..9.01).contains(&gone_m) && off_m < 2.0 && !over, "{gone_m} {off_m}");
+        assert!(held_back(1.0, 0.0, 13).2);
+        // Blown aside it is waited for where it is: for three times the way's length, and no longer.
+        let (_, off_m, over) = held_back(0.0, 2.5, (3.0 * lasts_s) as u64);
+        assert!(off_m < 2.6 && !over, "{off_m}");
+        assert!(held_back(0.0, 2.5, (4.5 * lasts_s) as u64).2);
+    }
+
+    #[test]
+    fn spec_a_way_that_waits_is_commanded_slower_and_a_position_that_is_old_is_none_to_wait_for() {
+        let mut motion = motion();
+        let now = at(102);
+        let meant = motion.sample(now);
+        let speed = |motion: &Motion| motion.sample(now).velocity_enu_m_s.vector().norm();
+        let nominal_m_s = speed(&motion);
+        assert!(nominal_m_s > 2.0);
+        for (off_m, late_ms, share) in
+            [(0.9, 0, 1.0), (1.5, 0, 0.5), (2.0, 0, 0.0), (9.0, 0, 0.0), (9.0, 300, 1.0)]
+        {
+            let late = Duration::from_millis(late_ms);
+            motion.wait_for(&(meant.position_enu_m + Enu::new(0.0, off_m, 0.0)), now - late, now);
+            assert!((speed(&motion) - share * nominal_m_s).abs() < 1e-9, "{off_m} {late_ms}");
+            assert_eq!(motion.waits(), share < 1.0);
+        }
+        assert_eq!(motion.sample(now).position_enu_m, meant.position_enu_m, "no time has passed");
     }
 
     /// Its trajectory is flown by the 104th second or before, and its slot opens at the 110th.

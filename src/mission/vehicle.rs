@@ -11,6 +11,10 @@ impl Executive {
         if self.is_stopping() {
             return;
         }
+        let heard = self.autopilot.position(now);
+        if let Some(((position, measured_at), motion)) = heard.zip(self.phase.motion_that_waits()) {
+            motion.wait_for(&position, measured_at, now);
+        }
         if let Some(motion) = self.phase.motion() {
             if let Some((attitude, measured_at)) = self.autopilot.attitude() {
                 if self.autopilot.commands_as_asked() {
@@ -23,7 +27,7 @@ impl Executive {
                     self.jitter.hear(&attitude, &meant, measured_at);
                 }
             }
-            if let Some((position, measured_at)) = self.autopilot.position(now) {
+            if let Some((position, measured_at)) = heard {
                 self.place_lag.hear(motion, &position, measured_at, now);
                 if self.phase.is_in_service() && self.autopilot.commands_as_asked() {
                     let on_air = self.is_open(measured_at);

@@ -301,16 +301,16 @@ fn regress_who_is_blown_over_the_fence_comes_back_at_once() {
         let corners = [[-100.0, -100.0], [100.0, -100.0], [100.0, 100.0], [-100.0, 100.0]];
         m.airspace.area_enu_m = corners.map(Vector2::from).to_vec();
     });
-    for (seed, direction_deg, next_s) in [(1, 135.0, None), (2, 135.0, None), (1, 315.0, Some(5.0))] {
+    for (seed, direction_deg) in [(1, 15.0), (1, 295.0), (2, 335.0)] {
         let given = PerVehicle { i: planned.clone(), j: planned.clone() };
         let mut flight = Flight::new(Setup { given, seed, ..Setup::default() });
         flight.until(|flight| flight.said(Role::J, "airborne").is_some());
         let (sin, cos) = f64::sin_cos(f64::to_radians(direction_deg));
-        flight.world.inject(Fault::WindStep { vehicle: 0, mean_enu_m_s: [15.0 * cos, 15.0 * sin, 0.0] });
+        flight.world.inject(Fault::WindStep { vehicle: 0, mean_enu_m_s: [17.0 * cos, 17.0 * sin, 0.0] });
         flight.fly_out();
         flight.assert_safe();
         assert!(flight.said(Role::I, "edge of the airspace").is_some(), "{}", flight.story());
         let next = &flight.report().slots[1];
-        assert!(next_s.is_none_or(|s| next.radiated_s.i > s), "{next:?}\n{}", flight.story());
+        assert!(next.radiated_s.i > 15.0, "{next:?}\n{}", flight.story());
     }
 }

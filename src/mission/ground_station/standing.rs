@@ -13,7 +13,7 @@ use crate::mission::executive::Executive;
 use crate::mission::ground_station::information::boot_ms;
 use crate::mission::phase::Phase;
 use crate::role::Role;
-use crate::schedule::trajectory::{Sample, Trajectory};
+use crate::schedule::trajectory::Sample;
 use crate::service::Silence;
 use crate::time::Instant;
 use crate::transmitter::NotReady;
@@ -354,7 +354,8 @@ impl Executive {
     /// Until about the landing begins, if all goes by the plan; `None` where that is not known, or past.
     fn left(&self, now: Instant) -> Option<Duration> {
         let itinerary = self.itinerary.as_ref()?;
-        let way_home = itinerary.way_home.as_ref().map_or(Duration::ZERO, Trajectory::duration);
+        let ways_home = itinerary.ways_home.as_ref();
+        let way_home = ways_home.map_or(Duration::ZERO, |ways| ways[self.settings.role].duration());
         let next = self.service.slot_number();
         let slots =
             |slot, from_opening| itinerary.to_the_end(slot, from_opening).unwrap_or_default() + way_home;

@@ -36,8 +36,12 @@ impl SlotService {
         }
     }
 
-    /// Whether the vehicle has left a motion for now, and is not back where the next slot begins.
+    /// Whether the vehicle is late on its way to the last slot still, or has left a motion for now, and is not back where the next
+    /// slot begins.
     pub(super) fn is_elsewhere(&self, next: u16) -> bool {
+        if !self.vehicle.arrived && self.pair.slot_terms(next).is_some() {
+            return true;
+        }
         let moves = |slot: u16| self.pair.slot_terms(slot).is_some_and(SlotTerms::is_in_motion);
         next.checked_sub(1).is_some_and(moves)
             && (!self.vehicle.at_rest || !self.renews && moves(next) && self.vehicle.rests_for != Some(next))
