@@ -3,7 +3,8 @@
 //! A multirotor that gives all the force it has against a strong wind is slower than `speed_m_s`: its setpoints run away from it, it
 //! is metres behind them, and late in its slot. What it makes meanwhile towards where it should be is its pace. Where a mission follows
 //! what moves, the next ways, poses and motions are planned for it: J tells I of its own in VEILWING_STATUS, and I tells J for
-//! which of both, with those that move ([`Places`](crate::pair::Places)). A slot in which it keeps up, and is not waited for, lets it be tried faster again.
+//! which of both, with those that move ([`Places`](crate::pair::Places)). Slots in which it keeps up let
+//! it be tried faster again, more of them each time that costs one.
 //! The plans of the other modes are agreed on as they are, and an operator is told. Such a mission may also leave a motion that the wind
 //! has it lose: the next one is made from where it then rests.
 
@@ -36,6 +37,8 @@ const OUTSIDE_M: f64 = 0.1;
 const INSIDE_M: f64 = 1.0;
 /// Who makes this share of what is counted on is behind for another reason.
 const KEEPS_UP: f64 = 0.9;
+/// Slots in a row that it keeps up in before a faster pace is tried, at the most.
+const LONGEST_PATIENCE: u32 = 8;
 /// The share of what was made that is counted on next: gusts.
 const MARGIN: f64 = 0.9;
 
@@ -58,6 +61,10 @@ pub(super) struct Progress {
     was_late: bool,
     /// It was waited for, be it for moments.
     was_waited_for: bool,
+    /// Slots in a row in which it kept up, at the pace that it has.
+    kept_up: u32,
+    /// After so many a faster one is tried: the more, the oftener one was lost by it.
+    patience: u32,
 }
 
 impl Progress {
@@ -73,6 +80,8 @@ impl Progress {
             of_plan,
             was_late: false,
             was_waited_for: false,
+            kept_up: 0,
+            patience: 1,
         }
     }
 
@@ -106,7 +115,15 @@ impl Progress {
     pub fn slot_over(&mut self) -> Option<f64> {
         self.keep_up();
         let made_m_s = self.made_m_s();
-        self.pace = self.would_be();
+        let pace = self.would_be();
+        if made_m_s.is_some() {
+            (self.kept_up, self.patience) = (0, LONGEST_PATIENCE.min(2 * self.patience));
+        } else if pace != self.pace {
+            (self.kept_up, self.patience) = (0, 1);
+        } else if !self.was_waited_for {
+            self.kept_up += 1;
+        }
+        self.pace = pace;
         (self.best_m_s, self.was_late, self.was_waited_for) = (None, false, false);
         made_m_s.filter(|_| !std::mem::replace(&mut self.told, true))
     }
@@ -123,7 +140,7 @@ impl Progress {
         match (made, self.pace) {
             (Some(made), Some(known)) if self.of_plan => Some(made.min(known)),
             (Some(made), _) => Some(made),
-            (None, known) if self.of_plan || self.was_waited_for => known,
+            (None, known) if self.of_plan || self.was_waited_for || self.kept_up + 1 < self.patience => known,
             (None, known) => known.and_then(Pace::faster),
         }
     }
@@ -257,10 +274,12 @@ mod tests {
             assert!(pace.is_some_and(|pace| (pace - share).abs() < 0.02), "{speed_m_s}: {pace:?}");
             // It is told once, and measured again.
             assert_eq!(after(&mut progress, 3.0, 20).0, None);
+            // Two slots have been lost by then: it is tried after the fourth that is not, and then slot by slot.
             let mut last = progress.pace().map(Pace::share);
-            for _ in 0..12 {
+            for kept_up in 1..=15 {
                 let (told, pace) = after(&mut progress, 20.0, 20);
-                assert!(told.is_none() && pace.is_none_or(|pace| last.is_some_and(|last| pace > last)));
+                let rises = pace.is_none_or(|pace| last.is_some_and(|last| pace > last));
+                assert!(told.is_none() && (rises == (kept_up >= 4)), "{kept_up}: {last:?} {pace:?}");
                 last = pace;
             }
             assert_eq!(last, None);
