@@ -316,14 +316,13 @@ impl Executive {
         if let Some(cause) = self.too_little_for(&commitment, now) {
             return self.abort(cause, now);
         }
-        let motion = if motion.is_over(now) {
+        let mut motion = motion.clone();
+        // Who is late is still on its way to where both slots are served.
+        if motion.is_over(now) {
             let Sample { position_enu_m, attitude, .. } = motion.sample(now);
-            let rest = Trajectory::rest(&Start { position_enu_m, attitude });
-            Motion::on_track(rest, now, self.track())
-        } else {
-            // Late, and still on its way to where both slots are served.
-            motion.clone().and_then(self.track())
-        };
+            motion = Motion::new(Trajectory::rest(&Start { position_enu_m, attitude }), now);
+        }
+        motion.track = self.track();
         self.phase = Phase::InService { motion, turns: None };
         self.agreed(&commitment, now);
     }

@@ -14,7 +14,7 @@ use nalgebra::Vector3;
 use crate::geo::{Attitude, Enu};
 use crate::time::Instant;
 
-use super::phase::Motion;
+use super::phase::{HELD_UP, Motion};
 
 /// Before anything is learnt: the inverse of PX4's MC_ROLL_P of 6.5.
 const BEFOREHAND_S: f64 = 0.15;
@@ -30,9 +30,6 @@ const STEADY: Duration = Duration::from_millis(500);
 const STEADY_WITHIN: f64 = 0.05;
 /// Half the time over which a rate is taken.
 const STEP: Duration = Duration::from_millis(10);
-
-/// States that are older, or farther apart, come over a link that has stood still.
-const HELD_UP: Duration = Duration::from_millis(250);
 
 /// Of a position, before anything is learnt.
 const PLACE_BEFOREHAND_S: f64 = 0.03;

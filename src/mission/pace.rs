@@ -10,7 +10,7 @@
 
 use super::executive::Executive;
 use super::notice::Notice;
-use super::phase::{Motion, Phase};
+use super::phase::{HELD_UP, Motion, Phase, WAITS_M};
 use crate::geo::{Attitude, Enu};
 use crate::pair::Pace;
 use crate::planner::region::Region;
@@ -21,12 +21,8 @@ use crate::time::Instant;
 
 /// Over the ground; the loops and links of one that keeps up leave less, in metres.
 const BEHIND_M: f64 = 4.0;
-/// A way slows down for a vehicle that is behind before that; so far, in metres, over the ground.
-const WAITED_FOR_M: f64 = 1.0;
 /// The best of so many seconds says what it makes: it may have to gather speed first.
 const SPAN_S: f64 = 2.0;
-/// Positions farther apart come over a link that has stood still, in seconds.
-const HELD_UP_S: f64 = 0.25;
 /// Who is so far off its motion, in metres, has lost its pose: half as much again as any slot bears.
 const BLOWN_OFF_M: f64 = 1.5;
 /// Where a vehicle is in so many seconds by its velocity, ...
@@ -90,9 +86,9 @@ impl Progress {
         let Some((before, was)) = self.last.replace((at, *position_enu_m)) else { return };
         let off = (motion.sample(at).position_enu_m - position_enu_m).xy();
         let apart_s = at.seconds_since(before);
-        let waits = motion.waits() && off.norm() >= WAITED_FOR_M;
+        let waits = motion.waits() && off.norm() >= WAITS_M[0];
         self.was_waited_for |= waits;
-        let is_behind = (off.norm() >= BEHIND_M || waits) && (0.0..HELD_UP_S).contains(&apart_s);
+        let is_behind = (off.norm() >= BEHIND_M || waits) && (0.0..HELD_UP.as_secs_f64()).contains(&apart_s);
         if !is_behind {
             return self.keep_up();
         }

@@ -12,11 +12,11 @@ use super::turns::Turns;
 
 /// For a vehicle that is farther than the first from where its trajectory has it, in metres, the trajectory goes slower, and waits at
 /// the second: no more than what paths are farther apart for the errors of both, and more than who keeps up is off.
-const WAITS_M: [f64; 2] = [1.0, 2.0];
+pub(super) const WAITS_M: [f64; 2] = [1.0, 2.0];
 /// In all it waits for so many times as long as it takes: no state in the air lasts for ever.
 const WAITS_TIMES: u32 = 3;
-/// A position that is older says nothing of where the vehicle is: its link stands still, and its setpoints with it.
-const STALE: Duration = Duration::from_millis(250);
+/// States that are older, or farther apart, come over a link that has stood still, and its setpoints with it.
+pub(super) const HELD_UP: Duration = Duration::from_millis(250);
 
 /// What the setpoints follow.
 #[derive(Debug, Clone)]
@@ -78,7 +78,7 @@ impl Motion {
             self.waited += later;
         }
         let may_wait = on_the_way && self.waited < WAITS_TIMES * self.trajectory.duration();
-        self.rate = if may_wait && now.saturating_since(at) <= STALE {
+        self.rate = if may_wait && now.saturating_since(at) <= HELD_UP {
             let meant = self.trajectory.sample(at.saturating_since(self.starts_at)).position_enu_m;
             let [from_m, to_m] = WAITS_M;
             ((to_m - (meant - position_enu_m).norm()) / (to_m - from_m)).clamp(0.0, 1.0)
@@ -90,11 +90,6 @@ impl Motion {
     /// Whether the trajectory is slower for its vehicle's sake.
     pub fn waits(&self) -> bool {
         self.rate < 1.0
-    }
-
-    /// The same with this track to follow.
-    pub fn and_then(self, track: Option<(Track, Instant)>) -> Self {
-        Self { track, ..self }
     }
 
     pub fn sample(&self, now: Instant) -> Sample {
