@@ -25,7 +25,7 @@ pub struct Vehicle {
     pub lost_at: Option<Instant>,
     /// The autopilot has nothing to say against its own estimate.
     pub estimator_ok: bool,
-    /// The transit to the slot's pose is flown to its end.
+    /// No transit is under way: the one to the slot's pose, or to the last slot's, is flown to its end.
     pub arrived: bool,
     /// It rests, by its setpoints.
     pub at_rest: bool,

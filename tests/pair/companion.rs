@@ -191,7 +191,8 @@ impl Companion {
             return self.react(t);
         }
         let slot = self.service.slot();
-        let arrived = slot.is_some_and(|slot| slot.carried_on || now >= slot.commitment.leaves_at + LEAD / 2);
+        let on_its_way = |slot: &Slot| !slot.carried_on && now < slot.commitment.leaves_at + LEAD / 2;
+        let arrived = !slot.is_some_and(on_its_way);
         let since = self.stale_since.unwrap_or(now);
         let here = vehicle(self.role, slot, since, self.pose_lost);
         let mut here = Vehicle { arrived, at_rest: arrived, ended: self.aborted.is_some(), ..here };

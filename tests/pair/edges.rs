@@ -109,6 +109,20 @@ fn spec_slots_follow_each_other_without_a_refusal_and_each_leaves_time_for_its_t
 }
 
 #[test]
+fn spec_no_slot_is_agreed_on_before_both_are_where_their_last_ways_end() {
+    for role in Role::BOTH {
+        let mut pair = Pair::new();
+        pair.companions[role].amiss = |here| here.arrived = false;
+        pair.run(Duration::from_secs(5));
+        assert_eq!(Role::BOTH.map(|role| pair.standing(role)), [Standing::Between; 2], "{role}");
+        pair.companions[role].amiss = |_| {};
+        let came_at = pair.t;
+        pair.until(|pair| pair.slot(Role::I).is_some() && pair.slot(Role::J).is_some());
+        assert!(pair.t - came_at < Duration::from_secs(1), "{role}");
+    }
+}
+
+#[test]
 fn spec_a_slot_is_switched_on_once_and_off_once_in_its_window_and_nobody_is_told_of_a_silence() {
     let mut pair = Pair::agreed(2);
     pair.until(|pair| pair.companions.i.service.slot_number() == 3);
