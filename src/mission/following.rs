@@ -345,16 +345,17 @@ impl Executive {
             return;
         }
         let digest = motion.as_ref().map(Motion::digest);
-        if let Some(motion) = motion {
-            self.followers.motions.push((ticket.number, Arc::new(motion)));
+        if let Some(motion) = motion.map(Arc::new) {
+            self.service.foresee(&motion);
+            self.followers.motions.push((ticket.number, motion));
         }
         self.service.motion_planned(ticket.number, digest, now);
     }
 
     /// A motion is flown from its beginning on.
-    pub(super) fn take_up(&mut self, number: u16) {
+    pub(super) fn take_up(&mut self, number: u16, now: Instant) {
         let Some(motion) = self.followers.motion(number).cloned() else { return };
-        self.service.take_up(&motion);
+        self.service.take_up(&motion, now);
         let track = self.track();
         if let Phase::InService { motion, .. } = &mut self.phase
             && motion.track.is_some()

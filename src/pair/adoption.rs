@@ -16,7 +16,7 @@ use crate::time::Instant;
 /// How long I may be on in a motion that J has not said to fly: the one before is nearly the same as long.
 pub const GRACE: Duration = Duration::from_millis(300);
 /// J takes a motion up no later than so long after its beginning.
-const LATE: Duration = Duration::from_millis(500);
+pub const LATE: Duration = Duration::from_millis(500);
 /// I takes a motion up no later than so long before its beginning.
 const MARGIN: Duration = Duration::from_millis(50);
 /// What is not answered is said again after this.
@@ -60,6 +60,8 @@ pub struct Leader<P> {
     peer: Option<u16>,
     /// Both flew one motion when this one was asked for.
     from_one: bool,
+    /// Since when J has made what I flies, as far as I knew.
+    made_at: Instant,
     last: u16,
     pending: Option<Pending<P>>,
     say_at: Instant,
@@ -69,7 +71,8 @@ pub struct Leader<P> {
 struct Pending<P> {
     asked: Asked<P>,
     own: Option<u64>,
-    peers: Option<u64>,
+    /// And when it was heard.
+    peers: Option<(u64, Instant)>,
     ask_at: Instant,
 }
 
@@ -81,6 +84,7 @@ impl<P: Clone> Leader<P> {
             flies: (AT_REST, 0, opens_at),
             peer: Some(AT_REST),
             from_one: true,
+            made_at: opens_at,
             last: AT_REST,
             pending: None,
             say_at: opens_at,
@@ -103,6 +107,13 @@ impl<P: Clone> Leader<P> {
     #[must_use]
     pub fn agrees(&self, now: Instant) -> bool {
         self.peer == Some(self.flies.0) || self.from_one && now <= self.flies.2 + GRACE
+    }
+
+    /// Since when J vouches for its part of what I flies as well: it had made it by then, as it said. And whether before it vouched for
+    /// the motion that this one goes on from.
+    #[must_use]
+    pub fn vouched_for(&self) -> (Instant, bool) {
+        (self.made_at, self.from_one)
     }
 
     /// Asks for a motion, if one may be: what is to be planned here.
@@ -130,7 +141,7 @@ impl<P: Clone> Leader<P> {
             Word::Planned(digest) => {
                 let pending = self.pending.as_mut().filter(|pending| pending.asked.number == number)?;
                 match digest {
-                    Some(_) => pending.peers = digest,
+                    Some(digest) => _ = pending.peers.get_or_insert((digest, now)),
                     None => self.pending = None,
                 }
                 self.take_up(now)
@@ -149,7 +160,7 @@ impl<P: Clone> Leader<P> {
 
     fn take_up(&mut self, now: Instant) -> Option<u16> {
         let Pending { asked, own, peers, .. } = self.pending.as_ref()?;
-        let (own, peers) = ((*own)?, (*peers)?);
+        let (own, (peers, made_at)) = ((*own)?, (*peers)?);
         let (number, begins_at, [i, j]) = (asked.number, asked.begins_at, asked.from);
         self.pending = None;
         if own != peers || now + MARGIN > begins_at {
@@ -158,6 +169,7 @@ impl<P: Clone> Leader<P> {
         self.flies = (number, own, begins_at);
         self.peer = None;
         self.from_one = i == j;
+        self.made_at = made_at;
         self.say_at = now;
         Some(number)
     }

@@ -257,6 +257,17 @@ impl Coordinator {
         self.motions.as_ref().is_none_or(|motions| motions.agrees(now))
     }
 
+    /// I: the motion that is taken up asks J for more power, from `outgrown_at` on, than what it goes on from: leases that were asked
+    /// for before J had made it hold no longer.
+    pub fn motion_taken_up(&mut self, outgrown_at: Option<Instant>, now: Instant) {
+        let vouched = self.motions.as_ref().and_then(Motions::vouched_for);
+        let (Some((made_at, from_one)), Part::I(leader)) = (vouched, &mut self.part) else { return };
+        let ends_at = if from_one { outgrown_at } else { Some(now) };
+        if let Some(ends_at) = ends_at {
+            leader.holder.outgrow(ends_at, made_at);
+        }
+    }
+
     fn take_outcome(&mut self, outcome: Option<Outcome>, now: Instant) {
         let (event, message) = outcome.unwrap_or((None, None));
         self.events.extend(event);
@@ -282,7 +293,15 @@ impl Coordinator {
     }
 
     fn take_motion(&mut self, motion: &wire::VEILWING_MOTION_DATA, now: Instant) {
+        let alike = self.flies_alike(now);
         let outcome = self.motions.as_mut().map(|motions| motions.take_motion(motion, now));
+        // J has only now taken it up: it vouched for being elsewhere until then.
+        let catches_up = !alike && self.flies_alike(now);
+        if let Part::I(leader) = &mut self.part
+            && catches_up
+        {
+            leader.holder.outgrow(now, now);
+        }
         self.take_outcome(outcome, now);
     }
 
@@ -566,6 +585,9 @@ impl Coordinator {
             Role::I => Some(self.settings.boot_id),
             Role::J => self.acquaintance.peer().boot_id,
         };
+        if let Part::I(leader) = &mut self.part {
+            leader.holder.begin();
+        }
         let follows = self.slot_terms(commitment.slot).is_some_and(SlotTerms::follows);
         self.motions = leader_boot
             .filter(|_| follows)

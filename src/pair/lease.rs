@@ -5,6 +5,9 @@
 //! the network does with either message and whatever the two clocks say. J's own transmitter falls silent by
 //! itself at a known instant (S5); a lease never reaches past it, so it holds even if J's companion dies the moment
 //! after granting.
+//!
+//! J vouches for what the motion that it flies asks of it, and the one that it has made for I to take up. A lease that J granted
+//! before it had holds no longer than the newer one asks for no more jamming than the older does.
 
 use std::time::Duration;
 
@@ -18,6 +21,17 @@ const MARGIN: Duration = Duration::from_millis(10);
 pub struct Holder {
     expires_at: Option<Instant>,
     given_up_at: Option<Instant>,
+    outgrown: Option<Outgrown>,
+}
+
+/// I has taken up a motion that asks for more jamming, from an instant on, than J knew of as it granted.
+#[derive(Debug, Clone, Copy)]
+struct Outgrown {
+    at: Instant,
+    /// What is asked for from then on is granted by one that knows of it, ...
+    known_from: Instant,
+    /// ... and what was asked for before this by one that did not even know of the motion before.
+    void_before: Option<Instant>,
 }
 
 impl Holder {
@@ -40,8 +54,27 @@ impl Holder {
         if asked_at > now || self.given_up_at.is_some_and(|given_up| asked_at <= given_up) {
             return false;
         }
-        self.expires_at = self.expires_at.max(Some(asked_at + duration));
+        let mut expires_at = asked_at + duration;
+        if let Some(outgrown) = self.outgrown.filter(|outgrown| asked_at < outgrown.known_from) {
+            if outgrown.void_before.is_some_and(|known_from| asked_at < known_from) {
+                return false;
+            }
+            expires_at = expires_at.min(outgrown.at);
+        }
+        self.expires_at = self.expires_at.max(Some(expires_at));
         true
+    }
+
+    /// A motion is taken up that asks for more from `at` on, of which J knows since `known_from`: what was asked for before ends then.
+    pub fn outgrow(&mut self, at: Instant, known_from: Instant) {
+        let void_before = self.outgrown.map(|older| older.known_from);
+        self.outgrown = Some(Outgrown { at, known_from, void_before });
+        self.expires_at = self.expires_at.map(|expires_at| expires_at.min(at));
+    }
+
+    /// A slot begins, in which no motion is flown yet.
+    pub fn begin(&mut self) {
+        self.outgrown = None;
     }
 
     /// Gives the lease up, and with it every grant that answers a request made until now.
@@ -155,6 +188,30 @@ mod tests {
         holder.give_up(at(1000));
         assert!(!holder.take(at(1000), Duration::from_millis(400), at(1010)));
         assert!(holder.take(at(1001), Duration::from_millis(400), at(1010)));
+    }
+
+    #[test]
+    fn spec_a_lease_ends_where_a_motion_asks_for_more_of_which_j_did_not_know() {
+        let ms = Duration::from_millis;
+        let mut holder = Holder::default();
+        assert!(holder.take(at(1000), ms(600), at(1010)));
+        holder.outgrow(at(1200), at(1090));
+        assert_eq!(holder.held(at(1100)), Some(at(1200)));
+        // Granted before J knew, whenever it comes.
+        assert!(holder.take(at(1089), ms(600), at(1110)));
+        assert_eq!(holder.held(at(1110)), Some(at(1200)));
+        assert!(holder.take(at(1090), ms(600), at(1120)));
+        assert_eq!(holder.held(at(1120)), Some(at(1690)));
+        // Nothing is longer for a newer motion, and of the one before the last nothing holds.
+        holder.outgrow(at(1600), at(1300));
+        assert_eq!(holder.held(at(1310)), Some(at(1600)));
+        holder.give_up(at(1050));
+        assert!(!holder.take(at(1089), ms(900), at(1320)));
+        assert!(holder.take(at(1090), ms(900), at(1320)));
+        assert_eq!(holder.held(at(1320)), Some(at(1600)));
+        holder.begin();
+        assert!(holder.take(at(1100), ms(600), at(1330)));
+        assert_eq!(holder.held(at(1330)), Some(at(1700)));
     }
 
     #[test]

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use crate::pair::adoption::LATE;
 use crate::pair::{Commitment, SlotTerms};
 use crate::planner::following::Motion;
 use crate::planner::track::Track;
@@ -22,6 +23,8 @@ pub struct Slot {
     power_w: f64,
     /// How this vehicle turns in it, where it is served through its turns.
     pub track: Option<Track>,
+    /// The same once it takes up the motion that is made last, and when that begins.
+    foreseen: Option<(Track, Instant)>,
     /// It carries on the slot before, by the clock.
     pub carried_on: bool,
     /// I may radiate from here ...
@@ -86,6 +89,7 @@ impl Slot {
             commitment,
             power_w: vehicle.tx_power_w,
             track,
+            foreseen: None,
             carried_on,
             radiate_from: commitment.opens_at + terms.radiate_from,
             radiate_until: commitment.opens_at + terms.radiate_until,
@@ -105,8 +109,25 @@ impl Slot {
     pub(super) fn take_up(&mut self, motion: &Arc<Motion>) {
         if let Some(Track::Followed(track)) = &mut self.track {
             track.take_up(Arc::clone(motion));
+            self.foreseen = None;
             self.monitor.follow(self.track.clone());
         }
+    }
+
+    /// I may take this motion up at any time.
+    pub(super) fn foresee(&mut self, motion: &Arc<Motion>) {
+        if let Some(Track::Followed(track)) = &self.track {
+            let begins_at = self.commitment.opens_at.after_s(motion.begins_s());
+            let mut track = track.clone();
+            track.take_up(Arc::clone(motion));
+            self.foreseen = Some((Track::Followed(track), begins_at));
+        }
+    }
+
+    /// From when on the motion taken up last asks J for more power than what it goes on from, if it does.
+    pub(super) fn outgrown_at(&self) -> Option<Instant> {
+        let outgrown_s = self.track.as_ref().and_then(Track::followed)?.outgrown_s()?;
+        Some(self.commitment.opens_at.after_s(outgrown_s))
     }
 
     /// Whether it is being ended early.
@@ -123,17 +144,21 @@ impl Slot {
     }
 
     /// J: up to when I may rest on this much power, if it may: not beyond where the plan asks for more, nor on a vehicle that turns
-    /// away.
+    /// away. Nor where a motion does that I may take up.
     pub(super) fn suffices_until(&self, power_w: f64, now: Instant) -> Option<Instant> {
         let opens_at = self.commitment.opens_at;
+        let outgrows = |track: &Track| {
+            let outgrown_s = track.outgrows(power_w, now.seconds_since(opens_at));
+            outgrown_s.map(|since_s| opens_at.after_s(since_s))
+        };
         let more_at = match &self.track {
-            Some(track) => {
-                let outgrown_s = track.outgrows(power_w, now.seconds_since(opens_at));
-                outgrown_s.map(|since_s| opens_at.after_s(since_s))
-            }
+            Some(track) => outgrows(track),
             None => (power_w < self.power_w).then_some(now),
         };
-        Some(more_at.map_or(self.in_place[1], |at| at.min(self.in_place[1]))).filter(|until| now < *until)
+        let foreseen = self.foreseen.as_ref().filter(|(_, begins_at)| now <= *begins_at + LATE);
+        let foreseen = foreseen.and_then(|(track, _)| outgrows(track));
+        let until = [more_at, foreseen].into_iter().flatten().fold(self.in_place[1], Instant::min);
+        Some(until).filter(|until| now < *until)
     }
 
     /// Whether this vehicle's transmitter was on, as far as is known: a permit is nothing where the radio's device never did it.
@@ -171,7 +196,12 @@ impl Slot {
 mod tests {
     use super::*;
     use crate::geo::{Enu, Pose};
+    use crate::planner::following::{Flying, Scene, plan};
+    use crate::planner::moving::Limits;
     use crate::planner::plan::VehiclePlan;
+    use crate::planner::problem::Problem;
+    use crate::planner::track::Followed;
+    use crate::planner::{Options, plan_slot};
     use crate::role::PerVehicle;
     use crate::time::Utc;
 
@@ -183,10 +213,14 @@ mod tests {
     fn slot(role: Role) -> Slot {
         let pose = Pose { position_enu_m: Enu::zeros(), roll_rad: 0.0, pitch_rad: 0.0, yaw_rad: 0.0 };
         let vehicle = VehiclePlan { pose, tx_power_w: 0.5 };
+        slot_with(role, PerVehicle { i: vehicle, j: vehicle }, None)
+    }
+
+    fn slot_with(role: Role, vehicles: PerVehicle<VehiclePlan>, tracks: Option<PerVehicle<Track>>) -> Slot {
         let terms = SlotTerms {
             anew: None,
-            vehicles: PerVehicle { i: vehicle, j: vehicle },
-            tracks: None,
+            vehicles,
+            tracks,
             lean_rad: PerVehicle { i: 0.0, j: 0.0 },
             jitter: None,
             opens: Duration::ZERO,
@@ -243,6 +277,39 @@ mod tests {
         ] {
             assert_eq!(slot.suffices_until(power_w, at(now_ms)), until_ms.map(at), "{power_w} {now_ms}");
         }
+    }
+
+    /// From a rest in which J hardly jams, to where it does.
+    #[test]
+    fn spec_what_j_vouches_for_holds_in_a_motion_that_i_may_take_up_too() {
+        let problem = Problem::paper([[200.0, 80.0], [-150.0, 210.0]], 0.5, 0.03);
+        let mut rest =
+            plan_slot(&problem, &Options { starts: Some(8), ..Options::default() }).unwrap().vehicles;
+        let most_w = rest.j.tx_power_w;
+        rest.j.tx_power_w = 0.01 * most_w;
+        let limits = Limits { speed_m_s: 8.0, climb_m_s: 3.0, acceleration_m_s2: 2.5, jerk_m_s3: Some(4.0) };
+        let scene = Scene {
+            problem: &problem,
+            user: None,
+            eavesdroppers: vec![],
+            limits: PerVehicle { i: limits, j: limits },
+            turn_rate_rad_s: PerVehicle { i: 0.8, j: 0.8 },
+            apart_m: 7.0,
+        };
+        let motion = Arc::new(plan(&scene, &Flying::rest(&rest), 2.0, 1).unwrap().unwrap());
+        let tracks = PerVehicle::from_fn(|role| Track::Followed(Followed::new(role, rest[role])));
+        let mut slot = slot_with(Role::J, rest, Some(tracks));
+        let (power_w, begins_at) = (1.5 * rest.j.tx_power_w, at(12_000));
+        assert_eq!(slot.suffices_until(power_w, at(11_000)), Some(at(20_000)));
+        slot.foresee(&motion);
+        let outgrown_at = slot.suffices_until(power_w, at(11_000)).unwrap();
+        assert!(outgrown_at.seconds_since(begins_at).abs() < 1.0, "{outgrown_at:?}");
+        assert_eq!(slot.suffices_until(power_w, outgrown_at), None);
+        assert_eq!(slot.suffices_until(power_w, begins_at + 2 * LATE), Some(at(20_000)), "it never will");
+        assert_eq!(slot.outgrown_at(), None, "nor has it");
+        slot.take_up(&motion);
+        assert_eq!(slot.suffices_until(power_w, at(11_000)), Some(outgrown_at));
+        assert_eq!(slot.outgrown_at(), Some(begins_at));
     }
 
     #[test]

@@ -95,6 +95,29 @@ fn spec_a_pair_that_loses_its_link_while_it_follows_and_waits_for_each_other_goe
     assert_eq!(report.unprotected_s, 0.0);
 }
 
+/// J takes motions up late, on a link like this, some of which ask for more jamming at once: what it granted before it had made them
+/// holds no longer than they do not.
+#[test]
+fn regress_a_lease_of_the_motion_before_holds_no_longer_than_the_newer_one_asks_for_no_more() {
+    let poor = Path {
+        loss: 0.4,
+        duplication: 0.1,
+        delay: Duration::from_millis(50),
+        spread: Duration::from_millis(150),
+        ..Path::GOOD
+    };
+    for seed in [1, 12] {
+        let mut flight = Flight::new(Setup { seed, ..following() });
+        Role::BOTH.into_iter().for_each(|role| flight.set_pair_path(role, poor));
+        flight.fly_out();
+        flight.assert_safe();
+        let report = flight.report();
+        assert_eq!(report.unprotected_s, 0.0, "{seed}\n{}", flight.story());
+        let on_air_s: f64 = report.slots.iter().map(|slot| slot.radiated_s.i).sum();
+        assert!(on_air_s > 10.0, "{seed}: {on_air_s}\n{}", flight.story());
+    }
+}
+
 /// The next slot is served from where its user is by then, on the way from where they have come to rest.
 #[test]
 fn spec_a_pair_that_is_paused_while_it_follows_comes_to_rest_and_goes_on_from_there() {

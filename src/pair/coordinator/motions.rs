@@ -53,6 +53,14 @@ impl Motions {
         matches!(&self.half, Half::I(leader) if leader.agrees(now))
     }
 
+    /// I: since when leases are of the motion that I flies, too, and whether those before are of the one that it goes on from.
+    pub fn vouched_for(&self) -> Option<(Instant, bool)> {
+        match &self.half {
+            Half::I(leader) => Some(leader.vouched_for()),
+            Half::J(_) => None,
+        }
+    }
+
     /// I: asks for a motion; what is to be planned here.
     pub fn ask(&mut self, places: Places, now: Instant) -> Option<Event> {
         let Half::I(leader) = &mut self.half else { return None };

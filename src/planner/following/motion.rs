@@ -138,7 +138,7 @@ impl Motion {
     }
 
     /// Angles and power at an instant, as they are at knots.
-    pub(super) fn knot_at(&self, t_s: f64) -> Knot {
+    pub(in crate::planner) fn knot_at(&self, t_s: f64) -> Knot {
         let after = self.knots.partition_point(|knot| knot.at_s <= t_s).clamp(1, self.knots.len() - 1);
         let [from, to] = [self.knots[after - 1], self.knots[after]];
         let share = ((t_s - from.at_s) / (to.at_s - from.at_s)).clamp(0.0, 1.0);

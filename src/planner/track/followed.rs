@@ -145,6 +145,33 @@ impl Followed {
         None
     }
 
+    /// From when on the newest motion asks J for more power than the one that it goes on from, if it does.
+    #[must_use]
+    pub fn outgrown_s(&self) -> Option<f64> {
+        let (newest, earlier) = self.motions.split_last()?;
+        let before = earlier.last();
+        let begins_s = newest.begins_s();
+        // Before the first one J rests, with the power that it begins with.
+        let rest_w = newest.knot_at(begins_s).j_power_w;
+        let grown_w = |at_s: f64| {
+            let before_w = before.map_or(rest_w, |before| before.knot_at(at_s).j_power_w);
+            newest.knot_at(at_s).j_power_w - before_w
+        };
+        let knots = newest.knots.iter().chain(before.iter().flat_map(|motion| &motion.knots));
+        let mut instants: Vec<f64> = knots.map(|knot| knot.at_s).filter(|at_s| *at_s > begins_s).collect();
+        instants.sort_by(f64::total_cmp);
+        let mut from = (begins_s, grown_w(begins_s).min(0.0));
+        for at_s in instants {
+            let grown = grown_w(at_s);
+            // Between knots both change evenly.
+            if grown > 0.0 {
+                return Some(from.0 + (at_s - from.0) * (from.1 / (from.1 - grown)));
+            }
+            from = (at_s, grown);
+        }
+        None
+    }
+
     /// How wrong the pose may be; `None` where nothing is asked.
     #[must_use]
     pub fn slack(&self, since_opening_s: f64) -> Option<Slack> {
@@ -233,6 +260,43 @@ mod tests {
             // Taken up anew from there, the later one is none any more.
             track.take_up(Arc::clone(&motions[0]));
             assert_eq!(track.place(4.0), motions[0].ways[role].at(4.0));
+        }
+    }
+
+    /// Against a look at each millisecond.
+    #[test]
+    fn spec_a_motion_outgrows_the_one_before_where_it_asks_for_more_power() {
+        let (rest, [first, second]) = flown();
+        let powers = |motion: &Motion, powers_w: [f64; 3]| {
+            let mut motion = motion.clone();
+            for (k, knot) in motion.knots.iter_mut().enumerate() {
+                knot.j_power_w = powers_w[k.min(2)];
+            }
+            Arc::new(motion)
+        };
+        let of_j = |track: &Followed, at_s: f64| track.vehicle(at_s).tx_power_w;
+        for (firsts, seconds, outgrown) in [
+            ([0.2, 0.2, 0.2], None, false),
+            ([0.2, 0.1, 0.1], None, false),
+            ([0.2, 0.1, 0.3], None, true),
+            ([0.2, 0.4, 0.3], None, true),
+            ([0.2, 0.2, 0.2], Some([0.2, 0.1, 0.2]), false),
+            ([0.2, 0.2, 0.2], Some([0.2, 0.1, 0.5]), true),
+            ([0.2, 0.2, 0.2], Some([0.2, 0.3, 0.1]), true),
+        ] {
+            let mut track = Followed::new(Role::J, VehiclePlan { tx_power_w: firsts[0], ..rest.j });
+            track.take_up(powers(&first, firsts));
+            let mut before = track.as_of(0.0);
+            if let Some(seconds) = seconds {
+                before = track.clone();
+                track.take_up(powers(&second, seconds));
+            }
+            let grown = |at_s: &f64| of_j(&track, *at_s) > of_j(&before, *at_s) + 1e-9;
+            let looked = (0..16_000).map(|k| 1e-3 * f64::from(k)).find(grown);
+            let found = track.outgrown_s();
+            assert_eq!(found.is_some(), outgrown, "{firsts:?} {seconds:?}: {found:?} {looked:?}");
+            assert!(found.zip(looked).is_none_or(|(found, looked)| (found - looked).abs() < 2e-3));
+            assert_eq!(looked.is_some(), outgrown);
         }
     }
 

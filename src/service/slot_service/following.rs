@@ -8,7 +8,7 @@ use crate::pair::adoption::Asked;
 use crate::pair::{AskedSlot, Places, SlotTerms};
 use crate::planner::following::Motion;
 use crate::planner::plan::VehiclePlan;
-use crate::role::PerVehicle;
+use crate::role::{PerVehicle, Role};
 use crate::time::Instant;
 
 /// Poses that were made so long ago are made anew once more: those that they are for have moved.
@@ -98,6 +98,15 @@ impl SlotService {
         self.pair.asked_motion()
     }
 
+    /// J: this motion is made here, and I takes it up once it is [told](Self::motion_planned): what is vouched for from now on holds in it,
+    /// too.
+    pub fn foresee(&mut self, motion: &Arc<Motion>) {
+        if let (Role::J, Stage::Committed(slot)) = (self.role, &mut self.stage) {
+            slot.foresee(motion);
+            self.pair.set_vouch(None);
+        }
+    }
+
     /// The motion of this number is made here, with this digest, or none was found.
     pub fn motion_planned(&mut self, number: u16, digest: Option<u64>, now: Instant) {
         self.pair.motion_planned(number, digest, now);
@@ -122,9 +131,10 @@ impl SlotService {
     }
 
     /// What [`super::Event::TakeUp`] asked for: pose and power follow it from its beginning on.
-    pub fn take_up(&mut self, motion: &Arc<Motion>) {
+    pub fn take_up(&mut self, motion: &Arc<Motion>, now: Instant) {
         if let Stage::Committed(slot) = &mut self.stage {
             slot.take_up(motion);
+            self.pair.motion_taken_up(slot.outgrown_at(), now);
         }
     }
 }
