@@ -22,7 +22,7 @@ pub(super) struct Motions {
 
 #[derive(Debug, Clone)]
 enum Half {
-    I(Leader<Places>),
+    I(Box<Leader<Places>>),
     J(Follower),
 }
 
@@ -37,7 +37,7 @@ const NOBODY: u8 = 255;
 impl Motions {
     pub fn new(role: Role, boot_id: u32, commitment: Commitment) -> Self {
         let half = match role {
-            Role::I => Half::I(Leader::new(commitment.opens_at)),
+            Role::I => Half::I(Box::new(Leader::new(commitment.opens_at))),
             Role::J => Half::J(Follower::new()),
         };
         Self { boot_id, commitment, half, asked: None }
