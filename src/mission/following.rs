@@ -353,9 +353,9 @@ impl Executive {
     }
 
     /// A motion is flown from its beginning on.
-    pub(super) fn take_up(&mut self, number: u16, now: Instant) {
+    pub(super) fn take_up(&mut self, number: u16) {
         let Some(motion) = self.followers.motion(number).cloned() else { return };
-        self.service.take_up(&motion, now);
+        self.service.take_up(&motion);
         let track = self.track();
         if let Phase::InService { motion, .. } = &mut self.phase
             && motion.track.is_some()

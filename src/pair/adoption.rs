@@ -109,11 +109,10 @@ impl<P: Clone> Leader<P> {
         self.peer == Some(self.flies.0) || self.from_one && now <= self.flies.2 + GRACE
     }
 
-    /// Since when J vouches for its part of what I flies as well: it had made it by then, as it said. And whether before it vouched for
-    /// the motion that this one goes on from.
+    /// Since when J vouches for its part of what I flies as well: it had made it by then, as it said.
     #[must_use]
-    pub fn vouched_for(&self) -> (Instant, bool) {
-        (self.made_at, self.from_one)
+    pub fn made_at(&self) -> Instant {
+        self.made_at
     }
 
     /// Asks for a motion, if one may be: what is to be planned here.

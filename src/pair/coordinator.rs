@@ -257,14 +257,12 @@ impl Coordinator {
         self.motions.as_ref().is_none_or(|motions| motions.agrees(now))
     }
 
-    /// I: the motion that is taken up asks J for more power, from `outgrown_at` on, than what it goes on from: leases that were asked
-    /// for before J had made it hold no longer.
-    pub fn motion_taken_up(&mut self, outgrown_at: Option<Instant>, now: Instant) {
-        let vouched = self.motions.as_ref().and_then(Motions::vouched_for);
-        let (Some((made_at, from_one)), Part::I(leader)) = (vouched, &mut self.part) else { return };
-        let ends_at = if from_one { outgrown_at } else { Some(now) };
-        if let Some(ends_at) = ends_at {
-            leader.holder.outgrow(ends_at, made_at);
+    /// I: the motion that is taken up asks J for more power, from then on, than what it goes on from: leases that were asked for before J
+    /// had made it hold no longer.
+    pub fn motion_outgrows(&mut self, outgrown_at: Instant) {
+        let made_at = self.motions.as_ref().and_then(Motions::made_at);
+        if let (Part::I(leader), Some(made_at)) = (&mut self.part, made_at) {
+            leader.holder.outgrow(outgrown_at, made_at);
         }
     }
 
@@ -585,9 +583,6 @@ impl Coordinator {
             Role::I => Some(self.settings.boot_id),
             Role::J => self.acquaintance.peer().boot_id,
         };
-        if let Part::I(leader) = &mut self.part {
-            leader.holder.begin();
-        }
         let follows = self.slot_terms(commitment.slot).is_some_and(SlotTerms::follows);
         self.motions = leader_boot
             .filter(|_| follows)

@@ -72,11 +72,6 @@ impl Holder {
         self.expires_at = self.expires_at.map(|expires_at| expires_at.min(at));
     }
 
-    /// A slot begins, in which no motion is flown yet.
-    pub fn begin(&mut self) {
-        self.outgrown = None;
-    }
-
     /// Gives the lease up, and with it every grant that answers a request made until now.
     pub fn give_up(&mut self, now: Instant) {
         self.expires_at = None;
@@ -209,9 +204,8 @@ mod tests {
         assert!(!holder.take(at(1089), ms(900), at(1320)));
         assert!(holder.take(at(1090), ms(900), at(1320)));
         assert_eq!(holder.held(at(1320)), Some(at(1600)));
-        holder.begin();
-        assert!(holder.take(at(1100), ms(600), at(1330)));
-        assert_eq!(holder.held(at(1330)), Some(at(1700)));
+        assert!(holder.take(at(1300), ms(600), at(1330)));
+        assert_eq!(holder.held(at(1330)), Some(at(1900)));
     }
 
     #[test]

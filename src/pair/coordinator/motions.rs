@@ -53,10 +53,10 @@ impl Motions {
         matches!(&self.half, Half::I(leader) if leader.agrees(now))
     }
 
-    /// I: since when leases are of the motion that I flies, too, and whether those before are of the one that it goes on from.
-    pub fn vouched_for(&self) -> Option<(Instant, bool)> {
+    /// I: since when leases are of the motion that I flies, too.
+    pub fn made_at(&self) -> Option<Instant> {
         match &self.half {
-            Half::I(leader) => Some(leader.vouched_for()),
+            Half::I(leader) => Some(leader.made_at()),
             Half::J(_) => None,
         }
     }

@@ -131,18 +131,8 @@ impl Followed {
         let from_s = since_opening_s - APART_S;
         let mut instants: Vec<f64> = self.knots_s().filter(|at_s| *at_s > from_s).chain([from_s]).collect();
         instants.sort_by(f64::total_cmp);
-        let powers = instants.iter().map(|at_s| (*at_s, self.vehicle(*at_s).tx_power_w));
-        let mut before: Option<(f64, f64)> = None;
-        for (at_s, power_w) in powers {
-            if power_w > tx_power_w {
-                let grows_from_s = before.map_or(at_s, |(from_s, from_w)| {
-                    from_s + (at_s - from_s) * ((tx_power_w - from_w) / (power_w - from_w)).clamp(0.0, 1.0)
-                });
-                return Some(grows_from_s - APART_S);
-            }
-            before = Some((at_s, power_w));
-        }
-        None
+        let missing_w = instants.iter().map(|at_s| (*at_s, self.vehicle(*at_s).tx_power_w - tx_power_w));
+        rises_s(missing_w).map(|at_s| at_s - APART_S)
     }
 
     /// From when on the newest motion asks J for more power than the one that it goes on from, if it does.
@@ -160,16 +150,9 @@ impl Followed {
         let knots = newest.knots.iter().chain(before.iter().flat_map(|motion| &motion.knots));
         let mut instants: Vec<f64> = knots.map(|knot| knot.at_s).filter(|at_s| *at_s > begins_s).collect();
         instants.sort_by(f64::total_cmp);
-        let mut from = (begins_s, grown_w(begins_s).min(0.0));
-        for at_s in instants {
-            let grown = grown_w(at_s);
-            // Between knots both change evenly.
-            if grown > 0.0 {
-                return Some(from.0 + (at_s - from.0) * (from.1 / (from.1 - grown)));
-            }
-            from = (at_s, grown);
-        }
-        None
+        // It begins with the power that the one before has then, but for rounding.
+        let begins = (begins_s, grown_w(begins_s).min(0.0));
+        rises_s([begins].into_iter().chain(instants.iter().map(|at_s| (*at_s, grown_w(*at_s)))))
     }
 
     /// How wrong the pose may be; `None` where nothing is asked.
@@ -186,6 +169,21 @@ impl Followed {
     pub fn begins(&self) -> Angles {
         angles(&self.rest.pose)
     }
+}
+
+/// Since when what changes evenly between these instants and values is positive, first.
+fn rises_s(values: impl Iterator<Item = (f64, f64)>) -> Option<f64> {
+    let mut before: Option<(f64, f64)> = None;
+    for (at_s, value) in values {
+        if value > 0.0 {
+            let rises_s = |(from_s, from): (f64, f64)| {
+                from_s + (at_s - from_s) * (from / (from - value)).clamp(0.0, 1.0)
+            };
+            return Some(before.map_or(at_s, rises_s));
+        }
+        before = Some((at_s, value));
+    }
+    None
 }
 
 #[cfg(test)]

@@ -131,10 +131,11 @@ impl SlotService {
     }
 
     /// What [`super::Event::TakeUp`] asked for: pose and power follow it from its beginning on.
-    pub fn take_up(&mut self, motion: &Arc<Motion>, now: Instant) {
-        if let Stage::Committed(slot) = &mut self.stage {
-            slot.take_up(motion);
-            self.pair.motion_taken_up(slot.outgrown_at(), now);
+    pub fn take_up(&mut self, motion: &Arc<Motion>) {
+        let Stage::Committed(slot) = &mut self.stage else { return };
+        slot.take_up(motion);
+        if let Some(outgrown_at) = slot.outgrown_at() {
+            self.pair.motion_outgrows(outgrown_at);
         }
     }
 }
