@@ -27,6 +27,7 @@ mod reported;
 mod reserve;
 mod scene;
 mod settings;
+mod standby;
 mod start;
 mod stranger;
 mod turns;
