@@ -26,15 +26,15 @@ pub(crate) mod reader;
 pub(crate) mod reading;
 pub mod schema;
 mod vehicle;
+mod vehicle_draft;
 mod vehicle_file;
 mod vehicle_links;
 
 pub use diagnostic::{Diagnostic, Diagnostics, Severity};
 pub use draft::{
-    AntennaDraft, AntennasDraft, Autopilot, BatteryDraft, Emission, FadingDraft, JitterDraft, Limits,
-    LogLimits, MissionDraft, Mode, MovesDraft, NoFlyDraft, NodeDraft, Optimise, PerReceiver,
-    PlannedVehicleDraft, PlannerSettings, PointingDraft, PowerLimit, RadioDraft, Tdma, Transmitter,
-    VehicleDraft,
+    AntennaDraft, AntennasDraft, Emission, FadingDraft, JitterDraft, MissionDraft, Mode, MovesDraft,
+    NoFlyDraft, NodeDraft, Optimise, PerReceiver, PlannedVehicleDraft, PlannerSettings, PointingDraft,
+    PowerLimit, RadioDraft, Tdma,
 };
 pub use mission::{Difference, Mission, NamedEavesdropper, Settled, User, VehicleSettings};
 pub use mission_file::METHODS;
@@ -46,6 +46,7 @@ pub use radio_draft::{
 };
 pub use vehicle::Vehicle;
 pub(crate) use vehicle::{FenceShape, fence_corners};
+pub use vehicle_draft::{Autopilot, BatteryDraft, Limits, LogLimits, Transmitter, VehicleDraft};
 pub use vehicle_links::ExposedLink;
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::draft::LogLimits;
+use super::vehicle_draft::LogLimits;
 use crate::link::{HostPort, LinkAddress};
 use crate::radio_device::gpio::Electrical;
 use crate::radio_device::parameter::Unit;

@@ -8,11 +8,11 @@ use serde_json::Value as Json;
 
 use super::diagnostic::{Diagnostics, Severity};
 use super::document::Document;
-use super::draft::{Transmitter, VehicleDraft};
 use super::file::{MAX_BYTES, read_text};
 use super::mission::Mission;
 use super::mission_checks::ORIGIN_HELP;
 use super::reader::Section;
+use super::vehicle_draft::{Transmitter, VehicleDraft};
 use super::vehicle_links::{self, KEY_FILES, key_file_fault};
 use super::{permission, reading, vehicle_file};
 use crate::autopilot::{Actuation, FENCE_MARGIN_M, FenceDuty, FirmwareChoice, MOST_FENCE_CORNERS};

@@ -2,10 +2,10 @@
 
 use std::path::PathBuf;
 
-use super::draft::{Autopilot, BatteryDraft, Limits, LogLimits, Transmitter, VehicleDraft};
 use super::kind::{Choice, Flag, ID, Integer, List, Number, Numbers, Parsed, Text, byte};
 use super::mission_file::{climb, power, speed, tilt, tilt_rate};
 use super::reader::Section;
+use super::vehicle_draft::{Autopilot, BatteryDraft, Limits, LogLimits, Transmitter, VehicleDraft};
 use crate::autopilot::{Actuation, FenceDuty, FirmwareChoice};
 use crate::link::LinkAddress;
 use crate::role::Role;

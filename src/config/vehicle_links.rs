@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::document::Document;
-use super::draft::VehicleDraft;
+use super::vehicle_draft::VehicleDraft;
 use crate::link::LinkAddress;
 use crate::transmitter::Kind;
 
