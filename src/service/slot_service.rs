@@ -406,7 +406,8 @@ impl SlotService {
         let leases_outstanding = self.pair.leases_outstanding(now);
         Facts {
             window: slot.map(|slot| slot.window(self.role, leases_outstanding, now)),
-            state_fresh: self.staleness.may_radiate(self.role, self.must_jam_on(now)),
+            state_fresh: self.staleness.may_radiate(self.role, self.must_jam_on(now))
+                && (self.interlock.is_on() || self.staleness.may_begin(now)),
             in_control: self.vehicle.in_control,
             estimator_ok: self.vehicle.estimator_ok,
             pose_ok: self.vehicle.arrived

@@ -7,6 +7,9 @@
 //! vouches no more, and is off only [`LOST`] after the first message that did not come, or at the limit of age, when I is
 //! off already. Over a slow pair link it may not be: while I may rest on a lease, J jams on to the limit (S3).
 //!
+//! Once state was lost, what comes first may be from long ago, one sample after the other: who is off stays off for [`REGAINED`], until the
+//! newest is at hand.
+//!
 //! Lateness is judged at timeouts alone, never at a message: a process that was not run finds messages at its door, and
 //! the state that it misses may be the next of them.
 
@@ -21,6 +24,8 @@ use super::evidence::Vehicle;
 const LATE: Duration = Duration::from_millis(30);
 /// Overdue for so long, it is lost: S4's 100 ms less the way of the command.
 const LOST: Duration = Duration::from_millis(70);
+/// State that was lost has to come for so long before this vehicle goes on the air on it: as many samples as the pose's fast filter asks for.
+const REGAINED: Duration = Duration::from_millis(100);
 /// So much before the limit of age a sample counts as late.
 const AGEING: Duration = Duration::from_millis(40);
 
@@ -60,6 +65,8 @@ pub(super) struct Staleness {
     received_at: Option<Instant>,
     taken_from: Option<Instant>,
     period: Duration,
+    /// When it came again after it was lost.
+    regained_at: Option<Instant>,
     /// The last timeout: the instant at which state may count as late.
     judged_at: Instant,
     /// J: I has been told that our state is late.
@@ -73,6 +80,7 @@ impl Staleness {
             received_at: None,
             taken_from: None,
             period: Duration::ZERO,
+            regained_at: None,
             judged_at: now,
             told: false,
         }
@@ -80,6 +88,10 @@ impl Staleness {
 
     /// Takes in when the newest state came, and since when it is.
     pub fn feed(&mut self, vehicle: &Vehicle) {
+        let lost_from = self.received_at.map(|at| at + self.silence(LOST));
+        if vehicle.state_received_at.zip(lost_from).is_some_and(|(at, lost_from)| lost_from <= at) {
+            self.regained_at = vehicle.state_received_at;
+        }
         self.received_at = vehicle.state_received_at;
         self.taken_from = vehicle.state_taken_from;
         self.period = vehicle.state_period;
@@ -99,8 +111,17 @@ impl Staleness {
             Allowed::Late => (LOST, limit),
             Allowed::Lost => (limit, limit),
         };
-        let silence = (self.period + self.freshness.scheduling_allowance + overdue).min(limit);
-        Some((self.received_at? + silence).min(self.taken_from? + age))
+        Some((self.received_at? + self.silence(overdue)).min(self.taken_from? + age))
+    }
+
+    /// How long nothing has come once the next message is so much overdue.
+    fn silence(&self, overdue: Duration) -> Duration {
+        (self.period + self.freshness.scheduling_allowance + overdue).min(self.freshness.limit)
+    }
+
+    /// Whether a vehicle that is off may go on the air on the newest state: it has not been lost just before.
+    pub fn may_begin(&self, now: Instant) -> bool {
+        self.regained_at.is_none_or(|at| at + REGAINED <= now)
     }
 
     fn is(&self, allowed: Allowed) -> bool {
@@ -184,6 +205,22 @@ mod tests {
         // A message does not make the present instant one at which lateness is judged.
         staleness.feed(&state_at(180));
         assert!(staleness.may_radiate(Role::I, false));
+    }
+
+    #[test]
+    fn spec_state_that_was_lost_has_to_come_for_100_ms_before_a_vehicle_begins_on_it() {
+        let limit = Duration::from_millis(250);
+        let allowance = Duration::from_millis(10);
+        for (gap_ms, regained) in [(20, false), (99, false), (100, true), (736, true)] {
+            let mut staleness = Staleness::new(Freshness { limit, scheduling_allowance: allowance }, at(0));
+            staleness.feed(&state_at(1000));
+            assert!(staleness.may_begin(at(1000)), "the first one is none that was lost");
+            let again_ms = 1000 + gap_ms;
+            for (ms, begins) in [(0, !regained), (99, !regained), (100, true)] {
+                staleness.feed(&state_at(again_ms));
+                assert_eq!(staleness.may_begin(at(again_ms + ms)), begins, "{gap_ms} {ms}");
+            }
+        }
     }
 
     #[test]

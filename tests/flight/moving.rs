@@ -192,3 +192,23 @@ fn spec_a_vehicle_that_was_not_told_where_to_be_for_a_while_is_silent_until_it_h
         assert!(served_s.iter().all(|s| *s > 3.5), "{served_s:?}\n{}", flight.story());
     }
 }
+
+/// All that a link held up comes at once, what is old first: nobody goes on the air on that, before it has heard where it is by now.
+#[test]
+fn regress_nobody_comes_on_the_air_on_what_a_link_has_held_up() {
+    for role in Role::BOTH {
+        let mut flight = amid(0);
+        flight.set_autopilot_path(role, Path::FROZEN);
+        flight.pass(Duration::from_millis(736));
+        assert_eq!(flight.radiating(), [false, false], "{}", flight.story());
+        flight.set_autopilot_path(role, Path::GOOD);
+        for _ in 0..18 {
+            flight.pass(Duration::from_millis(5));
+            assert!(!flight.radiating()[index(role)], "{}", flight.story());
+        }
+        flight.pass(Duration::from_secs(1));
+        assert!(flight.radiating()[index(role)], "{}", flight.story());
+        flight.fly_out();
+        flight.assert_safe();
+    }
+}
