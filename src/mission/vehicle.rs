@@ -62,6 +62,7 @@ impl Executive {
             state_period: self.autopilot.state_period(),
             position: self.autopilot.position(now),
             attitude: self.autopilot.attitude(),
+            turns_ahead: self.lag.lead(),
             in_control: self.autopilot.in_control() && !self.is_stopping(),
             lost_at: self.autopilot.lost_at(),
             estimator_ok: self.estimator_ok(),

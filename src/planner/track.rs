@@ -24,6 +24,12 @@ pub const APART_S: f64 = 0.1;
 /// A power that rises is asked for so much before it has to be there, in seconds: until then the command is on its way to the radio.
 const UNDER_WAY_S: f64 = 0.15;
 
+/// A position loop closes in on a position no faster, 1/s, and the loop of velocities in it is twice as fast.
+const CLOSES_IN_1_S: f64 = 2.0;
+/// How far ahead a vehicle is looked for that is told nothing more, in seconds, and how often.
+const LOOKED_AHEAD_S: f64 = 0.6;
+const LOOKS: u32 = 30;
+
 /// How wrong a pose may be.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Slack {
@@ -151,6 +157,33 @@ impl Track {
             Self::Planned(track) => track.outgrows(tx_power_w, since_opening_s),
             Self::Followed(track) => track.outgrows(tx_power_w, since_opening_s),
         }
+    }
+
+    /// From when on the track leaves a vehicle behind, or before, by more than this that is told nothing more after `since_opening_s`, if
+    /// it does so within [`LOOKED_AHEAD_S`]. Its attitude was told it `ahead_s` before it was due, and it follows so much late: it turns
+    /// that much further. It goes straight on, or as the position that it was told last lets it.
+    #[must_use]
+    pub fn leaves_behind(&self, since_opening_s: f64, ahead_s: f64, far: Slack) -> Option<f64> {
+        let told = self.place(since_opening_s);
+        let looked_s = |look: u32| LOOKED_AHEAD_S * f64::from(look) / f64::from(LOOKS);
+        let is_far = |look: &u32| {
+            let after_s = looked_s(*look);
+            let at_s = since_opening_s + after_s;
+            let turned_s = if ahead_s > 0.0 { -ahead_s * libm::expm1(-after_s / ahead_s) } else { 0.0 };
+            let off_rad = self.attitude(since_opening_s + turned_s).angle_to(&self.attitude(at_s));
+            // x'' = 2k (v + k (p - x) - x').
+            let decay = libm::exp(-CLOSES_IN_1_S * after_s) * libm::cos(CLOSES_IN_1_S * after_s);
+            let held_s = (1.0 - decay) / CLOSES_IN_1_S;
+            let off_m = told.zip(self.place(at_s)).map_or(0.0, |(told, now)| {
+                let off_m = |for_s: f64| {
+                    let goes = told.position_enu_m + told.velocity_enu_m_s.vector() * for_s;
+                    (goes - now.position_enu_m).norm()
+                };
+                off_m(after_s).max(off_m(held_s))
+            });
+            off_rad > far.pointing_rad || off_m > far.position_m
+        };
+        (1..=LOOKS).find(is_far).map(|look| since_opening_s + looked_s(look - 1))
     }
 
     /// The time since the opening from which the vehicle has the attitudes in which the user is served, and until which.

@@ -19,6 +19,8 @@ pub struct Vehicle {
     pub position: Option<(Enu, Instant)>,
     /// Attitude, and when it was measured.
     pub attitude: Option<(Attitude, Instant)>,
+    /// So long before it is due its attitude is commanded, as late as it follows.
+    pub turns_ahead: Duration,
     /// Armed and in the companion's mode.
     pub in_control: bool,
     /// When its autopilot counts as lost, and control ends, if it goes on being unheard; `None`: not foreseen.

@@ -279,6 +279,16 @@ impl PoseMonitor {
         due <= HELD_RAD && fast.error.norm() <= self.tolerance.attitude_rad
     }
 
+    /// How much farther off it may come to be than it is, before it has lost its pose; `None` before anything was seen.
+    #[must_use]
+    pub fn left(&self) -> Option<Slack> {
+        let (at, ([.., slow], _)) = (self.distance?, self.errors?);
+        Some(Slack {
+            pointing_rad: self.tolerance.attitude_rad - slow.error.norm(),
+            position_m: self.tolerance.position_m - at.error_m - at.known_to_m,
+        })
+    }
+
     /// Whether one that holds its pose may come on the air there.
     #[must_use]
     pub fn may_begin(&self) -> bool {

@@ -144,12 +144,15 @@ impl Slot {
     }
 
     /// J: up to when I may rest on this much power, if it may: not beyond where the plan asks for more, nor on a vehicle that turns
-    /// away. Nor where a motion does that I may take up.
-    pub(super) fn suffices_until(&self, power_w: f64, now: Instant) -> Option<Instant> {
+    /// away, nor on one that is left behind if it is told nothing more, and is told its attitude so much `ahead`. Nor where a motion does
+    /// that I may take up.
+    pub(super) fn suffices_until(&self, power_w: f64, ahead: Duration, now: Instant) -> Option<Instant> {
         let opens_at = self.commitment.opens_at;
+        let (since_s, left) = (now.seconds_since(opens_at), self.monitor.left());
         let outgrows = |track: &Track| {
-            let outgrown_s = track.outgrows(power_w, now.seconds_since(opens_at));
-            outgrown_s.map(|since_s| opens_at.after_s(since_s))
+            let behind_s = left.and_then(|left| track.leaves_behind(since_s, ahead.as_secs_f64(), left));
+            let until_s = [track.outgrows(power_w, since_s), behind_s].into_iter().flatten().reduce(f64::min);
+            until_s.map(|until_s| opens_at.after_s(until_s))
         };
         let more_at = match &self.track {
             Some(track) => outgrows(track),
@@ -275,7 +278,11 @@ mod tests {
             (0.6, 20_000, None),
             (0.499, 12_000, None),
         ] {
-            assert_eq!(slot.suffices_until(power_w, at(now_ms)), until_ms.map(at), "{power_w} {now_ms}");
+            assert_eq!(
+                slot.suffices_until(power_w, Duration::ZERO, at(now_ms)),
+                until_ms.map(at),
+                "{power_w} {now_ms}"
+            );
         }
     }
 
@@ -300,15 +307,19 @@ mod tests {
         let tracks = PerVehicle::from_fn(|role| Track::Followed(Followed::new(role, rest[role])));
         let mut slot = slot_with(Role::J, rest, Some(tracks));
         let (power_w, begins_at) = (1.5 * rest.j.tx_power_w, at(12_000));
-        assert_eq!(slot.suffices_until(power_w, at(11_000)), Some(at(20_000)));
+        assert_eq!(slot.suffices_until(power_w, Duration::ZERO, at(11_000)), Some(at(20_000)));
         slot.foresee(&motion);
-        let outgrown_at = slot.suffices_until(power_w, at(11_000)).unwrap();
+        let outgrown_at = slot.suffices_until(power_w, Duration::ZERO, at(11_000)).unwrap();
         assert!(outgrown_at.seconds_since(begins_at).abs() < 1.0, "{outgrown_at:?}");
-        assert_eq!(slot.suffices_until(power_w, outgrown_at), None);
-        assert_eq!(slot.suffices_until(power_w, begins_at + 2 * LATE), Some(at(20_000)), "it never will");
+        assert_eq!(slot.suffices_until(power_w, Duration::ZERO, outgrown_at), None);
+        assert_eq!(
+            slot.suffices_until(power_w, Duration::ZERO, begins_at + 2 * LATE),
+            Some(at(20_000)),
+            "it never will"
+        );
         assert_eq!(slot.outgrown_at(), None, "nor has it");
         slot.take_up(&motion);
-        assert_eq!(slot.suffices_until(power_w, at(11_000)), Some(outgrown_at));
+        assert_eq!(slot.suffices_until(power_w, Duration::ZERO, at(11_000)), Some(outgrown_at));
         assert_eq!(slot.outgrown_at(), Some(begins_at));
     }
 

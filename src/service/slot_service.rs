@@ -496,7 +496,8 @@ impl SlotService {
                 // What is as good as the full power suffices for as long as that does, and no longer than the vehicle's loss
                 // is foreseen: who has lost control is off at once.
                 let vouch = confirmed.and_then(|vouched| {
-                    let suffices_until = slot.suffices_until(vouched.power_w / FULL_POWER, now)?;
+                    let ahead = self.vehicle.turns_ahead;
+                    let suffices_until = slot.suffices_until(vouched.power_w / FULL_POWER, ahead, now)?;
                     let closes_at =
                         self.vehicle.lost_at.map_or(suffices_until, |lost| lost.min(suffices_until));
                     Some(Vouch { until: vouched.until, closes_at })

@@ -5,8 +5,9 @@ use std::time::Duration;
 
 use mavlink::dialects::ardupilotmega::MavCmd;
 use nalgebra::Vector2;
-use veilwing::config::{Mission, MissionDraft, MovesDraft, Optimise};
+use veilwing::config::{Mission, MovesDraft, Optimise};
 use veilwing::desk::simulation::Scenario;
+use veilwing::geo::Enu;
 use veilwing::mission::Outcome;
 use veilwing::planner::following::Gait;
 use veilwing::role::{PerVehicle, Role};
@@ -235,31 +236,38 @@ fn spec_a_pair_that_loses_one_of_the_two_or_goes_home_while_it_follows_is_silent
 }
 
 /// Nobody has agreed on the ways home from where the last motions came to rest. J goes at once where its own is far from I's; where
-/// each lives below where the other came to rest, J waits until I is past.
+/// they are near each other, J waits until I is past.
 #[test]
 fn spec_after_the_last_slot_j_waits_for_i_only_where_their_ways_are_near_each_other() {
-    let waits_s = |flight: &mut Flight| {
+    /// How long J waits, and how near both ways come, on the map, in metres.
+    fn goes_home(homes: Option<PerVehicle<Enu>>) -> (f64, f64, PerVehicle<Enu>) {
+        let planned = match homes {
+            Some(homes) => following().given.i.under(|m| {
+                (m.vehicles.i.home_enu_m, m.vehicles.j.home_enu_m) = (Some(homes.i), Some(homes.j));
+            }),
+            None => following().given.i,
+        };
+        let mut flight =
+            Flight::new(Setup { given: PerVehicle { i: planned.clone(), j: planned }, ..following() });
+        let on_the_ground = PerVehicle::from_fn(|role| flight.place(role));
+        flight.until(|flight| flight.said(Role::J, "all slots are over").is_some());
+        let ends = PerVehicle::from_fn(|role| flight.place(role).xy().push(0.0));
         flight.fly_out();
         flight.assert_safe();
         for role in Role::BOTH {
             assert_eq!(flight.outcomes[role], Some(Outcome::Completed), "{}", flight.story());
         }
+        let parts = || (0..=100).map(|k| f64::from(k) / 100.0);
+        let on_way = |role: Role, part| ends[role].lerp(&on_the_ground[role], part);
+        let apart = |of_i| parts().map(move |of_j| (on_way(Role::I, of_i) - on_way(Role::J, of_j)).norm());
+        let near_m = parts().flat_map(apart).fold(f64::INFINITY, f64::min);
         let [i, j] = Role::BOTH.map(|role| flight.said(role, "returning home").unwrap().as_secs_f64());
-        j - i
-    };
-    let mut flight = Flight::new(following());
-    flight.until(|flight| flight.said(Role::J, "all slots are over").is_some());
-    let ends = PerVehicle::from_fn(|role| flight.place(role).xy().push(0.0));
-    let waits = waits_s(&mut flight);
-    assert!(waits < 3.5, "{waits}\n{}", flight.story());
-    let across = |m: &mut MissionDraft| {
-        (m.vehicles.i.home_enu_m, m.vehicles.j.home_enu_m) = (Some(ends.j), Some(ends.i));
-    };
-    let planned = following().given.i.under(across);
-    let mut flight =
-        Flight::new(Setup { given: PerVehicle { i: planned.clone(), j: planned }, ..following() });
-    let waits = waits_s(&mut flight);
-    assert!(waits > 20.0, "{waits}\n{}", flight.story());
+        (j - i, near_m, ends)
+    }
+    let (waits_s, near_m, ends) = goes_home(None);
+    assert!(waits_s > 20.0 && near_m < 5.0, "{waits_s} s, {near_m} m");
+    let (waits_s, near_m, _) = goes_home(Some(ends));
+    assert!(waits_s < 3.5 && near_m > 20.0, "{waits_s} s, {near_m} m");
 }
 
 /// In the first slot both take a jitter that nobody has told them of for poses that are lost, now and then, and J falls silent without

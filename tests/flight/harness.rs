@@ -21,8 +21,8 @@ use veilwing_sitl::{
     Firmware, FlightReport, RadioDevice, RadioPlace, Reporter, Slip, Tolerance, Traps, World,
 };
 
-/// No flight of the small mission takes longer, faults included.
-pub const LONGEST: Duration = Duration::from_secs(300);
+/// No flight takes longer, faults and gales included.
+pub const LONGEST: Duration = Duration::from_secs(600);
 /// Everything is silent so long after a companion's death or a link's: the lease of 500 ms, and 50 ms for one tick of
 /// the survivor (20 ms), the way of its command (20 ms) and the wire.
 pub const LEASE_AND_MARGIN: Duration = Duration::from_millis(550);

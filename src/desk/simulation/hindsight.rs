@@ -41,7 +41,7 @@ const SAMPLES: usize = 1024;
 pub struct Hindsight {
     /// The slot's number.
     pub slot: usize,
-    /// Of the pair that knows all tracks and begins as the one that flew it, bit/s.
+    /// Of the pair that knows all tracks and begins as the one that flew it, bit/s: what it finds, or what was flown if that is more.
     pub knowing_bps: f64,
     /// Of the pair that knows all tracks and begins where it is best, bit/s.
     pub best_bps: f64,
@@ -104,11 +104,15 @@ impl Observer for Seer {
     }
 }
 
-/// How a vehicle is meant to be.
-fn vehicle(meant: &PlannedPose) -> VehiclePlan {
-    let &PlannedPose { position_enu_m, roll_rad, pitch_rad, yaw_rad, tx_power_w, .. } = meant;
-    let pose = Pose { position_enu_m: position_enu_m.into(), roll_rad, pitch_rad, yaw_rad };
-    VehiclePlan { pose, tx_power_w }
+/// How both are meant to be.
+fn vehicles(flown: &Flown) -> PerVehicle<VehiclePlan> {
+    let vehicle = |meant: &PlannedPose| {
+        let &PlannedPose { position_enu_m, roll_rad, pitch_rad, yaw_rad, tx_power_w, .. } = meant;
+        let pose = Pose { position_enu_m: position_enu_m.into(), roll_rad, pitch_rad, yaw_rad };
+        VehiclePlan { pose, tx_power_w }
+    };
+    let [i, j] = &flown.poses;
+    PerVehicle { i: vehicle(i), j: vehicle(j) }
 }
 
 /// One that is known to be where it was, and to go on as it went at the last look.
@@ -166,11 +170,11 @@ impl Seer {
             let (Some((user, rest)), Some(first)) = (user.zip(rest), on.first()) else { continue };
             let Some(problem) = mission.problem(user) else { continue };
             let told = Told { looks: &self.looks, mission, problem, user, on: &on };
-            let Some(Flown { poses: [i, j], .. }) = self.looks[*first].flown else { continue };
+            let Some(begins) = self.looks[*first].flown.as_ref().map(vehicles) else { continue };
             let best = plan_slot(&told.truth(*first), &Options { seed: mission.seed, ..Options::default() })?;
             all.push(Hindsight {
                 slot,
-                knowing_bps: told.knowing_bps(&PerVehicle { i: vehicle(&i), j: vehicle(&j) })?,
+                knowing_bps: told.knowing_bps(&begins)?.max(told.flown_bps(&begins)?),
                 best_bps: told.knowing_bps(&best.vehicles)?,
                 staying_bps: told.mean_bps(|_| Ok(rest))?,
             });
@@ -212,6 +216,15 @@ impl Told<'_> {
             sum_bps += evaluate(&self.truth(*look), &at(*look)?, &options)?.secrecy_rate_bps;
         }
         Ok(sum_bps / self.on.len() as f64)
+    }
+
+    /// The mean rate of the pair as it was meant to fly, which begins like this.
+    fn flown_bps(&self, rest: &PerVehicle<VehiclePlan>) -> Result<f64, PlanError> {
+        let mut last = *rest;
+        self.mean_bps(|look| {
+            last = self.looks[look].flown.as_ref().map_or(last, vehicles);
+            Ok(last)
+        })
     }
 
     /// The mean rate of a pair that begins like this and knows all tracks.

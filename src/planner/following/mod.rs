@@ -13,9 +13,9 @@
 //! motion only comes to rest. J's attitude is its null on the user's foreseen place and what is beside that, so that between knots
 //! the null follows the user; where the user is foreseen elsewhere than in the last motion, J turns there at once, as fast as it
 //! may. Limits are penalties in the search (`search`), and what is found is verified on its curves: a motion that breaks one is
-//! not given out, and the one before goes on. Where nothing is carried at all, both make for the best poses that are found in all of the
-//! airspace (`elsewhere`). Deterministic in its inputs: two companions with the same beliefs and the same motion
-//! make the same one.
+//! not given out, and the one before goes on. A search from there ends in the optimum that the pair is in: where more is to be had
+//! elsewhere in the airspace, a motion that makes for it is searched for as well, and the better of both is flown (`elsewhere`).
+//! Deterministic in its inputs: two companions with the same beliefs and the same motion make the same one.
 //!
 //! Each vehicle keeps to its side of planes between the two (`side`), which are laid anew for each motion between all that either may
 //! still fly: the one may be anywhere on its motion, or on the one before, while the other flies that one or this, and they are still
@@ -84,6 +84,8 @@ const AGAIN: Settings = Settings { iterations: 80, tolerance: 1e-6, first_step: 
 const FIRST: Settings = Settings { iterations: 150, tolerance: 1e-6, first_step: 0.3 };
 /// A motion of which no more is expected, bit/s/Hz, leads nowhere.
 const NOTHING_BPS_HZ: f64 = 0.01;
+/// Who makes for elsewhere expects so many times more of it than of going on.
+const BETTER: f64 = 1.15;
 /// What a limit counts, and then, where it was not met.
 const STIFFNESS: [f64; 3] = [100.0, 1_000.0, 10_000.0];
 
@@ -194,13 +196,14 @@ pub fn plan(
             Some(Motion { expected_bps_hz: objective.rate_bps_hz(&x, &mut memory), ..motion })
         })
     };
-    let best = found(frame.going_on(from));
-    if best.as_ref().is_some_and(|motion| motion.expected_bps_hz > NOTHING_BPS_HZ) {
-        return Ok(best);
-    }
-    let goal = elsewhere::goal(&frame, &setups[setups.len() - 1], seed);
-    let other = goal.and_then(|(to, turns_s)| found(frame.towards(&to, at_s + turns_s.max(SEGMENT_S))));
-    Ok(other.or(best))
+    let goes_on = found(frame.going_on(from));
+    let expected_bps_hz = goes_on.as_ref().map_or(0.0, |motion| motion.expected_bps_hz);
+    let carries = expected_bps_hz > NOTHING_BPS_HZ;
+    let least_bps_hz = if carries { BETTER * expected_bps_hz } else { NOTHING_BPS_HZ };
+    let goal = elsewhere::goal(&frame, &setups[setups.len() - 1], seed, carries, least_bps_hz);
+    let goes = goal.and_then(|(to, turns_s)| found(frame.towards(&to, at_s + turns_s.max(SEGMENT_S))));
+    // Where nothing is carried, whatever leads on, though it comes there later than a motion ends.
+    Ok(goes.filter(|motion| !carries || motion.expected_bps_hz > least_bps_hz).or(goes_on))
 }
 
 /// A motion with its slip made good as soon as may be, if it keeps every limit.

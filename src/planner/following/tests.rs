@@ -463,3 +463,41 @@ fn val_a_pair_that_carries_nothing_makes_for_where_it_does() {
         assert!(reached > 5.0, "{place}: {reached} bit/s/Hz");
     }
 }
+
+/// Over a courtyard, where optima are close to each other, and most places of the pair are next to one that is none of the best.
+#[test]
+fn val_a_pair_in_a_poor_optimum_leaves_it_for_a_better_one() {
+    let mut problem = Problem::paper([[80.0, -40.0], [-50.0, 60.0], [-40.0, -60.0]], 0.5, 2f64.to_radians());
+    problem.airspace.area_enu_m =
+        [[-100.0, -100.0], [100.0, -100.0], [100.0, 100.0], [-100.0, 100.0]].map(Vector2::from).to_vec();
+    problem.airspace.altitude_m = [20.0, 80.0];
+    problem.airspace.min_separation_m = 5.0;
+    let rate = |vehicles: &PerVehicle<VehiclePlan>| {
+        evaluate(&problem, vehicles, &EvaluateOptions::default()).unwrap().secrecy_rate_bps / 1e6
+    };
+    let best = at_rest(&problem);
+    let still = belief([0.0; 2], [0.0; 2], 0.0);
+    let scene = Scene { user: None, ..scene(&problem, &still, None) };
+    let mut rng = ChaCha8Rng::seed_from_u64(11);
+    let mut reached = Vec::new();
+    for _ in 0..8 {
+        let mut rest = best;
+        for role in Role::BOTH {
+            let pose = &mut rest[role].pose;
+            pose.position_enu_m =
+                Enu::from_fn(|k, _| [rng.random_range(-90.0..90.0), 25.0][usize::from(k == 2)]);
+            (pose.roll_rad, pose.pitch_rad) = (rng.random_range(-1.2..1.2), rng.random_range(-1.2..1.2));
+        }
+        let mut motion: Option<Motion> = None;
+        for second in 0..45 {
+            let from = motion.as_ref().map_or(Flying::rest(&rest), Flying::motion);
+            if let Some(next) = plan(&scene, &from, f64::from(second), 1).unwrap() {
+                check(&scene, &next);
+                motion = Some(next);
+            }
+        }
+        reached.push(motion.map_or(0.0, |motion| rate(&motion.at(45.0).vehicles)) / rate(&best));
+    }
+    println!("{reached:.3?}");
+    assert!(reached.iter().all(|share| *share > 0.9), "{reached:?}");
+}

@@ -188,6 +188,7 @@ fn rises_s(values: impl Iterator<Item = (f64, f64)>) -> Option<f64> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::{CLOSES_IN_1_S, Track};
     use super::*;
     use crate::planner::following::{Belief, Drift, Flying, Scene, plan};
     use crate::planner::problem::Problem;
@@ -296,6 +297,52 @@ mod tests {
             assert!(found.zip(looked).is_none_or(|(found, looked)| (found - looked).abs() < 2e-3));
             assert_eq!(looked.is_some(), outgrown);
         }
+    }
+
+    /// Against a vehicle whose loops are stepped through, millisecond by millisecond.
+    #[test]
+    fn val_a_track_leaves_behind_a_vehicle_that_is_told_nothing_more() {
+        let (rest, motions) = flown();
+        let mut left = [0, 0];
+        for role in Role::BOTH {
+            let mut track = Followed::new(role, rest[role]);
+            motions.iter().for_each(|motion| track.take_up(Arc::clone(motion)));
+            let track = Track::Followed(track);
+            for (k, ahead_s) in (0..30).flat_map(|k| [(k, 0.0), (k, 0.15)]) {
+                let since_s = 0.5 * f64::from(k);
+                let far = Slack { pointing_rad: 0.03, position_m: 0.2 };
+                let told = track.place(since_s).unwrap();
+                let (mut place, mut velocity) = (told.position_enu_m, told.velocity_enu_m_s.vector());
+                let mut turned_s = since_s;
+                let stepped = (1..=600).find_map(|ms| {
+                    let (at_s, after_s, dt_s) = (since_s + 1e-3 * f64::from(ms), 1e-3 * f64::from(ms), 1e-3);
+                    let wanted =
+                        told.velocity_enu_m_s.vector() + (told.position_enu_m - place) * CLOSES_IN_1_S;
+                    velocity += (wanted - velocity) * (2.0 * CLOSES_IN_1_S * dt_s);
+                    place += velocity * dt_s;
+                    turned_s +=
+                        if ahead_s > 0.0 { (since_s + ahead_s - turned_s) * dt_s / ahead_s } else { 0.0 };
+                    let goes_on = told.position_enu_m + told.velocity_enu_m_s.vector() * after_s;
+                    let now = track.place(at_s).unwrap().position_enu_m;
+                    let off_m = (place - now).norm().max((goes_on - now).norm());
+                    let off_rad = track.attitude(turned_s).angle_to(&track.attitude(at_s));
+                    (off_m > far.position_m || off_rad > far.pointing_rad).then_some(at_s)
+                });
+                let found = track.leaves_behind(since_s, ahead_s, far);
+                left[usize::from(found.is_some())] += 1;
+                match (found, stepped) {
+                    (Some(found), Some(stepped)) => {
+                        assert!((-0.002..0.022).contains(&(stepped - found)), "{since_s}: {found} {stepped}");
+                    }
+                    (found, stepped) => {
+                        // At the very end of what is looked at.
+                        let late_s = found.or(stepped).map_or(0.6, |at_s| at_s - since_s);
+                        assert!(late_s > 0.57, "{since_s}: {found:?} {stepped:?}");
+                    }
+                }
+            }
+        }
+        assert!(left.iter().all(|times| *times > 20), "{left:?}");
     }
 
     #[test]
