@@ -406,8 +406,9 @@ impl SlotService {
         let leases_outstanding = self.pair.leases_outstanding(now);
         Facts {
             window: slot.map(|slot| slot.window(self.role, leases_outstanding, now)),
+            // A J on whose jamming I may rest comes on again at once.
             state_fresh: self.staleness.may_radiate(self.role, self.must_jam_on(now))
-                && (self.interlock.is_on() || self.staleness.may_begin(now)),
+                && (self.interlock.is_on() || leases_outstanding || self.staleness.may_begin(now)),
             in_control: self.vehicle.in_control,
             estimator_ok: self.vehicle.estimator_ok,
             pose_ok: self.vehicle.arrived
@@ -515,11 +516,12 @@ impl SlotService {
     /// J: tells I that the jamming may end, as soon as state is late.
     fn warn_if_late(&mut self, now: Instant) {
         if !self.staleness.is_late() || !self.interlock.is_on() {
-            self.staleness.told = false;
+            self.staleness.told_at = None;
             return;
         }
         self.pair.set_vouch(None);
-        if !std::mem::replace(&mut self.staleness.told, true) {
+        if self.staleness.is_to_be_told(self.pair.leases_outstanding(now), now) {
+            self.staleness.told_at = Some(now);
             self.pair.silent(VeilwingSilence::VEILWING_SILENCE_LINK, now);
         }
     }

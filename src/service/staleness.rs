@@ -7,8 +7,8 @@
 //! vouches no more, and is off only [`LOST`] after the first message that did not come, or at the limit of age, when I is
 //! off already. Over a slow pair link it may not be: while I may rest on a lease, J jams on to the limit (S3).
 //!
-//! Once state was lost, what comes first may be from long ago, one sample after the other: who is off stays off for [`REGAINED`], until the
-//! newest is at hand.
+//! Once state was lost, what comes first may be from long ago, one sample after the other, and the vehicle may have gone without setpoints
+//! meanwhile: who is off stays off for [`REGAINED`].
 //!
 //! Lateness is judged at timeouts alone, never at a message: a process that was not run finds messages at its door, and
 //! the state that it misses may be the next of them.
@@ -24,8 +24,11 @@ use super::evidence::Vehicle;
 const LATE: Duration = Duration::from_millis(30);
 /// Overdue for so long, it is lost: S4's 100 ms less the way of the command.
 const LOST: Duration = Duration::from_millis(70);
-/// State that was lost has to come for so long before this vehicle goes on the air on it: as many samples as the pose's fast filter asks for.
-const REGAINED: Duration = Duration::from_millis(100);
+/// So often I is told of it that may rest on our jamming.
+const TOLD_EVERY: Duration = Duration::from_millis(40);
+/// State that was lost has to come for so long before this vehicle goes on the air on it: where setpoints failed as well, the track leaves
+/// the vehicle behind for as long as it follows late, and one that is within its tolerance then is about to leave it.
+const REGAINED: Duration = Duration::from_millis(300);
 /// So much before the limit of age a sample counts as late.
 const AGEING: Duration = Duration::from_millis(40);
 
@@ -69,8 +72,8 @@ pub(super) struct Staleness {
     regained_at: Option<Instant>,
     /// The last timeout: the instant at which state may count as late.
     judged_at: Instant,
-    /// J: I has been told that our state is late.
-    pub told: bool,
+    /// J: when I was told last that our state is late.
+    pub told_at: Option<Instant>,
 }
 
 impl Staleness {
@@ -82,7 +85,7 @@ impl Staleness {
             period: Duration::ZERO,
             regained_at: None,
             judged_at: now,
-            told: false,
+            told_at: None,
         }
     }
 
@@ -149,12 +152,18 @@ impl Staleness {
         recent(self.received_at) && recent(self.taken_from)
     }
 
+    /// J: whether I is to be told that the state is late: at once, and again while it may rest on our jamming.
+    pub fn is_to_be_told(&self, owed: bool, now: Instant) -> bool {
+        self.told_at.is_none_or(|told_at| owed && told_at + TOLD_EVERY <= now)
+    }
+
     /// When late or lost state will have to be acted on, if none comes. `owed_until`: I may rest on our jamming.
     pub fn overdue_at(&self, owed_until: Option<Instant>) -> Option<Instant> {
-        if !self.told {
-            return self.ends_at(Allowed::InTime);
-        }
-        Some(self.ends_at(Allowed::Late).max(owed_until)?.min(self.ends_at(Allowed::Lost)?))
+        let Some(told_at) = self.told_at else { return self.ends_at(Allowed::InTime) };
+        let off_at = self.ends_at(Allowed::Late).max(owed_until)?.min(self.ends_at(Allowed::Lost)?);
+        let again_at =
+            owed_until.map(|_| told_at + TOLD_EVERY).filter(|again_at| Some(*again_at) < owed_until);
+        Some(again_at.map_or(off_at, |again_at| off_at.min(again_at)))
     }
 }
 
@@ -200,7 +209,7 @@ mod tests {
         assert_eq!(judge(189), (false, true, true));
         assert_eq!(judge(190), (false, false, true));
         assert_eq!(staleness.overdue_at(None), Some(at(150)));
-        staleness.told = true;
+        staleness.told_at = Some(at(150));
         assert_eq!(staleness.overdue_at(None), Some(at(190)));
         // A message does not make the present instant one at which lateness is judged.
         staleness.feed(&state_at(180));
@@ -208,7 +217,7 @@ mod tests {
     }
 
     #[test]
-    fn spec_state_that_was_lost_has_to_come_for_100_ms_before_a_vehicle_begins_on_it() {
+    fn spec_state_that_was_lost_has_to_come_for_300_ms_before_a_vehicle_begins_on_it() {
         let limit = Duration::from_millis(250);
         let allowance = Duration::from_millis(10);
         for (gap_ms, regained) in [(20, false), (99, false), (100, true), (736, true)] {
@@ -216,7 +225,7 @@ mod tests {
             staleness.feed(&state_at(1000));
             assert!(staleness.may_begin(at(1000)), "the first one is none that was lost");
             let again_ms = 1000 + gap_ms;
-            for (ms, begins) in [(0, !regained), (99, !regained), (100, true)] {
+            for (ms, begins) in [(0, !regained), (299, !regained), (300, true)] {
                 staleness.feed(&state_at(again_ms));
                 assert_eq!(staleness.may_begin(at(again_ms + ms)), begins, "{gap_ms} {ms}");
             }
@@ -269,7 +278,7 @@ mod tests {
         let mut staleness = Staleness::new(Freshness { limit, scheduling_allowance: Duration::ZERO }, at(0));
         staleness.feed(&aged_state_at(1000, 190));
         assert_eq!(staleness.overdue_at(None), Some(at(1020)), "sooner than the next message is overdue");
-        staleness.told = true;
+        staleness.told_at = Some(at(1020));
         assert_eq!(staleness.overdue_at(None), Some(at(1060)));
     }
 
@@ -278,7 +287,7 @@ mod tests {
         let limit = Duration::from_millis(250);
         let mut staleness = Staleness::new(Freshness { limit, scheduling_allowance: Duration::ZERO }, at(0));
         staleness.feed(&state_at(100));
-        staleness.told = true;
+        staleness.told_at = Some(at(150));
         for (ms, i, j) in [(149, true, true), (190, false, true), (349, false, true), (350, false, false)] {
             staleness.judge_at(at(ms));
             assert_eq!(
@@ -287,8 +296,15 @@ mod tests {
                 "{ms}"
             );
         }
-        for (owed_ms, due_ms) in [(120, 190), (200, 200), (500, 350)] {
+        // It is told again meanwhile.
+        for (told_ms, owed_ms, due_ms) in
+            [(150, 120, 190), (150, 190, 190), (150, 500, 190), (250, 500, 290), (310, 500, 350)]
+        {
+            staleness.told_at = Some(at(told_ms));
             assert_eq!(staleness.overdue_at(Some(at(owed_ms))), Some(at(due_ms)));
+        }
+        for (owed, ms, told) in [(true, 349, false), (true, 350, true), (false, 350, false)] {
+            assert_eq!(staleness.is_to_be_told(owed, at(ms)), told, "{owed} {ms}");
         }
     }
 

@@ -202,7 +202,7 @@ fn regress_nobody_comes_on_the_air_on_what_a_link_has_held_up() {
         flight.pass(Duration::from_millis(736));
         assert_eq!(flight.radiating(), [false, false], "{}", flight.story());
         flight.set_autopilot_path(role, Path::GOOD);
-        for _ in 0..18 {
+        for _ in 0..58 {
             flight.pass(Duration::from_millis(5));
             assert!(!flight.radiating()[index(role)], "{}", flight.story());
         }
