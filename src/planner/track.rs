@@ -160,7 +160,7 @@ impl Track {
     }
 
     /// From when on the track leaves a vehicle behind, or before, by more than this that is told nothing more after `since_opening_s`, if
-    /// it does so within [`LOOKED_AHEAD_S`]. Its attitude was told it `ahead_s` before it was due, and it follows so much late: it turns
+    /// it does so within 0.6 s. Its attitude was told it `ahead_s` before it was due, and it follows so much late: it turns
     /// that much further. It goes straight on, or as the position that it was told last lets it.
     #[must_use]
     pub fn leaves_behind(&self, since_opening_s: f64, ahead_s: f64, far: Slack) -> Option<f64> {
