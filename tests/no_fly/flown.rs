@@ -173,16 +173,18 @@ fn spec_an_area_that_nobody_told_the_companions_of_is_found_by_the_monitor() {
     assert_eq!(flown_over(&mission, &plan, vec![area(at.xy(), None, Some(low - 4.0))]), []);
 }
 
+/// Across the yard's middle, so far to the west and the east.
+fn wall(half_m: f64, ceiling_m: Option<f64>) -> NoFly {
+    let corners = [[-half_m, -2.0], [half_m, -2.0], [half_m, 2.0], [-half_m, 2.0]];
+    let area_enu_m = corners.map(Vector2::from).to_vec();
+    NoFly { name: "the wall".into(), area_enu_m, floor_m: None, ceiling_m }
+}
+
 #[test]
 fn spec_a_slot_behind_an_area_that_nothing_passes_is_refused_by_name() {
     let mut airspace = yard().airspace.clone();
-    // A wall through the whole yard.
-    airspace.no_fly = vec![NoFly {
-        name: "the wall".into(),
-        area_enu_m: [[-50.0, -2.0], [50.0, -2.0], [50.0, 2.0], [-50.0, 2.0]].map(Vector2::from).to_vec(),
-        floor_m: None,
-        ceiling_m: None,
-    }];
+    // Through the whole yard.
+    airspace.no_fly = vec![wall(50.0, None)];
     let limits = yard().transit_limits();
     let at =
         |e, n| Start { position_enu_m: Enu::new(e, n, 20.0), attitude: veilwing::geo::Attitude::level() };
@@ -212,12 +214,7 @@ fn spec_a_slot_behind_an_area_that_nothing_passes_is_refused_by_name() {
 #[test]
 fn val_what_an_autopilot_crosses_by_itself_straight_home_and_straight_down() {
     let mut airspace = yard().airspace.clone();
-    airspace.no_fly = vec![NoFly {
-        name: "the wall".into(),
-        area_enu_m: [[-20.0, -2.0], [20.0, -2.0], [20.0, 2.0], [-20.0, 2.0]].map(Vector2::from).to_vec(),
-        floor_m: None,
-        ceiling_m: Some(24.0),
-    }];
+    airspace.no_fly = vec![wall(20.0, Some(24.0))];
     let router = Router::new(&airspace, &yard().transit_limits()).unwrap();
     let (pose, home) = (Enu::new(0.0, 20.0, 15.0), Enu::new(0.0, -20.0, 0.0));
     assert_eq!(router.crossed_straight_home(&pose, &home, [15.0, 20.0]), ["the wall"]);

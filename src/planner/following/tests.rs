@@ -434,6 +434,19 @@ fn val_the_gradient_of_the_cost_is_that_of_central_differences() {
     check_gradient(&narrow, LIMITS, 0.1, 6);
 }
 
+/// How a pair is that rests like this, and follows for so many seconds.
+fn flown_to(seconds: u32, scene: &Scene<'_>, rest: &PerVehicle<VehiclePlan>) -> PerVehicle<VehiclePlan> {
+    let mut motion: Option<Motion> = None;
+    for second in 0..seconds {
+        let from = motion.as_ref().map_or(Flying::rest(rest), Flying::motion);
+        if let Some(next) = plan(scene, &from, f64::from(second), 1).unwrap() {
+            check(scene, &next);
+            motion = Some(next);
+        }
+    }
+    motion.map_or(*rest, |motion| motion.at(f64::from(seconds)).vehicles)
+}
+
 /// Users that have come to where nothing near the pair's poses carries anything, and every way there is flat.
 #[test]
 fn val_a_pair_that_carries_nothing_makes_for_where_it_does() {
@@ -451,15 +464,7 @@ fn val_a_pair_that_carries_nothing_makes_for_where_it_does() {
             evaluate(&truth, vehicles, &EvaluateOptions::default()).unwrap().secrecy_rate_bps / 1e6
         };
         assert!(rate(&rest) < 0.01, "{place}");
-        let mut motion: Option<Motion> = None;
-        for second in 0..16 {
-            let from = motion.as_ref().map_or(Flying::rest(&rest), Flying::motion);
-            if let Some(next) = plan(&scene, &from, f64::from(second), 1).unwrap() {
-                check(&scene, &next);
-                motion = Some(next);
-            }
-        }
-        let reached = motion.map_or(0.0, |motion| rate(&motion.at(16.0).vehicles));
+        let reached = rate(&flown_to(16, &scene, &rest));
         assert!(reached > 5.0, "{place}: {reached} bit/s/Hz");
     }
 }
@@ -488,15 +493,7 @@ fn val_a_pair_in_a_poor_optimum_leaves_it_for_a_better_one() {
                 Enu::from_fn(|k, _| [rng.random_range(-90.0..90.0), 25.0][usize::from(k == 2)]);
             (pose.roll_rad, pose.pitch_rad) = (rng.random_range(-1.2..1.2), rng.random_range(-1.2..1.2));
         }
-        let mut motion: Option<Motion> = None;
-        for second in 0..45 {
-            let from = motion.as_ref().map_or(Flying::rest(&rest), Flying::motion);
-            if let Some(next) = plan(&scene, &from, f64::from(second), 1).unwrap() {
-                check(&scene, &next);
-                motion = Some(next);
-            }
-        }
-        reached.push(motion.map_or(0.0, |motion| rate(&motion.at(45.0).vehicles)) / rate(&best));
+        reached.push(rate(&flown_to(45, &scene, &rest)) / rate(&best));
     }
     println!("{reached:.3?}");
     assert!(reached.iter().all(|share| *share > 0.9), "{reached:?}");
