@@ -502,7 +502,7 @@ impl Coordinator {
         let (proposal, slot) = self.commitment().map_or((0, 0), |c| (c.proposal, c.slot));
         let local = self.local();
         let position = local.position_enu_m.map_or([f32::NAN; 3], narrow);
-        let released_at = match &self.part {
+        let released_at = match &mut self.part {
             _ if local.radiating => None,
             Part::I(leader) => leader.released_at(now),
             Part::J(_) => Some(now),

@@ -18,6 +18,8 @@ use super::{micros, narrow};
 const PROPOSE_EVERY: Duration = Duration::from_millis(200);
 const COMMIT_EVERY: Duration = Duration::from_millis(100);
 const REQUEST_EVERY: Duration = Duration::from_millis(50);
+/// What clocks are told in on the wire.
+const MICROSECOND: Duration = Duration::from_micros(1);
 /// I commits only if this and once more the time that the answer took are left.
 const COMMIT_MARGIN: Duration = Duration::from_millis(500);
 
@@ -183,7 +185,11 @@ impl Leader {
     /// Whether leases are asked for.
     pub fn want_lease(&mut self, wanted: bool, now: Instant) {
         match (wanted, self.next_request) {
-            (true, None) => self.next_request = Some(now),
+            // What is asked for in the very instant of giving up is given up with it.
+            (true, None) => {
+                let given_up_at = self.holder.given_up_at();
+                self.next_request = Some(given_up_at.map_or(now, |at| now.max(at + MICROSECOND)));
+            }
             (false, Some(_)) => self.give_up(now),
             (true, Some(_)) | (false, None) => {}
         }
@@ -199,9 +205,13 @@ impl Leader {
         self.holder.give_up(now);
     }
 
-    /// Up to when every lease that was asked for is given up; `None` while one is held. Said by who is off.
-    pub fn released_at(&self, now: Instant) -> Option<Instant> {
-        if self.wants_lease() { self.holder.given_up_at() } else { Some(now) }
+    /// Up to when every lease that was asked for is given up; `None` while one is held. Said by who is off, and who asks for
+    /// none gives up all until now by saying so: what J is told binds I.
+    pub fn released_at(&mut self, now: Instant) -> Option<Instant> {
+        if !self.wants_lease() {
+            self.holder.give_up(now);
+        }
+        self.holder.given_up_at()
     }
 
     pub fn request_due(&self) -> Option<Instant> {

@@ -224,15 +224,37 @@ fn regress_a_new_boot_that_knows_nothing_of_its_radio_ends_no_lease_of_the_last_
 fn spec_while_leases_are_asked_for_those_before_the_last_silence_are_released() {
     let (mut i, _, _, grant) = granted();
     let released = |i: &mut Coordinator, ms| i.release_status(at(ms));
-    assert_eq!(released(&mut i, 6101), 0, "none was ever given up");
+    assert_eq!(released(&mut i, 6101), 6_000_000, "none since it asks for leases");
     i.want_lease(false, at(6105));
     assert_eq!(released(&mut i, 6106), 6_106_000);
     i.want_lease(true, at(6107));
-    assert_eq!(released(&mut i, 6108), 6_105_000);
+    assert_eq!(released(&mut i, 6108), 6_106_000, "what was said last holds");
     let late = wire::VEILWING_LEASE_GRANT_DATA { time_us: 6_107_000, ..grant };
     i.handle_message(&MavMessage::VEILWING_LEASE_GRANT(late), at(6109));
     assert!(i.lease(at(6109)).is_some());
     assert_eq!(released(&mut i, 6110), 0);
+}
+
+#[test]
+fn regress_a_lease_asked_for_in_the_instant_of_a_release_is_released_or_never_asked_for() {
+    let (mut i, _, _, grant) = granted();
+    i.want_lease(false, at(6105));
+    i.handle_timeout(at(6105));
+    sent(&mut i);
+    // In one instant: the status says that all is released, and leases are asked for again.
+    let released_us = i.release_status(at(6200));
+    assert_eq!(released_us, 6_200_000);
+    i.want_lease(true, at(6200));
+    i.handle_timeout(at(6200));
+    i.handle_timeout(at(6200) + Duration::from_micros(1));
+    let asked_us = sent(&mut i).iter().find_map(|message| match message {
+        MavMessage::VEILWING_LEASE_REQUEST(request) => Some(request.time_us),
+        _ => None,
+    });
+    assert_eq!(asked_us, Some(released_us + 1), "at once, and not before what J may take for released");
+    let of_the_instant = wire::VEILWING_LEASE_GRANT_DATA { time_us: released_us, ..grant };
+    i.handle_message(&MavMessage::VEILWING_LEASE_GRANT(of_the_instant), at(6210));
+    assert_eq!(i.lease(at(6210)), None);
 }
 
 impl Coordinator {
