@@ -7,7 +7,7 @@ use crate::radio::jitter::is_present;
 /// What a bound may cost and when it is good enough.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Budget {
-    /// Boxes to examine at most. About a microsecond each without jitter, ten with.
+    /// Boxes to examine at most. About a microsecond each without jitter, some fifty with.
     pub boxes: usize,
     /// Stop once the bound is within this share of the lower bound, e.g. 1e-3.
     pub relative_gap: f64,
@@ -21,8 +21,9 @@ impl Budget {
     /// About a second without jitter: 0.1%.
     pub const STEADY: Self =
         Self { boxes: 800_000, relative_gap: 1e-3, resolution_m: 1e-3, exhaustive: false };
-    /// Ten to fifteen seconds where nulls are blurred, by jitter or by what comes in beside them: 2% where that is of a degree or two.
-    pub const JITTER: Self = Self { boxes: 1_200_000, relative_gap: 2e-2, ..Self::STEADY };
+    /// Three to fifteen seconds where nulls are blurred, by jitter or by what comes in beside them: 2% at two degrees, and two
+    /// eavesdroppers, in three of four.
+    pub const JITTER: Self = Self { boxes: 200_000, relative_gap: 2e-2, ..Self::STEADY };
 }
 
 impl Budget {

@@ -5,60 +5,177 @@ use std::f64::consts::LN_2;
 use nalgebra::Vector3;
 
 use super::cell::{Cell, Region};
+use super::form::{Form, Mixture, exclude_mixtures};
+use super::hearing::{Curve, Hearing};
 use super::jammer::Jammer;
-use super::law::{ALL_ANGLES, Law, Least, Offset, Range, line_angles};
-use super::link::{Gain, Links};
-use super::negative::{Asked, Negative};
-use super::steady::{Outcome, chord};
-use crate::radio::pattern::antenna_axis;
+use super::law::{ALL_ANGLES, Law, line_angles};
+use super::link::Links;
+use super::negative::Asked;
+use super::steady::{MARGIN, Outcome, chord, excess, split_share};
 
 /// E b_0 over 2^l: at most 2 e^gamma = 3.56 for a null under noise of one angle; with a quarter to spare.
 const SPREAD: f64 = 4.5;
 /// So many times more with scattered waves: e^gamma.
 const SCATTERED_SPREAD: f64 = 1.7811;
-/// An eavesdropper counts up to so many times its mean SINR.
-const LOUDEST: f64 = 12.0;
+/// Eavesdroppers heeded at most: more of them take longer to show the same.
+pub(super) const MOST: usize = 3;
 /// Steps of the interface, a power of two.
 const STEPS: u16 = 1024;
-/// Parts of each side of an interface box, in which tangents and L are compared.
-const PARTS: u16 = 8;
-/// Curvature of the means in s that decides between splits, per bit/s/Hz.
-const BEND: f64 = 0.03;
-/// Points of the rough rule, and its margin: most boxes need no better one.
-pub(super) const ROUGH_POINTS: usize = 128;
-pub(super) const ROUGH_QUADRATURE: f64 = 0.045;
-/// Where nothing loses more than this, bit/s/Hz, the fine rule has the last word.
-const FINE_BELOW: f64 = 0.1;
-/// A corner of the interface that falls by this, bit/s/Hz, has the rate below it bounded anew.
+/// Line searches for a combination of forms.
+const SEARCHES: usize = 12;
+/// Times that the least harm to the user is asked for at one box.
+const ROUNDS: usize = 4;
+/// Beyond what a box's rate asks for, bit/s/Hz.
+const BEYOND: f64 = 0.01;
+/// Angles between I's axis and the line to the user, degrees, between which what negative draws add is bounded at once.
+const BANDS_DEG: [f64; 9] = [90.0, 80.0, 70.0, 58.0, 45.0, 32.0, 20.0, 10.0, 0.0];
+/// So many of these lie away from the null: what is nearer is excluded by itself.
+const BANDS_AWAY: usize = 3;
+/// Parts of each side of an interface box in which the rate and L are compared, by the eavesdroppers heeded.
+const PARTS: [u16; MOST] = [8, 8, 4];
+/// Edges of these parts, which need not begin at one, at most.
+const EDGES: usize = 10;
+/// An interface box that falls by this, bit/s/Hz, has the rate bounded anew.
 const AGAIN: f64 = 0.2;
-/// Cosine of a roll by which a box's pitch counts at least where the wider of both is halved.
-const LEAST_COSINE: f64 = 0.1;
+/// Labels of inequalities: eavesdroppers and the floor.
+const LABELS: usize = MOST + 1;
+/// Where nothing loses more than this, bit/s/Hz, the fine table is used.
+const FINE_BELOW: f64 = 0.2;
 /// Boxes of J that take the time of one of I.
-const JAMMER_BOXES: usize = 16;
+const JAMMER_BOXES: usize = 40;
 /// Margin of each mean for its quadrature, bit/s/Hz: twice what was measured (the tests of `law`).
 pub(super) const QUADRATURE: f64 = 0.008;
 
-/// By which rule means are taken.
-#[derive(Debug, Clone, Copy)]
-enum Rule {
-    Rough,
-    Fine,
-}
-
-/// A box of poses of I times a box of the interface.
+/// A box of positions of I times a box of the interface.
 #[derive(Debug, Clone, Copy)]
 struct Node {
     position: Cell,
-    roll: Range,
-    pitch: Range,
-    /// Bounds of s_1 and s_2 in steps.
-    s: [[u16; 2]; 2],
+    /// Bounds of each eavesdropper's s in steps.
+    s: [[u16; 2]; MOST],
+    /// An axis that was not excluded before, and what L is at least, bit/s/Hz.
+    axis: Vector3<f64>,
+    harm: f64,
+    /// Whether the fine table is used.
+    fine: bool,
 }
 
-/// An interface box and the rate of its upper corner, bit/s/Hz.
-struct Corner {
-    s: [[u16; 2]; 2],
-    rate: f64,
+/// What is shown of a node.
+enum Shown {
+    /// No axis has a rate that exceeds L by what is wanted.
+    Excluded,
+    /// No axis has a larger rate, bit/s/Hz: by combinations of inequalities with these weights, away from the null and near it.
+    Rate(f64, [[f64; LABELS]; 2]),
+    /// Nothing.
+    Open,
+}
+
+/// The user and the eavesdroppers seen from I's box.
+struct View {
+    /// SINR at a gain of one, from the nearest point; gain across the axis, its swing.
+    gain: f64,
+    across: f64,
+    depth: f64,
+    /// Direction to the user, and by how much the box and the noise may lessen its cosine.
+    towards: Vector3<f64>,
+    chord: f64,
+    /// `1 + E a_0`, and what negative draws add to its logarithm, are below this.
+    away: Majorant,
+    /// The same of axes nearer to the user's null, where that exceeds it: by the lesser of two.
+    near: Option<[Majorant; 2]>,
+    lines: Vec<Line>,
+    /// Below this no axis lets eavesdroppers hear.
+    floor: f64,
+    /// How fast what each hears rises with what it hears at all, and the floor, at least.
+    rises: [f64; LABELS],
+}
+
+/// `base + slope E a_0`.
+#[derive(Debug, Clone, Copy)]
+struct Majorant {
+    base: f64,
+    slope: f64,
+}
+
+impl Majorant {
+    fn at(&self, sinr: f64) -> f64 {
+        self.base + self.slope * sinr
+    }
+
+    /// The lesser there.
+    fn least(majorants: &[Self], sinr: f64) -> Self {
+        majorants
+            .iter()
+            .fold(majorants[0], |least, &other| if other.at(sinr) < least.at(sinr) { other } else { least })
+    }
+}
+
+/// An eavesdropper seen from I's box.
+struct Line {
+    eavesdropper: usize,
+    direction: Vector3<f64>,
+    /// How far the direction is off over the box.
+    spread: f64,
+    curve: Curve,
+}
+
+impl Line {
+    /// `2^` of what is heard at an axis.
+    fn heard(&self, axis: &Vector3<f64>) -> f64 {
+        let kept = (axis.cross(&self.direction).norm() - self.spread).max(0.0);
+        self.curve.at(kept * kept).0
+    }
+}
+
+impl View {
+    /// An upper bound on the user's mean SINR.
+    fn sinr(&self, cosine: f64) -> f64 {
+        let away = (cosine - self.chord).max(0.0);
+        self.gain * (self.across - self.depth * away * away)
+    }
+
+    /// An upper bound on the rate at an axis, bit/s/Hz.
+    fn rate(&self, axis: &Vector3<f64>) -> f64 {
+        let loudest = self.lines.iter().map(|line| line.heard(axis)).fold(self.floor, f64::max);
+        let cosine = axis.dot(&self.towards).abs();
+        let is_near = cosine > BANDS_DEG[BANDS_AWAY].to_radians().cos();
+        let sinr = self.sinr(cosine);
+        let near = self.near.as_ref().filter(|_| is_near);
+        let user = near.map_or(self.away, |near| Majorant::least(near, sinr));
+        (user.at(sinr) / loudest).min(1.0 + sinr).log2()
+    }
+
+    /// The largest in the mean of the inequalities `2^t` times what is heard less the user's at a mixture of axes, and its form.
+    fn tightest(&self, user: &[Majorant], &(axes, first): &Mixture, power: f64) -> (f64, Form, usize) {
+        let mean =
+            |value: &dyn Fn(&Vector3<f64>) -> f64| first * value(&axes[0]) + (1.0 - first) * value(&axes[1]);
+        let cosine = mean(&|y| y.dot(&self.towards).powi(2)).sqrt();
+        let share = split_share(self.chord, cosine);
+        let sinr = self.sinr(cosine);
+        let user = Majorant::least(user, sinr);
+        let gain = user.slope * self.gain;
+        let wanted = Form::new(
+            user.base + gain * (self.across + self.depth * excess(share, self.chord)),
+            gain * self.depth * (1.0 - share),
+            &self.towards,
+        );
+        let (mut value, mut form, mut label) =
+            (self.floor, Form::new(power * self.floor, 0.0, &self.towards), MOST);
+        for line in &self.lines {
+            let sine = mean(&|y| y.cross(&line.direction).norm_squared()).sqrt();
+            let (here, [a, b]) = line.curve.at((sine - line.spread).max(0.0).powi(2));
+            if here > value {
+                let share = split_share(line.spread, sine);
+                (value, label) = (here, line.eavesdropper);
+                let kept = b * (1.0 - share);
+                form = Form::new(
+                    power * (a - b * excess(share, line.spread) + kept),
+                    power * kept,
+                    &line.direction,
+                );
+            }
+        }
+        (power * value - user.at(sinr), form.plus(-1.0, &wanted), label)
+    }
 }
 
 /// The search over I and the interface.
@@ -67,10 +184,10 @@ pub(super) struct Search<'a> {
     links: &'a Links,
     region: &'a Region,
     law: &'a Law,
-    /// A rule of few points.
-    rough: Law,
-    jammer: Jammer<'a>,
-    pair: [Vector3<f64>; 2],
+    hearing: Hearing,
+    /// Of each pair of the eavesdroppers heeded.
+    jammers: Vec<([usize; 2], Jammer<'a>)>,
+    heeded: Vec<Vector3<f64>>,
     /// s of one step, bit/s/Hz.
     step: f64,
     /// ln(2^s - 1) of each step.
@@ -80,10 +197,12 @@ pub(super) struct Search<'a> {
     boxes: usize,
     /// What the rate asked for says of negative draws, where they are bounded.
     asked: Option<Asked>,
+    /// 2^ of the rate asked for, less all margins.
+    least: f64,
     /// `E b_0` over `2^l` is at most this.
     spread: f64,
-    /// Of each mean for its quadrature, roughly and finely.
-    margins: [f64; 2],
+    /// Of each mean for its quadrature.
+    margin: f64,
     /// Whether negative draws are bounded: there are some, and nothing is scattered.
     clips: bool,
 }
@@ -93,53 +212,57 @@ impl<'a> Search<'a> {
         links: &'a Links,
         region: &'a Region,
         law: &'a Law,
-        pair: [Vector3<f64>; 2],
+        heeded: Vec<Vector3<f64>>,
         resolution_m: f64,
     ) -> Self {
         // No jammer does more than full power from the nearest position.
         let most =
-            pair.iter().map(|e| links.rho.j / region.bounds.least_distance_squared(e)).fold(0.0, f64::max);
+            heeded.iter().map(|e| links.rho.j / region.bounds.least_distance_squared(e)).fold(0.0, f64::max);
         let jitters = law.variance() > 0.0;
         let step = (most.ln_1p() / LN_2 * (1.0 + 1e-12) / f64::from(STEPS)).max(1e-6);
+        let count = heeded.len();
+        let mut pairs: Vec<[usize; 2]> =
+            (0..count).flat_map(|a| (a + 1..count).map(move |b| [a, b])).collect();
+        if pairs.is_empty() {
+            pairs.push([0, 0]);
+        }
+        let jammer = |pair: [usize; 2]| (pair, Jammer::new(law, region, links, pair.map(|k| heeded[k])));
         Self {
             links,
             region,
             law,
-            rough: Law::new(law.variance().sqrt(), ROUGH_POINTS),
-            jammer: Jammer::new(law, region, links, pair),
-            pair,
+            hearing: Hearing::new(law.variance().sqrt()),
+            jammers: pairs.into_iter().map(jammer).collect(),
+            heeded,
             step,
             wanted: (0..=STEPS).map(|s| (f64::from(s) * step * LN_2).exp_m1().ln()).collect(),
             stack: Vec::with_capacity(4096),
             resolution_m,
             boxes: 0,
             asked: None,
+            least: 1.0,
             spread: if jitters { SPREAD } else { 1.0 } * if links.scatters { SCATTERED_SPREAD } else { 1.0 },
-            margins: if jitters { [ROUGH_QUADRATURE, QUADRATURE] } else { [0.0; 2] },
+            margin: if jitters { QUADRATURE } else { 0.0 },
             clips: jitters && !links.scatters,
         }
     }
 
     /// Boxes of both sides, in boxes of I.
     pub fn used(&self) -> usize {
-        self.boxes + self.jammer.boxes / JAMMER_BOXES
+        self.boxes + self.jammers.iter().map(|(_, jammer)| jammer.boxes).sum::<usize>() / JAMMER_BOXES
     }
 
     /// Whether some configuration's rate exceeds `threshold`.
     pub fn run(&mut self, threshold: f64, limit: usize) -> Outcome {
-        self.ask(threshold);
         let power = (threshold * LN_2).exp();
         if power <= 2.0 * self.spread {
             return Outcome::Stuck;
         }
-        let [rough, fine] = self.margins;
-        let wanted = threshold - self.correction(threshold) - 2.0 * fine;
-        let roughly = wanted - (rough - fine);
+        let wanted = self.ask(threshold);
         let reach = (self.links.rho.i / (power - 1.0)).sqrt() * (1.0 + 1e-9);
         self.stack.clear();
         let Some(position) = self.region.bounds.cut_to(reach) else { return Outcome::Excluded };
-        let whole = [[0, STEPS]; 2];
-        self.stack.push(Node { position, roll: ALL_ANGLES, pitch: ALL_ANGLES, s: whole });
+        self.stack.push(Node { position, s: [[0, STEPS]; MOST], axis: Vector3::z(), harm: 0.0, fine: false });
         while let Some(mut node) = self.stack.pop() {
             if self.used() >= limit {
                 return Outcome::Exhausted;
@@ -148,127 +271,176 @@ impl<'a> Search<'a> {
             if self.region.excludes(&node.position) {
                 continue;
             }
-            if let Some(whole) = self.tighten(&mut node, Rule::Rough, roughly)
-                && !self.branch(&mut node, &whole, wanted)
-            {
+            if !self.excludes(&mut node, wanted) && !self.branch(node, wanted) {
                 return Outcome::Stuck;
             }
         }
         Outcome::Excluded
     }
 
-    /// Whether L at a corner of the interface's grid is shown to be at least `least`.
-    fn harms(&mut self, s: [u16; 2], least: f64) -> bool {
-        self.jammer.harms(s.map(|s| self.wanted[usize::from(s)]), least)
+    /// A lower bound on L at a corner of the interface's grid, looked for until it is `enough`.
+    fn harm(&mut self, s: &[u16; MOST], enough: f64) -> f64 {
+        let mut most = 0.0_f64;
+        for (pair, jammer) in &mut self.jammers {
+            let wanted = pair.map(|k| self.wanted[usize::from(s[k])]);
+            most = most.max(jammer.harms(wanted, enough));
+            if most >= enough {
+                break;
+            }
+        }
+        most
     }
 
-    /// Shrinks the node's interface box, again while a lower corner makes a lower rate; `None` if nothing is left.
-    fn tighten(&mut self, node: &mut Node, rule: Rule, wanted: f64) -> Option<Corner> {
+    /// Whether no axis makes the rate less L exceed `wanted` over a node. Otherwise an axis that may is left in it, and of its interface
+    /// box what may, looked at again while a lower corner makes a lower rate.
+    fn excludes(&mut self, node: &mut Node, wanted: f64) -> bool {
         loop {
             let before = node.s;
-            let rate = match rule {
-                Rule::Rough => self.rate(node, &self.rough),
-                Rule::Fine => self.rate(node, self.law),
+            let view = self.view(&node.position, &node.s, [1; MOST], node.fine);
+            let excluded = match self.least_rate(node, &view, wanted) {
+                Shown::Excluded => true,
+                Shown::Open => false,
+                Shown::Rate(rate, weights) => self.shrink(node, &view, &weights, rate, wanted),
             };
-            let corner = Corner { s: before, rate: rate.at([0.0; 2]) };
-            if corner.rate <= wanted || !self.shrink(node, &rate, wanted) {
-                return None;
-            }
-            let fell = |k: usize| f64::from(before[k][1] - node.s[k][1]) * self.step;
-            if fell(0) + fell(1) < AGAIN {
-                return Some(corner);
+            let fell: u16 = before.iter().zip(&node.s).map(|(before, now)| before[1] - now[1]).sum();
+            if excluded || f64::from(fell) * self.step < AGAIN {
+                return excluded;
             }
         }
     }
 
-    /// Shrinks the node's interface box to where the rate less L is not shown to stay below `wanted`; false if that is
-    /// nowhere.
-    fn shrink(&mut self, node: &mut Node, rate: &Rate, wanted: f64) -> bool {
-        if self.harms(node.s.map(|s| s[0]), rate.at([0.0; 2]) - wanted) {
-            return false;
+    /// What can be shown of the largest rate over a node.
+    fn least_rate(&mut self, node: &mut Node, view: &View, wanted: f64) -> Shown {
+        let mut threshold = wanted + node.harm;
+        // Whatever negative draws add, the rate is no larger than the user's.
+        let most = view.sinr(0.0).ln_1p() / LN_2;
+        for _ in 0..ROUNDS {
+            if most <= threshold {
+                return if threshold <= wanted + node.harm { Shown::Excluded } else { Shown::Open };
+            }
+            let power = threshold.exp2();
+            let exclude = |user: &[Majorant]| {
+                exclude_mixtures(|y| view.tightest(user, y, power), &node.axis, MARGIN, SEARCHES)
+            };
+            let away = exclude(&[view.away]);
+            let near = view.near.as_ref().filter(|_| away.is_ok());
+            let near = near.map_or(away, |near| exclude(near));
+            let axes = match (away, near) {
+                (Ok(_), Ok(_)) if threshold <= wanted + node.harm => return Shown::Excluded,
+                (Ok(away), Ok(near)) => return Shown::Rate(threshold, [away, near]),
+                (Err((axes, _)), _) | (_, Err((axes, _))) => axes,
+            };
+            let rates = axes.map(|y| view.rate(&y));
+            node.axis = axes[usize::from(rates[1] > rates[0])];
+            let rate = rates[0].max(rates[1]).max(threshold) + BEYOND;
+            node.harm = self.harm(&node.s.map(|s| s[0]), rate - wanted).max(node.harm);
+            threshold = rate.max(wanted + node.harm);
         }
-        let [[lo_a, hi_a], [lo_b, hi_b]] = node.s;
-        // Corners at multiples of powers of two: boxes share what L is asked for.
-        let part = node.s.map(|[lo, hi]| (hi - lo).div_ceil(PARTS).next_power_of_two());
-        let mut left = [[u16::MAX, 0]; 2];
-        let mut a = lo_a - lo_a % part[0];
-        while a < hi_a {
-            let a_hi = (a + part[0]).min(hi_a);
-            let mut b = lo_b - lo_b % part[1];
-            while b < hi_b {
-                let b_hi = (b + part[1]).min(hi_b);
-                let below = [hi_a - a_hi, hi_b - b_hi].map(|s| f64::from(s) * self.step);
-                if !self.harms([a, b], rate.at(below) - wanted) {
-                    left = [
-                        [left[0][0].min(a.max(lo_a)), left[0][1].max(a_hi)],
-                        [left[1][0].min(b.max(lo_b)), left[1][1].max(b_hi)],
-                    ];
+        Shown::Open
+    }
+
+    /// Shrinks the node's interface box to where the rate less L is not shown to stay below `wanted`; true if that is nowhere.
+    ///
+    /// `rate` bounds the rate at the upper corner by a combination of these weights. Where s of an eavesdropper is lower by d, it hears
+    /// `2^(rise d)` times as much: the weights over that, made to add up to one again, show a rate lower by the logarithm of their sum.
+    fn shrink(
+        &mut self,
+        node: &mut Node,
+        view: &View,
+        weights: &[[f64; LABELS]; 2],
+        rate: f64,
+        wanted: f64,
+    ) -> bool {
+        let count = self.heeded.len();
+        let parts = PARTS[count - 1];
+        let mut edges = [[0_u16; EDGES]; MOST];
+        let mut numbers = [0; MOST];
+        for k in 0..count {
+            let [lo, hi] = node.s[k];
+            // Corners at multiples of powers of two: boxes share what L is asked for.
+            let part = (hi - lo).div_ceil(parts).next_power_of_two();
+            let mut at = lo;
+            edges[k][0] = lo;
+            while at < hi {
+                at = (at - at % part + part).min(hi);
+                numbers[k] += 1;
+                edges[k][numbers[k]] = at;
+            }
+        }
+        let mut left = [[u16::MAX, 0]; MOST];
+        let mut index = [0; MOST];
+        loop {
+            let mut lower = [0; MOST];
+            let mut sums = weights.map(|weights| weights[MOST]);
+            let mut least = f64::INFINITY;
+            for k in 0..count {
+                lower[k] = edges[k][index[k]];
+                let below = f64::from(node.s[k][1] - edges[k][index[k] + 1]) * self.step;
+                let louder = (-view.rises[k] * below).exp2();
+                (0..2).for_each(|case| sums[case] += weights[case][k] * louder);
+                least = least.min(below);
+            }
+            let louder = (-view.rises[MOST] * least).exp2();
+            (0..2).for_each(|case| sums[case] -= weights[case][MOST] * (1.0 - louder));
+            let enough = rate + sums[0].max(sums[1]).log2() - wanted;
+            if self.harm(&lower, enough) < enough {
+                let mut all = true;
+                for k in 0..count {
+                    left[k] = [left[k][0].min(lower[k]), left[k][1].max(edges[k][index[k] + 1])];
+                    all &= left[k] == node.s[k];
                 }
-                b = b_hi;
+                if all {
+                    return false;
+                }
             }
-            a = a_hi;
+            let Some(next) = (0..count).find(|k| index[*k] + 1 < numbers[*k]) else { break };
+            index[next] += 1;
+            index[..next].fill(0);
         }
-        node.s = left;
-        left[0][0] < left[0][1]
+        if left[0][0] == u16::MAX {
+            return true;
+        }
+        node.s[..count].copy_from_slice(&left[..count]);
+        false
     }
 
-    /// The split that promises most: of the pose as given, or 2 and 3 for the interface's sides.
-    fn widest(&self, node: &Node, pose: (f64, usize)) -> (f64, usize) {
-        let mut choice = pose;
-        for (k, [lo, hi]) in node.s.into_iter().enumerate() {
-            let range = f64::from(hi - lo) * self.step;
-            let loss = range / f64::from(PARTS) + BEND * range * range;
-            if hi - lo > 1 && loss > choice.0 {
-                choice = (loss, 2 + k);
+    /// Halves a box where its bound loses most at the axis that resists; false if it is too small for that.
+    fn branch(&mut self, mut node: Node, wanted: f64) -> bool {
+        let rate = |search: &mut Self, position: &Cell, ends: [usize; MOST]| {
+            search.view(position, &node.s, ends, node.fine).rate(&node.axis)
+        };
+        let whole = rate(self, &node.position, [1; MOST]);
+        let centre = Cell::at(&node.position.centre());
+        let mut choice = (whole - rate(self, &centre, [1; MOST]), None);
+        for k in 0..self.heeded.len() {
+            let mut ends = [1; MOST];
+            ends[k] = 0;
+            let loss = whole - rate(self, &node.position, ends);
+            if node.s[k][1] - node.s[k][0] > 1 && loss > choice.0 {
+                choice = (loss, Some(k));
             }
         }
-        choice
-    }
-
-    /// Halves a box where its bound, as taken for `whole`, loses most; false if it is too small for that.
-    fn branch(&mut self, node: &mut Node, whole: &Corner, wanted: f64) -> bool {
-        let middle = |r: Range| [0.5 * (r[0] + r[1]); 2];
-        let corner = Node { s: whole.s, ..*node };
-        let placed = Node { position: Cell::at(&node.position.centre()), ..corner };
-        let turned = Node { roll: middle(node.roll), pitch: middle(node.pitch), ..corner };
-        let loss_place = whole.rate - self.rate(&placed, &self.rough).at([0.0; 2]);
-        let loss_turn = whole.rate - self.rate(&turned, &self.rough).at([0.0; 2]);
-        let pose = if loss_place > loss_turn { (loss_place, 0) } else { (loss_turn, 1) };
-        let mut choice = self.widest(node, pose);
-        if choice.0 < FINE_BELOW {
-            if self.tighten(node, Rule::Fine, wanted).is_none() {
-                return true;
-            }
-            choice = self.widest(node, pose);
+        if choice.0 < FINE_BELOW && !node.fine {
+            node.fine = true;
+            return self.excludes(&mut node, wanted) || self.branch(node, wanted);
         }
         match choice.1 {
-            0 => {
+            None => {
                 let (axis, length) = node.position.longest_edge();
                 if length < self.resolution_m {
                     return false;
                 }
-                self.stack.extend(node.position.split(axis).map(|position| Node { position, ..*node }));
-            }
-            1 => {
-                let (across_roll, across_pitch) =
-                    (node.roll[1] - node.roll[0], node.pitch[1] - node.pitch[0]);
-                // At the pole pitch turns nothing, and yet the bound loses by it.
-                let cos = node.roll[0].cos().max(node.roll[1].cos()).max(LEAST_COSINE);
-                if across_roll.max(across_pitch) < 1e-6 {
-                    return false;
-                }
-                if across_roll > across_pitch * cos {
-                    self.stack.extend(halves(node.roll).map(|roll| Node { roll, ..*node }));
-                } else {
-                    self.stack.extend(halves(node.pitch).map(|pitch| Node { pitch, ..*node }));
+                for position in node.position.split(axis) {
+                    let mut half = node;
+                    half.position = position;
+                    self.stack.push(half);
                 }
             }
-            k => {
-                let k = k - 2;
+            Some(k) => {
                 let [lo, hi] = node.s[k];
                 let middle = u16::midpoint(lo, hi);
                 for part in [[lo, middle], [middle, hi]] {
-                    let mut half = *node;
+                    let mut half = node;
                     half.s[k] = part;
                     self.stack.push(half);
                 }
@@ -277,76 +449,101 @@ impl<'a> Search<'a> {
         true
     }
 
-    /// An upper bound on `log2(1 + E a_0) - E max_j log2(1 + a_j 2^-s_j)` over a box of poses, and on what negative rates add.
-    fn rate(&self, node: &Node, law: &Law) -> Rate {
-        self.rate_at(node, law, node.s.map(|s| f64::from(s[1]) * self.step))
+    /// What bounds the rate over a box of positions, for an interface in bit/s/Hz.
+    /// The interface is that of the ends of a box.
+    fn view(&mut self, position: &Cell, s: &[[u16; 2]; MOST], ends: [usize; MOST], fine: bool) -> View {
+        let at: [f64; MOST] = std::array::from_fn(|k| f64::from(s[k][ends[k]]) * self.step);
+        let range =
+            s[..self.heeded.len()].iter().map(|[lo, hi]| f64::from(hi - lo) * self.step).fold(0.0, f64::max);
+        self.view_at(position, at, range, fine)
     }
 
-    fn rate_at(&self, node: &Node, law: &Law, s: [f64; 2]) -> Rate {
-        let (centre, radius) = (node.position.centre(), node.position.radius());
+    /// The same of an interface in bit/s/Hz, and of one that is lower by `range` at most.
+    fn view_at(&mut self, position: &Cell, s: [f64; MOST], range: f64, fine: bool) -> View {
+        let (centre, radius) = (position.centre(), position.radius());
         let distance = centre.norm();
-        let (roll_mid, pitch_mid) =
-            (0.5 * (node.roll[0] + node.roll[1]), 0.5 * (node.pitch[0] + node.pitch[1]));
-        let turn = (node.roll[1] - roll_mid).hypot(node.pitch[1] - pitch_mid);
-        let moment = law.second_moment(roll_mid, pitch_mid);
-        let sine_squared = |u: &Vector3<f64>| (1.0 - u.dot(&(moment * u))).clamp(0.0, 1.0);
-        let (along, off) = if distance > 0.0 {
-            let (u, seen) = (centre / distance, chord(radius, distance));
-            let axis = antenna_axis(roll_mid, pitch_mid, 0.0);
-            // The angle between axis and line over the box: no less than this.
-            let off = u.dot(&axis).abs().min(1.0).acos() - turn - 2.0 * (0.5 * seen).min(1.0).asin();
-            ((u.dot(&(moment * u)).max(0.0).sqrt() - seen - turn).max(0.0), off.max(0.0))
-        } else {
-            (0.0, 0.0)
-        };
+        let towards = if distance > 0.0 { centre / distance } else { Vector3::z() };
         let mean = self.links.user.i.mean;
-        let nearest = node.position.least_distance_squared(&Vector3::zeros());
-        let user = (self.links.rho.i / nearest * (mean.most() - mean.swing * along * along)).ln_1p() / LN_2;
-        let mut scale = [0.0; 2];
-        let mut directions = [Vector3::z(); 2];
-        let mut blur = 0.0;
-        // Of each eavesdropper's least gains the one that counts for most about the centre.
-        let mut gains = [self.links.eavesdropper.i.least[0]; 2];
-        for k in 0..2 {
-            let e = &self.pair[k];
-            let farthest = node.position.greatest_distance_squared(e);
-            scale[k] = self.links.rho.i / farthest * (-s[k] * LN_2).exp();
+        let seen = chord(radius, distance);
+        let gain = self.links.rho.i / position.least_distance_squared(&Vector3::zeros());
+        let count = self.heeded.len();
+        let mut lines = Vec::with_capacity(count);
+        let (mut most, mut above) = (0.0_f64, 0.0_f64);
+        let mut rises = [1.0_f64; LABELS];
+        let mut seen_at = [(0.0, Vector3::z(), 2.0); MOST];
+        for (k, e) in self.heeded.iter().enumerate() {
+            let scale = self.links.rho.i / position.greatest_distance_squared(e) * (-s[k] * LN_2).exp();
             let line = e - centre;
             let length = line.norm();
-            blur += (radius / length.max(radius)).asin();
-            if length > 0.0 {
-                directions[k] = line / length;
+            let direction = if length > 0.0 { line / length } else { Vector3::z() };
+            seen_at[k] = (scale, direction, if radius < length { radius / length } else { 2.0 });
+        }
+        let swing = self.links.eavesdropper.i.least.iter().map(|gain| gain.swing).fold(0.0, f64::max);
+        let mut floor = 0.0_f64;
+        for (k, (scale, direction, spread)) in seen_at[..count].iter().enumerate() {
+            for (other, towards, blur) in &seen_at[..k] {
+                let blur = spread.min(1.0).asin() + blur.min(1.0).asin();
+                floor = floor.max(both_floor([scale * swing, other * swing], [direction, towards], blur));
             }
-            let sine_squared = sine_squared(&directions[k]);
+        }
+        for (k, e) in self.heeded.iter().enumerate() {
+            let (scale, direction, spread) = seen_at[k];
+            let roll =
+                line_angles(&(position.lo - e), &(position.hi - e)).map_or(ALL_ANGLES, |[roll, _]| roll);
             for gain in &self.links.eavesdropper.i.least {
-                if gain.at(sine_squared) > gains[k].at(sine_squared) {
-                    gains[k] = *gain;
+                let curve = self.hearing.curve(gain, scale, floor, roll, self.clips, fine);
+                above = above.max(curve.above + (1.0 - curve.rise) * range);
+                rises[k] = rises[k].min(curve.rise);
+                most = most.max((12.0 * scale).ln_1p() / LN_2 + range);
+                lines.push(Line { eavesdropper: k, direction, spread, curve });
+            }
+        }
+        let mut view = View {
+            gain,
+            across: mean.most(),
+            depth: mean.swing,
+            towards,
+            // The mean of a noisy axis is shorter than it by the noise's variance at most.
+            chord: seen + self.law.variance(),
+            away: Majorant { base: 1.0, slope: 1.0 },
+            near: None,
+            lines,
+            floor: 1.0 + floor,
+            rises: {
+                rises[MOST] = floor / (1.0 + floor);
+                rises
+            },
+        };
+        if let Some(asked) = &self.asked {
+            let farthest = position.greatest_distance_squared(&Vector3::zeros());
+            let sinr = |sine_squared: f64| self.links.rho.i / farthest * mean.at(sine_squared);
+            let angle = 2.0 * (0.5 * seen).min(1.0).asin();
+            let std = self.law.variance().sqrt();
+            // No more is added than is heard.
+            let loudest = view.lines.iter().map(|line| line.curve.at(1.0).0).fold(view.floor, f64::max);
+            let all = loudest.log2() + range;
+            let mut near = [Majorant { base: 0.0, slope: 0.0 }; 2];
+            for (k, band) in BANDS_DEG.windows(2).enumerate() {
+                let [off_hi, off_lo] = [band[0], band[1]].map(f64::to_radians);
+                let user = view.sinr(off_hi.cos());
+                let rate = user.ln_1p() / LN_2;
+                let added = asked.added(std, (off_lo - angle).max(0.0), rate, [most, above], sinr).min(all);
+                let whole = (1.0 + user) * added.exp2();
+                let away = &mut view.away;
+                if k == 0 {
+                    *away = Majorant { base: added.exp2(), slope: added.exp2() };
+                    near[0].slope = away.slope;
+                } else if whole > self.least && k < BANDS_AWAY {
+                    away.base = away.base.max(whole - away.slope * user);
+                } else if whole > self.least {
+                    for near in &mut near {
+                        near.base = near.base.max(whole - near.slope * user);
+                    }
                 }
             }
+            view.near = Some(near).filter(|near| near[0].base > view.away.base);
         }
-        let floor = both_floor([0, 1].map(|k| scale[k] * gains[k].swing), &directions, blur);
-        let share = if self.clips { LOUDEST } else { f64::INFINITY };
-        let least = floor.ln_1p() / LN_2;
-        let mut heard = [(least, 0.0); 2];
-        let mut most = least;
-        for k in 0..2 {
-            if scale[k] * gains[k].most() <= floor {
-                continue;
-            }
-            let e = &self.pair[k];
-            let line = line_angles(&(node.position.lo - e), &(node.position.hi - e))
-                .unwrap_or([ALL_ANGLES, [-std::f64::consts::PI, std::f64::consts::PI]]);
-            let offset = Offset::new([node.roll, node.pitch], line);
-            let Least { mean, rise, most: up_to } = gained(law, gains[k], scale[k], floor, share, &offset);
-            heard[k] = (mean, rise);
-            most = most.max(up_to);
-        }
-        let negative = self.asked.map_or(Negative::NONE, |asked| {
-            let farthest = node.position.greatest_distance_squared(&Vector3::zeros());
-            let sinr = |sine_squared: f64| self.links.rho.i / farthest * mean.at(sine_squared);
-            Negative::new(&asked, law.variance().sqrt(), off, user, most, sinr)
-        });
-        Rate { user, heard, negative }
+        view
     }
 
     /// What step 1 adds at a threshold, `log2(1 + S / (2^T - S))`.
@@ -354,43 +551,20 @@ impl<'a> Search<'a> {
         (self.spread / ((threshold * LN_2).exp() - self.spread)).ln_1p() / LN_2
     }
 
-    /// Takes up a threshold.
-    fn ask(&mut self, threshold: f64) {
-        self.asked = self.clips.then(|| Asked::new(threshold, self.spread, self.correction(threshold)));
+    /// Takes up a threshold; what the rate less L has to exceed.
+    fn ask(&mut self, threshold: f64) -> f64 {
+        let correction = self.correction(threshold);
+        let wanted = threshold - correction - 2.0 * self.margin;
+        self.least = wanted.exp2();
+        self.asked = self.clips.then(|| Asked::new(threshold, self.spread, correction));
+        wanted
     }
-}
-
-/// An upper bound on `log2(1 + E a_0) - E max_j log2(1 + a_j 2^-s_j)` below a corner of the interface.
-struct Rate {
-    user: f64,
-    /// Of each eavesdropper: the mean at the corner, and how fast it rises as s falls. It is convex in s.
-    heard: [(f64, f64); 2],
-    negative: Negative,
-}
-
-impl Rate {
-    /// The bound `below` the corner.
-    fn at(&self, below: [f64; 2]) -> f64 {
-        let [(a, rise_a), (b, rise_b)] = self.heard;
-        let heard = (a + rise_a * below[0]).max(b + rise_b * below[1]);
-        self.user - heard + self.negative.part(heard, below[0].max(below[1]))
-    }
-}
-
-/// [`Law::least_within`] of a gain that is not all swing; `most` in bit/s/Hz.
-fn gained(law: &Law, gain: Gain, scale: f64, floor: f64, share: f64, offset: &Offset) -> Least {
-    let (flat, scale) = gain.apart(scale);
-    let floor = ((1.0 + floor) / flat - 1.0).max(0.0);
-    let least = law.least_within(scale, floor, share, offset);
-    let more = flat.log2();
-    // The whole rises no slower: by what the flat part adds where nothing ends the range.
-    Least { mean: more + least.mean, most: more + least.most.ln_1p() / LN_2, ..least }
 }
 
 /// The least of the larger of two SINRs `scale_k sin^2 psi_k` over all axes: the angles to two lines add up to at
 /// least the angle between them, less what the box blurs.
-fn both_floor(scale: [f64; 2], directions: &[Vector3<f64>; 2], blur: f64) -> f64 {
-    let cosine = directions[0].dot(&directions[1]).abs().min(1.0);
+fn both_floor(scale: [f64; 2], directions: [&Vector3<f64>; 2], blur: f64) -> f64 {
+    let cosine = directions[0].dot(directions[1]).abs().min(1.0);
     let angle = cosine.acos() - blur;
     if angle <= 0.0 {
         return 0.0;
@@ -399,11 +573,6 @@ fn both_floor(scale: [f64; 2], directions: &[Vector3<f64>; 2], blur: f64) -> f64
     let (sin, cos) = angle.sin_cos();
     let first = (root[1] * sin).atan2(root[0] + root[1] * cos);
     (root[0] * first.sin()).powi(2)
-}
-
-fn halves(range: Range) -> [Range; 2] {
-    let middle = 0.5 * (range[0] + range[1]);
-    [[range[0], middle], [middle, range[1]]]
 }
 
 #[cfg(test)]
@@ -417,19 +586,23 @@ impl Search<'_> {
         threshold: f64,
     ) -> (f64, bool) {
         let [(p_i, roll_i, pitch_i), (p_j, roll_j, pitch_j)] = poses;
-        self.ask(threshold);
+        let wanted = self.ask(threshold);
         let mean = self.links.eavesdropper.j.mean;
         let moment = self.law.second_moment(roll_j, pitch_j);
-        let jamming = self.pair.map(|e| {
-            let line = e - p_j;
+        let jamming = [0, 1].map(|k| {
+            let line = self.heeded[k] - p_j;
             let u = line.normalize();
             self.links.rho.j * power_share * mean.at(1.0 - u.dot(&(moment * u))) / line.norm_squared()
         });
-        let node = Node { position: Cell::at(&p_i), roll: [roll_i; 2], pitch: [pitch_i; 2], s: [[0, 0]; 2] };
-        let rate = self.rate_at(&node, self.law, jamming.map(|b| b.ln_1p() / LN_2)).at([0.0; 2]);
-        let harm = self.jammer.harm_at(&p_j, roll_j, pitch_j, jamming);
+        let axis = crate::radio::pattern::antenna_axis(roll_i, pitch_i, 0.0);
+        let mut s = [0.0; MOST];
+        s[..2].copy_from_slice(&jamming.map(|b| b.ln_1p() / LN_2));
+        let view = self.view_at(&Cell::at(&p_i), s, 0.0, true);
+        let rate = view.rate(&axis);
+        let jammer = &mut self.jammers[0].1;
+        let harm = jammer.harm_at(&p_j, roll_j, pitch_j, jamming);
         // The law at a point and over a class differ by rounding alone where the class is tight.
-        let below = !self.jammer.harms(jamming.map(f64::ln), harm + 1e-6);
-        (rate - harm + self.correction(threshold) + 2.0 * self.margins[1], below)
+        let below = jammer.harms(jamming.map(f64::ln), harm + 1e-6) < harm + 1e-6;
+        (rate - harm + threshold - wanted, below)
     }
 }

@@ -80,6 +80,84 @@ impl Form {
     }
 }
 
+/// Two axes and the share of the first: where the smallest eigenvalue of a combination is largest, it is that of both.
+pub(super) type Mixture = ([Vector3<f64>; 2], f64);
+
+/// [`exclude`] by mixtures of two axes, of which `tightest` gives the tightest in the mean, with a label. Of a combination that is
+/// positive definite the weights by label.
+pub(super) fn exclude_mixtures<const LABELS: usize>(
+    tightest: impl Fn(&Mixture) -> (f64, Form, usize),
+    hint: &Vector3<f64>,
+    margin: f64,
+    steps: usize,
+) -> Result<[f64; LABELS], Mixture> {
+    let mut mixture = ([*hint; 2], 1.0);
+    let (at_hint, mut current, label) = tightest(&mixture);
+    let mut weights = [0.0; LABELS];
+    weights[label] = 1.0;
+    if at_hint <= 0.0 {
+        return Err(mixture);
+    }
+    let (mut value, axis) = current.smallest();
+    mixture = ([axis; 2], 1.0);
+    for _ in 0..steps {
+        if value > 0.0 && current.is_positive(margin) {
+            return Ok(weights);
+        }
+        let (at_mixture, form, label) = tightest(&mixture);
+        if at_mixture <= 0.0 {
+            break;
+        }
+        let (share, form, found, at) = line_search_mixture(&current, &form, margin);
+        if found <= value {
+            break;
+        }
+        (current, value, mixture) = (form, found, at);
+        weights.iter_mut().for_each(|w| *w *= 1.0 - share);
+        weights[label] += share;
+    }
+    if value > 0.0 && current.is_positive(margin) { Ok(weights) } else { Err(mixture) }
+}
+
+/// [`line_search`], with the mixture of axes that has no slope.
+fn line_search_mixture(a: &Form, b: &Form, margin: f64) -> (f64, Form, f64, Mixture) {
+    let step = b.plus(-1.0, a);
+    let (value, axis) = a.smallest();
+    let (mut lo, mut lo_value, mut lo_slope, mut lo_axis) = (0.0, value, step.at(&axis), axis);
+    let (end, end_axis) = b.smallest();
+    let (mut hi, mut hi_value, mut hi_slope, mut hi_axis) = (1.0, end, step.at(&end_axis), end_axis);
+    if lo_slope <= 0.0 {
+        return (0.0, *a, value, ([axis; 2], 1.0));
+    }
+    if hi_slope >= 0.0 {
+        return (1.0, *b, end, ([end_axis; 2], 1.0));
+    }
+    let mut best = if end > value { (1.0, *b, end) } else { (0.0, *a, value) };
+    for _ in 0..20 {
+        // The tangents meet above the maximum.
+        let meet = (hi_value - lo_value + lo_slope * lo - hi_slope * hi) / (lo_slope - hi_slope);
+        let ceiling = lo_value + lo_slope * (meet - lo);
+        if !(meet > lo && meet < hi) || ceiling - best.2 < 1e-9 * ceiling.abs() {
+            break;
+        }
+        let form = a.plus(meet, &step);
+        let (value, axis) = form.smallest();
+        let slope = step.at(&axis);
+        if value > best.2 {
+            best = (meet, form, value);
+            if value > 0.0 && form.is_positive(margin) {
+                break;
+            }
+        }
+        if slope > 0.0 {
+            (lo, lo_value, lo_slope, lo_axis) = (meet, value, slope, axis);
+        } else {
+            (hi, hi_value, hi_slope, hi_axis) = (meet, value, slope, axis);
+        }
+    }
+    (best.0, best.1, best.2, ([lo_axis, hi_axis], -hi_slope / (lo_slope - hi_slope)))
+}
+
 /// What is known about `exists y, |y| = 1: y' F_j y <= 0 for all j`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Axis {
@@ -165,4 +243,75 @@ fn line_search(
         }
     }
     best
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{Matrix3, SymmetricEigen};
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
+    use super::*;
+
+    const MARGIN: f64 = 1e-9;
+
+    impl Form {
+        fn matrix(&self) -> Matrix3<f64> {
+            let (d, o) = (self.diagonal, self.off);
+            Matrix3::new(d.x, o.x, o.y, o.x, d.y, o.z, o.y, o.z, d.z)
+        }
+    }
+
+    /// The least eigenvalue, by nalgebra.
+    fn least(matrix: Matrix3<f64>) -> f64 {
+        SymmetricEigen::new(matrix).eigenvalues.min()
+    }
+
+    fn excluded<const FORMS: usize>(forms: &[Form; FORMS], hint: &Vector3<f64>) -> Option<[f64; FORMS]> {
+        let tightest = |&(axes, first): &Mixture| {
+            let mean = |form: &Form| first * form.at(&axes[0]) + (1.0 - first) * form.at(&axes[1]);
+            let values = forms.iter().enumerate().map(|(label, form)| (mean(form), *form, label));
+            values.max_by(|a, b| a.0.total_cmp(&b.0)).unwrap()
+        };
+        exclude_mixtures(tightest, hint, MARGIN, 12).ok()
+    }
+
+    #[test]
+    fn prop_axes_are_excluded_by_a_positive_combination_and_where_two_forms_have_one_it_is_found() {
+        let mut rng = ChaCha8Rng::seed_from_u64(41);
+        let mut direction = || loop {
+            let u = Vector3::from_fn(|_, _| rng.random_range(-1.0..1.0));
+            if let Some(u) = u.try_normalize(0.1) {
+                return (u, rng.random_range(-0.5..0.7), rng.random_range(-1.0..2.0));
+            }
+        };
+        let mut counts = [[0; 2]; 2];
+        for _ in 0..400 {
+            let forms: [Form; 3] = std::array::from_fn(|_| {
+                let (u, scalar, weight) = direction();
+                Form::new(scalar, weight, &u)
+            });
+            let hint = direction().0;
+            if let Some(weights) = excluded(&forms, &hint) {
+                let sum: f64 = weights.iter().sum();
+                assert!((sum - 1.0).abs() < 1e-12 && weights.iter().all(|w| *w >= 0.0), "{weights:?}");
+                let combined = forms.iter().zip(weights).map(|(form, w)| form.matrix() * w).sum();
+                assert!(least(combined) > 0.0, "{forms:?} {weights:?}");
+                counts[0][0] += 1;
+            }
+            counts[0][1] += 1;
+            let [first, second, _] = forms;
+            let shares = (0..=1000).map(|k| f64::from(k) * 1e-3);
+            let best = shares
+                .map(|share| least(first.matrix() * (1.0 - share) + second.matrix() * share))
+                .fold(f64::NEG_INFINITY, f64::max);
+            let found = excluded(&[first, second], &hint).is_some();
+            assert!(found || best < 1e-3, "{first:?} {second:?}: {best}");
+            assert!(!found || best > -1e-2, "{first:?} {second:?}: {best}");
+            counts[1][0] += usize::from(found);
+            counts[1][1] += 1;
+        }
+        println!("of three and of two forms, excluded of tried: {counts:?}");
+        assert!(counts.iter().all(|[some, all]| 5 * some > *all && 5 * some < 4 * all), "{counts:?}");
+    }
 }

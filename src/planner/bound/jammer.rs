@@ -33,7 +33,7 @@ const OFF_GROWTH: f64 = 1.25;
 const OFF_FINE: f64 = 0.8;
 const OFF_GROWTH_BEYOND: f64 = 1.6;
 /// Grid of log2 of the power per area.
-const POWER_STEP: f64 = 0.2;
+const POWER_STEP: f64 = 0.5;
 const LEAST_POWER: f64 = -10.0;
 /// l is looked for to this much above what is asked for, bit/s/Hz, which spares asking again.
 const AHEAD: f64 = 0.1;
@@ -55,6 +55,7 @@ struct Class {
 #[derive(Debug)]
 pub(super) struct Jammer<'a> {
     law: &'a Law,
+    away: Law,
     region: &'a Region,
     links: &'a Links,
     /// The eavesdroppers that count.
@@ -106,6 +107,7 @@ impl<'a> Jammer<'a> {
             points,
             found,
             law,
+            away: Law::new(law.variance().sqrt(), 128),
             region,
             links,
             eavesdroppers,
@@ -121,10 +123,10 @@ impl<'a> Jammer<'a> {
         }
     }
 
-    /// Whether `l = E log2(1 + b_0)` is shown to be at least `enough` for all J with `E b_j >= exp(wanted_j)`.
-    pub fn harms(&mut self, wanted: [f64; 2], enough: f64) -> bool {
+    /// A lower bound on `l = E log2(1 + b_0)` for all J with `E b_j >= exp(wanted_j)`, looked for until it is `enough`.
+    pub fn harms(&mut self, wanted: [f64; 2], enough: f64) -> f64 {
         if enough <= 0.0 {
-            return true;
+            return 0.0;
         }
         let last = self.least.len() - 1;
         let ratio = wanted[1] - wanted[0];
@@ -138,19 +140,19 @@ impl<'a> Jammer<'a> {
         // Below the least power no harm is counted; where none is wanted of either, the base is minus infinity.
         let at = (base / LN_2 - LEAST_BASE) / BASE_STEP;
         if !(at >= 0.0) {
-            return false;
+            return 0.0;
         }
         let at = at as usize;
         let (shown, all) = self.harms[slot].get(at).copied().unwrap_or((0.0, false));
         if shown >= enough || all {
-            return shown >= enough;
+            return shown;
         }
         let found = self.search(slot, LEAST_BASE + at as f64 * BASE_STEP, enough + AHEAD);
         if self.harms[slot].len() <= at {
             self.harms[slot].resize(at + 1, (0.0, false));
         }
         self.harms[slot][at] = found;
-        found.0 >= enough
+        found.0
     }
 
     /// A lower bound on the least l over all classes, at log2 of what is wanted of the slot's leading eavesdropper, and
@@ -188,7 +190,9 @@ impl<'a> Jammer<'a> {
         for class in [roll, class] {
             let Class { roll, off, ref mut harm } = self.classes[class];
             if harm[point].0.is_nan() {
-                harm[point] = least_harm(self.law, gains, power, self.rolls[roll], self.offs[off][0]);
+                let law =
+                    if self.offs[off][0] > 5.0 * self.law.variance().sqrt() { &self.away } else { self.law };
+                harm[point] = least_harm(law, gains, power, self.rolls[roll], self.offs[off][0]);
                 if class == roll {
                     return;
                 }

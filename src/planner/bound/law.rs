@@ -12,7 +12,9 @@
 //! roll and pitch are latitude and longitude on the sphere of directions: on another meridian than the line's own, the
 //! nearest point to the line has another latitude than the line ([`Aside`]), and every line has images half a turn away.
 
-use nalgebra::{Matrix3, Vector3};
+#[cfg(test)]
+use nalgebra::Matrix3;
+use nalgebra::Vector3;
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, LN_2, PI};
 
 use crate::planner::expectation::logarithm::LogSum;
@@ -116,6 +118,7 @@ pub(super) struct Offset {
 
 impl Offset {
     /// Of boxes of an axis and of a line, each by roll and pitch.
+    #[cfg(test)]
     pub fn new([roll, pitch]: [Range; 2], [line_roll, line_pitch]: [Range; 2]) -> Self {
         Self { roll, line_roll, roll_off: minus(roll, line_roll), pitch_off: minus(pitch, line_pitch) }
     }
@@ -191,13 +194,14 @@ impl Law {
     }
 
     /// A lower bound on `E log2(1 + scale G)` over a box of offsets.
+    #[cfg(test)]
     pub fn least_mean(&self, scale: f64, offset: &Offset) -> (f64, f64) {
         let Least { mean, rise, .. } = self.least_within(scale, 0.0, f64::INFINITY, offset);
         (mean, rise)
     }
 
-    /// The same of `scale G` no less than `floor`, and no more than so many times its `share` of the box's nearest pose in
-    /// the mean.
+    /// A lower bound on `E log2(1 + scale G)` over a box of offsets, of `scale G` no less than `floor`, and no more than so many
+    /// times its `share` of the box's nearest pose in the mean.
     pub fn least_within(&self, scale: f64, floor: f64, share: f64, offset: &Offset) -> Least {
         let mut least = Least { mean: f64::INFINITY, rise: f64::INFINITY, most: 0.0 };
         let turned = plus(offset.roll, offset.line_roll);
@@ -313,6 +317,7 @@ impl Law {
     }
 
     /// `E[Y Y']` at desired roll and pitch: exact.
+    #[cfg(test)]
     pub fn second_moment(&self, roll_rad: f64, pitch_rad: f64) -> Matrix3<f64> {
         let variance = self.std_rad * self.std_rad;
         let (damp, damp_pitch) = ((-2.0 * variance).exp(), (-0.5 * variance).exp());
@@ -383,7 +388,8 @@ pub(super) const TAKEN: f64 = 0.6;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::planner::bound::decoupled::{QUADRATURE, ROUGH_POINTS, ROUGH_QUADRATURE};
+    use crate::planner::bound::decoupled::QUADRATURE;
+    use crate::planner::bound::hearing::{ROUGH_POINTS, ROUGH_QUADRATURE};
     use crate::planner::bound::prepared::POINTS;
     use crate::radio::pattern::antenna_axis;
     use rand::{RngExt, SeedableRng};

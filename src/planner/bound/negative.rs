@@ -7,11 +7,10 @@ const POSITIVE: f64 = 0.530_737_845;
 /// Of each eavesdropper `(4/27) s^3 / ln 2`, `s = 11` at least `(E G^3)^(1/3)` over `exp(E ln G)`, 8.8 for a null under noise of
 /// one angle; and of two.
 const LOUD: f64 = 570.0;
-/// Standard deviations of the noise by which I's axis may be turned: usually, and but for what is taken to null the user.
-const NEAR: f64 = 4.0;
-const FAR: f64 = 7.0;
+/// Standard deviations of the noise by which I's axis may be turned, in steps; beyond the last it is taken to null the user.
+const TURNED: [f64; 7] = [0.8, 1.4, 2.0, 2.6, 3.3, 4.2, 7.0];
 /// Rounds in which the part of negative rates is found.
-const ROUNDS: usize = 4;
+const ROUNDS: usize = 10;
 
 /// What a threshold says by itself.
 #[derive(Debug, Clone, Copy)]
@@ -40,51 +39,30 @@ impl Asked {
         }
         Self { disturbed, anywhere }
     }
-}
 
-/// What is added over a box of poses.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Negative {
-    /// log2 of `kappa` at the corner, but for what is heard.
-    size: f64,
-    /// Up to what eavesdroppers' harm counts at the corner, bit/s/Hz, and how often I's axis is off by so much that the user is taken
-    /// to hear nothing.
-    most: f64,
-    lost: f64,
-    /// What is added at most at any pose.
-    anywhere: f64,
-}
-
-impl Negative {
-    /// Nothing.
-    pub const NONE: Self = Self { size: f64::NEG_INFINITY, most: 0.0, lost: 0.0, anywhere: 0.0 };
-
-    /// Where axes are at least `off` from the line to the user and the user's mean rate at most `user`, bit/s/Hz; eavesdroppers are
-    /// heard up to `most`. `user_sinr`: the least of the user at a squared sine of that angle.
-    pub fn new(
-        asked: &Asked,
+    /// An upper bound on what is added where axes are at least `off` from the line to the user, the user's mean rate is at most
+    /// `user` and eavesdroppers count up to `most`, which is at most `above` what they are heard in the mean. `user_sinr`: the least
+    /// of the user at a squared sine of that angle.
+    pub fn added(
+        &self,
         std_rad: f64,
         off: f64,
         user: f64,
-        most: f64,
+        [most, above]: [f64; 2],
         user_sinr: impl Fn(f64) -> f64,
-    ) -> Self {
-        // 1 / (1 + a_0) where the noise turns the axis no further, and the probability that it does.
+    ) -> f64 {
+        // 1 / (1 + a_0) where the noise turns the axis no further, and the probability that it turns it further.
         let faintest = |turned: f64| 1.0 / (1.0 + user_sinr((off - turned).sin().powi(2)));
         let beyond = |turned: f64| (-2.0 * ((0.5 * turned).sin() / std_rad).powi(2)).exp();
-        let [near, far] = [(NEAR * std_rad).min(0.5 * off), (FAR * std_rad).min(0.75 * off)];
-        let faint = faintest(near) + beyond(near) * faintest(far);
-        let most = most + 1.0 / LN_2;
-        let size = asked.disturbed + most + faint.log2() + user;
-        Self { size, most, lost: beyond(far), anywhere: asked.anywhere }
-    }
-
-    /// An upper bound on what is added, where eavesdroppers' mean harm is at least `heard`, counting up to so much `above` what
-    /// it counts up to at the corner.
-    pub fn part(&self, heard: f64, above: f64) -> f64 {
-        let lost = self.lost * (self.most + above);
-        let here = lost + root(self.size + above - heard + lost);
-        here.min(self.anywhere).min(heard)
+        let (mut faint, mut farther) = (0.0, 1.0);
+        for turned in TURNED.map(|turned| (turned * std_rad).min(0.75 * off)) {
+            let beyond = beyond(turned);
+            faint += (farther - beyond) * faintest(turned);
+            farther = beyond;
+        }
+        let lost = farther * (most + 1.0 / LN_2);
+        let here = lost + root(self.disturbed + above + 1.0 / LN_2 + faint.log2() + user + lost);
+        here.min(self.anywhere)
     }
 }
 

@@ -43,7 +43,7 @@ pub(super) struct Prepared {
     /// Where the decoupled bound applies.
     pub law: Option<Law>,
     /// The eavesdroppers that the decoupled bound heeds.
-    pair: [usize; 2],
+    heeded: Vec<usize>,
     /// What branch and bound over the positions bounds.
     pub steady_kind: BoundKind,
     /// What the decoupled bound bounds.
@@ -75,7 +75,7 @@ impl Prepared {
             (false, false) => [BoundKind::BranchAndBound, BoundKind::Decoupled],
         };
         Some(Self {
-            pair: if covered { decisive_pair(problem, &links) } else { [0, 0] },
+            heeded: if covered { decisive(problem, &links) } else { Vec::new() },
             links,
             region,
             law: covered.then(|| if jitters { Law::new(jitter.std_rad, POINTS) } else { Law::new(0.0, 1) }),
@@ -117,7 +117,7 @@ impl Prepared {
     /// A wide gap first, which costs little and tabulates much that the others need; then narrower ones, and between the least
     /// that was shown and the largest that was not: whenever the boxes end, what was shown last is the bound.
     pub fn lower_decoupled(&self, bandwidth_hz: f64, lower_bps: f64, budget: &Budget, bound: &mut Bound) {
-        let mut searches = self.searches(budget);
+        let Some(mut search) = self.search(budget) else { return };
         let wanted = budget.relative_gap.max(1e-6);
         let mut left = budget.boxes;
         // A gap, by this share of what is left of the budget.
@@ -127,7 +127,9 @@ impl Prepared {
                 return (true, left);
             }
             let boxes = (left as f64 * share) as usize;
-            let (outcome, used) = run(&mut searches, threshold_bps / bandwidth_hz, boxes);
+            let before = search.used();
+            let outcome = search.run(threshold_bps / bandwidth_hz, before + boxes);
+            let used = search.used() - before;
             bound.boxes_used += used;
             left = left.saturating_sub(used);
             let shown = outcome == Outcome::Excluded;
@@ -147,11 +149,11 @@ impl Prepared {
         self.lower_steady(bandwidth_hz, lower_bps, &part, bound);
     }
 
-    /// The decoupled bound by a pair of eavesdroppers; none where it does not apply.
-    pub fn searches(&self, budget: &Budget) -> Vec<decoupled::Search<'_>> {
-        let Some(law) = &self.law else { return Vec::new() };
-        let pair = self.pair.map(|k| self.links.eavesdroppers[k]);
-        vec![decoupled::Search::new(&self.links, &self.region, law, pair, budget.resolution_m)]
+    /// The decoupled bound by the eavesdroppers that count; none where it does not apply.
+    pub fn search(&self, budget: &Budget) -> Option<decoupled::Search<'_>> {
+        let law = self.law.as_ref()?;
+        let heeded = self.heeded.iter().map(|&k| self.links.eavesdroppers[k]).collect();
+        Some(decoupled::Search::new(&self.links, &self.region, law, heeded, budget.resolution_m))
     }
 }
 
@@ -186,44 +188,23 @@ fn narrow(wanted: f64, least: usize, shows: &mut impl FnMut(f64, f64) -> (bool, 
     }
 }
 
-/// The two eavesdroppers that bound the rate most: of the nearest to the user, those two against which the planner does
-/// worst alone. A guide: every pair is as sound.
-fn decisive_pair(problem: &Problem, links: &Links) -> [usize; 2] {
+/// The eavesdroppers to heed: all, where those are few, or else, of the nearest to the user, the two against which the planner does
+/// worst alone. A guide: every choice is as sound.
+fn decisive(problem: &Problem, links: &Links) -> Vec<usize> {
     let mut nearest: Vec<usize> = (0..links.eavesdroppers.len()).collect();
     let distance = |k: &usize| links.eavesdroppers[*k].norm_squared();
     nearest.sort_by(|a, b| distance(a).total_cmp(&distance(b)));
+    if nearest.len() <= decoupled::MOST {
+        return nearest;
+    }
     nearest.truncate(NEAREST);
-    let &[first, ref others @ ..] = nearest.as_slice() else { return [0, 0] };
-    let &[second, ..] = others else { return [first, first] };
-    let mut best = ([first, second], f64::INFINITY);
-    if nearest.len() == 2 {
-        return best.0;
-    }
     let options = Options { starts: Some(PAIR_STARTS), score_samples: 512, ..Options::default() };
-    for (k, &a) in nearest.iter().enumerate() {
-        for &b in &nearest[k + 1..] {
-            let eavesdroppers = [a, b].map(|k| problem.eavesdroppers[k]).to_vec();
-            let alone = Problem { eavesdroppers, ..problem.clone() };
-            let rate = plan_slot(&alone, &options).map_or(f64::INFINITY, |plan| plan.secrecy_rate_bps);
-            if rate < best.1 {
-                best = ([a, b], rate);
-            }
-        }
-    }
-    best.0
-}
-
-/// One threshold by the decoupled bound: any pair of eavesdroppers may show it. The outcome and the boxes used.
-pub(super) fn run(searches: &mut [decoupled::Search], threshold: f64, boxes: usize) -> (Outcome, usize) {
-    let (mut last, mut used) = (Outcome::Stuck, 0);
-    let share = boxes / searches.len().max(1);
-    for search in searches {
-        let before = search.used();
-        last = search.run(threshold, before + share);
-        used += search.used() - before;
-        if last == Outcome::Excluded {
-            break;
-        }
-    }
-    (last, used)
+    let rate = |pair: [usize; 2]| {
+        let eavesdroppers = pair.map(|k| problem.eavesdroppers[k]).to_vec();
+        let alone = Problem { eavesdroppers, ..problem.clone() };
+        plan_slot(&alone, &options).map_or(f64::INFINITY, |plan| plan.secrecy_rate_bps)
+    };
+    let pairs = nearest.iter().enumerate().flat_map(|(k, &a)| nearest[k + 1..].iter().map(move |&b| [a, b]));
+    let rated = pairs.map(|pair| (rate(pair), pair));
+    rated.min_by(|a, b| a.0.total_cmp(&b.0)).map_or_else(Vec::new, |(_, pair)| pair.to_vec())
 }

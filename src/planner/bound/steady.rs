@@ -9,7 +9,7 @@ use super::link::{Gain, Links};
 use crate::radio::link::NEAREST_M;
 
 /// Taken off every comparison that excludes: the rounding of some fifty operations, doubled, and then a thousand.
-const MARGIN: f64 = 1e-11;
+pub(super) const MARGIN: f64 = 1e-11;
 
 /// Line searches for a combination of forms.
 const STEPS: usize = 8;
@@ -408,12 +408,12 @@ pub(super) fn chord(radius: f64, distance: f64) -> f64 {
 }
 
 /// The t in (0, 1] for which (1 - t) x^2 - (1/t - 1) e^2 <= max(x - e, 0)^2 is tight at `at`.
-fn split_share(e: f64, at: f64) -> f64 {
+pub(super) fn split_share(e: f64, at: f64) -> f64 {
     if e < at { (e / at).max(1e-12) } else { 1.0 }
 }
 
 /// (1/t - 1) e^2.
-fn excess(share: f64, e: f64) -> f64 {
+pub(super) fn excess(share: f64, e: f64) -> f64 {
     if share < 1.0 { (1.0 / share - 1.0) * e * e } else { 0.0 }
 }
 

@@ -113,7 +113,8 @@ fn val_chain_under_jitter_holds_at_every_known_plan() {
         let prepared = Prepared::new(&p).unwrap();
         let law = prepared.law.as_ref().unwrap();
         let e = &prepared.links.eavesdroppers;
-        let mut search = decoupled::Search::new(&prepared.links, &prepared.region, law, [e[0], e[1]], 1e-3);
+        let mut search =
+            decoupled::Search::new(&prepared.links, &prepared.region, law, vec![e[0], e[1]], 1e-3);
         let at = |k: usize| (Vector3::new(row[k], row[k + 1], row[k + 2]), row[k + 3], row[k + 4]);
         let (relaxed, below) = search.relaxed_rate([at(7), at(13)], row[18] / 0.5, row[3]);
         assert!(below, "scenario {} at {} deg: the table of L is above this plan's own l", row[1], row[2]);
