@@ -142,11 +142,6 @@ impl Prepared {
         if lower_bps > 0.0 {
             narrow(wanted, budget.boxes / LEAST_PART, &mut shows);
         }
-        if bound.kind == self.decoupled_kind {
-            return;
-        }
-        let part = Budget { boxes: budget.boxes / 10, ..*budget };
-        self.lower_steady(bandwidth_hz, lower_bps, &part, bound);
     }
 
     /// The decoupled bound by the eavesdroppers that count; none where it does not apply.
