@@ -159,7 +159,7 @@
 //!    root for `kappa = (S + 1) 2^(q + m + 1/ln 2 - T) / (e ln 2)` (with the former two in its exponent); `t` bounds what
 //!    counts beyond `c` by the third moment, `(z - 1)^+ <= 4 z^3 / 27`. The lesser of both is taken. A line over `E a_0` that lies above
 //!    `(1 + E a_0) 2^y` in each band takes the place of `1 + E a_0` in the forms; bands whose axes reach no threshold are left out. Bands
-//!    near the user's null, where `y` is largest, are excluded by themselves: their lesser of two lines would be a higher one for all.
+//!    near the user's null, where `y` is largest, are excluded apart, by the lesser of two lines: one line for all bands lies higher.
 //!
 //! *Gains with a flat part* are `1 + c (F + W s) = (1 + c F) (1 + c W s / (1 + c F))` in every mean, `k_j` of step 4 has
 //! `F (d_J0/d_Jj)^2` beside `W` times the rest, and angles off the null are counted in `sqrt(sigma^2 + F / W)`. *Scattered
