@@ -6,7 +6,7 @@ use nalgebra::Vector3;
 
 use super::cell::{Cell, Region};
 use super::form::{Form, Mixture, exclude_mixtures};
-use super::hearing::{Curve, Hearing};
+use super::hearing::{Curve, Hearing, LOUDEST};
 use super::jammer::Jammer;
 use super::law::{ALL_ANGLES, Law, line_angles};
 use super::link::Links;
@@ -494,7 +494,7 @@ impl<'a> Search<'a> {
                 let curve = self.hearing.curve(gain, scale, floor, roll, self.clips, fine);
                 above = above.max(curve.above + (1.0 - curve.rise) * range);
                 rises[k] = rises[k].min(curve.rise);
-                most = most.max((12.0 * scale).ln_1p() / LN_2 + range);
+                most = most.max((LOUDEST * scale).ln_1p() / LN_2 + range);
                 lines.push(Line { eavesdropper: k, direction, spread, curve });
             }
         }

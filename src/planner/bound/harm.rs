@@ -88,10 +88,9 @@ pub(super) fn least_off(law: &Law, scale: f64, floor: f64, share: f64, line: Ran
 mod tests {
     use super::*;
     use crate::planner::bound::decoupled::QUADRATURE;
-    use crate::planner::bound::law::{STATED, TAKEN, fine_mean};
+    use crate::planner::bound::law::{STATED, TAKEN, axis_off, fine_mean};
     use crate::planner::bound::prepared::POINTS;
     use crate::radio::pattern::antenna_axis;
-    use nalgebra::Vector3;
     use rand::{RngExt, SeedableRng};
     use rand_chacha::ChaCha8Rng;
     use std::f64::consts::{PI, TAU};
@@ -110,14 +109,9 @@ mod tests {
             let off = (std * 10.0_f64.powf(rng.random_range(-1.5..1.7))).min(FRAC_PI_2);
             let angle = (off * rng.random_range(1.0..1.25)).min(FRAC_PI_2);
             let line = antenna_axis(line_roll, 0.0, 0.0);
-            let across = line.cross(&Vector3::x()).normalize();
-            let around = rng.random_range(0.0..TAU);
-            let aside = across * around.cos() + line.cross(&across) * around.sin();
-            let axis = line * angle.cos() + aside * angle.sin();
-            let axis = if axis.z < 0.0 { -axis } else { axis };
-            let roll = (-axis.y).clamp(-1.0, 1.0).asin();
+            let axis = axis_off(&line, angle, rng.random_range(0.0..TAU));
             let power = 10.0_f64.powf(rng.random_range(STATED)) / (std * std);
-            let truth = fine_mean(std, power, [roll, axis.x.atan2(axis.z)], &line);
+            let truth = fine_mean(std, power, axis, &line);
             let ideal = [Gain { flat: 0.0, swing: 1.0 }];
             let (bound, _) = least_harm(law, &ideal, power, class, off);
             over = over.max(bound - truth);

@@ -11,7 +11,7 @@ use super::link::Gain;
 use super::prepared::POINTS;
 
 /// An eavesdropper counts up to so many times its mean SINR.
-const LOUDEST: f64 = 12.0;
+pub(super) const LOUDEST: f64 = 12.0;
 /// The first angle off the null, over the noise, and how angles grow.
 const OFF_FIRST: f64 = 0.25;
 const OFF_GROWTH: f64 = 1.3;
@@ -270,27 +270,11 @@ fn vertices(points: &[[f64; 2]]) -> ([[f64; 2]; 2 * ANGLES], usize) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::planner::bound::law::{axis_off, floored_mean};
     use crate::radio::pattern::antenna_axis;
-    use nalgebra::Vector3;
     use rand::{RngExt, SeedableRng};
     use rand_chacha::ChaCha8Rng;
     use std::f64::consts::TAU;
-
-    /// The mean of log2 max(1 + scale G, 1 + floor) by a rule of its own: Gauss's density on a fine grid.
-    fn truth(std: f64, scale: f64, floor: f64, axis: [f64; 2], line: &Vector3<f64>) -> f64 {
-        let step = 0.04;
-        let (mut sum, mut total) = (0.0, 0.0);
-        for a in -125..125 {
-            for b in -125..125 {
-                let at = [a, b].map(|k| (f64::from(k) + 0.5) * step);
-                let y = antenna_axis(axis[0] + std * at[0], axis[1] + std * at[1], 0.0);
-                let weight = (-0.5 * (at[0] * at[0] + at[1] * at[1])).exp();
-                sum += weight * (scale * y.cross(line).norm_squared()).max(floor).ln_1p();
-                total += weight;
-            }
-        }
-        sum / total / LN_2
-    }
 
     #[test]
     fn val_curves_are_below_the_mean_of_every_axis() {
@@ -310,13 +294,8 @@ mod tests {
             // About what is heard, where the curve bends most, or none.
             let heard = scale * (off.sin().powi(2) + std * std);
             let floor = if round % 4 == 0 { 0.0 } else { heard * 10.0_f64.powf(rng.random_range(-1.0..1.0)) };
-            let across = line.cross(&Vector3::x()).normalize();
-            let around = rng.random_range(0.0..TAU);
-            let aside = across * around.cos() + line.cross(&across) * around.sin();
-            let axis = line * off.cos() + aside * off.sin();
-            let axis = if axis.z < 0.0 { -axis } else { axis };
-            let roll = (-axis.y).clamp(-1.0, 1.0).asin();
-            let truth = truth(std, scale, floor, [roll, axis.x.atan2(axis.z)], &line);
+            let axis = axis_off(&line, off, rng.random_range(0.0..TAU));
+            let truth = floored_mean(std, scale, floor, axis, &line);
             for (k, fine) in [false, true].into_iter().enumerate() {
                 let curve = hearings[round % 4].curve(&gain, scale, floor, [line_roll; 2], false, fine);
                 let bound = curve.at(off.sin().powi(2)).0.log2();

@@ -55,6 +55,7 @@ struct Class {
 #[derive(Debug)]
 pub(super) struct Jammer<'a> {
     law: &'a Law,
+    /// A rule of few points, for axes far off the null.
     away: Law,
     region: &'a Region,
     links: &'a Links,

@@ -352,8 +352,25 @@ pub(super) fn line_angles(lo: &Vector3<f64>, hi: &Vector3<f64>) -> Option<[Range
 pub(super) const ALL_ANGLES: Range = [-FRAC_PI_2, FRAC_PI_2];
 
 #[cfg(test)]
-/// The mean of an axis' angles by the trapezoidal rule on the Gaussian density, which converges faster than any power.
+/// Roll and pitch of the canonical axis at this angle to a line, `around` it from where x lies.
+pub(super) fn axis_off(line: &Vector3<f64>, off: f64, around: f64) -> [f64; 2] {
+    let across = line.cross(&Vector3::x()).normalize();
+    let aside = across * around.cos() + line.cross(&across) * around.sin();
+    let axis = line * off.cos() + aside * off.sin();
+    let axis = if axis.z < 0.0 { -axis } else { axis };
+    [(-axis.y).clamp(-1.0, 1.0).asin(), axis.x.atan2(axis.z)]
+}
+
+#[cfg(test)]
+/// [`floored_mean`] without a floor.
 pub(super) fn fine_mean(std: f64, scale: f64, axis: [f64; 2], line: &Vector3<f64>) -> f64 {
+    floored_mean(std, scale, 0.0, axis, line)
+}
+
+#[cfg(test)]
+/// The mean of log2 max(1 + scale G, 1 + floor) over an axis' angles by the trapezoidal rule on the Gaussian density, which converges
+/// faster than any power where it is smooth.
+pub(super) fn floored_mean(std: f64, scale: f64, floor: f64, axis: [f64; 2], line: &Vector3<f64>) -> f64 {
     let step = 0.05;
     let gain = |at: [f64; 2]| {
         let y = crate::radio::pattern::antenna_axis(axis[0] + std * at[0], axis[1] + std * at[1], 0.0);
@@ -369,7 +386,7 @@ pub(super) fn fine_mean(std: f64, scale: f64, axis: [f64; 2], line: &Vector3<f64
                 let part = |k: i32| ((f64::from(k) + 0.5) / f64::from(parts) - 0.5) * step;
                 let at = [at[0] + part(k / parts), at[1] + part(k % parts)];
                 let weight = (-0.5 * (at[0] * at[0] + at[1] * at[1])).exp() / f64::from(parts * parts);
-                sum += weight * (scale * gain(at)).ln_1p();
+                sum += weight * (scale * gain(at)).max(floor).ln_1p();
                 total += weight;
             }
         }

@@ -328,9 +328,7 @@ pub fn best_bound(problem: &Problem, lower_bound_bps: f64, budget: Budget) -> Re
     let mut bound = Bound { upper_bound_bps: cap_bps, kind: BoundKind::Cap, boxes_used: 0 };
     let Some(prepared) = Prepared::new(problem) else { return Ok(bound) };
     let lower_bps = if lower_bound_bps > 0.0 { lower_bound_bps } else { 0.0 };
-    if prepared.law.is_some() {
-        prepared.lower_decoupled(problem.radio.bandwidth_hz, lower_bps, &budget, &mut bound);
-    }
+    prepared.lower_decoupled(problem.radio.bandwidth_hz, lower_bps, &budget, &mut bound);
     if bound.kind == BoundKind::Cap {
         let budget = budget.steady(problem);
         prepared.lower_steady(problem.radio.bandwidth_hz, lower_bps, &budget, &mut bound);
