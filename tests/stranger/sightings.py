@@ -30,6 +30,8 @@ from companion_flight import (
 )
 
 SIGHTING = 31014
+# The component by which the simulated world's own operator tells of those that roam.
+OBSERVER = 190
 LATITUDE, LONGITUDE = 500753500, 144381000
 
 
@@ -50,13 +52,13 @@ def companions(parent):
     return found
 
 
-def sighting(operator, system, result, what, kind=1, number=1):
-    """A sighting as typed, and its answer."""
+def sighting(operator, system, result, what, kind=1, number=1, age_s=0):
+    """A sighting as typed, and its answer. Whoever else sees the eavesdropper, in the simulated world, says so too."""
     operator.type(f"set target_system {system}")
     operator.type(f"set target_component {COMPANION}")
-    operator.type(f"command_int GLOBAL {SIGHTING} 0 0 {kind} {number} 8 0.5 {LATITUDE} {LONGITUDE} 203.5")
+    operator.type(f"command_int GLOBAL {SIGHTING} 0 0 {kind} {number} 8 {age_s} {LATITUDE} {LONGITUDE} 203.5")
     mine = lambda m: (m.get_srcSystem(), m.get_srcComponent()) == (system, COMPANION)  # noqa: E731
-    answers = lambda m: mine(m) and m.command == SIGHTING  # noqa: E731
+    answers = lambda m: mine(m) and m.command == SIGHTING and m.target_component != OBSERVER  # noqa: E731
     answer = operator.wait("COMMAND_ACK", answers, 10, f"{what}: answered", since_typed=True)
     check(answer.result == result, f"{what}: {answer.result}")
 
@@ -76,6 +78,8 @@ def fly(arguments):
                 operator.both("HEARTBEAT", lambda m: True, 20, "both companions' heartbeats")
                 flight.ready()
                 sighting(operator, 1, ACCEPTED, "the eavesdropper that moves, to I")
+                sighting(operator, 1, DENIED, "where it was half a minute ago", age_s=30)
+                operator.says("a sighting refused: a later report is known", 10, (1,))
                 sighting(operator, 1, DENIED, "one that does not", number=2)
                 operator.says("a sighting refused: in the mission", 10, (1,))
                 sighting(operator, 2, DENIED, "the eavesdropper that moves, to J")
