@@ -88,7 +88,7 @@ class Operator(MavProxy):
         self.wait(kind, take, simulated_s, what)
 
     def says(self, text, simulated_s, systems=(1, 2)):
-        """A STATUSTEXT of the companions of these systems."""
+        """A STATUSTEXT of the companions of these systems; of one in several chunks the first is read."""
         left = set(systems)
 
         def take(m):

@@ -35,7 +35,6 @@ OBSERVER = 190
 LATITUDE, LONGITUDE = 500753500, 144381000
 
 
-# Of a STATUSTEXT in several chunks the first is read.
 def companions(parent):
     """The processes of both companions, by role."""
     found = {}
