@@ -237,7 +237,11 @@ impl Autopilot {
             self.control.note_lift_off(position_enu_m, velocity_enu_m_s);
         }
         let around = self.surroundings(now);
-        if let Some(commanded) = self.stream.set(&setpoint, around.as_ref(), now, &mut self.out) {
+        let sent = self.stream.set(&setpoint, around.as_ref(), now, &mut self.out);
+        if sent.is_some() || !self.lets_out_setpoints() {
+            self.stall.sent(now);
+        }
+        if let Some(commanded) = sent {
             self.hand(now, |control, specifics, context| {
                 specifics.drive(commanded, control.is_held(), context);
             });
@@ -397,32 +401,40 @@ impl Autopilot {
         });
     }
 
-    /// What a setpoint is built on; `None` while none may go out, and while position or attitude do not come, or are too old
-    /// to close a loop over them: it would be a guess.
+    /// Whether who flies lets setpoints out.
+    fn lets_out_setpoints(&self) -> bool {
+        let state = &self.telemetry.state;
+        self.peer.as_ref().is_some_and(|peer| self.control.lets_out_setpoints(peer.firmware, state))
+    }
+
+    /// What a setpoint is built on; `None` while none may go out.
     fn surroundings(&self, now: Instant) -> Option<Surroundings> {
         let Peer { firmware, address, specifics, .. } = self.peer.as_ref()?;
         let state = &self.telemetry.state;
         let known = match self.settings.actuation {
             // The preflight refuses it for a firmware that takes no attitude targets; one ends a 6DoF ArduCopter.
-            Actuation::ThrustVector => firmware.takes_attitude_targets() && self.fresh(now),
+            Actuation::ThrustVector => firmware.takes_attitude_targets(),
             Actuation::Auto => false,
             // The autopilot closes the loop, over what it knows itself.
             Actuation::Pose | Actuation::Position => self.hears_state(now),
         };
-        if !known || !self.control.lets_out_setpoints(*firmware, state) {
+        if !known || !self.lets_out_setpoints() {
             return None;
         }
         let (position_enu_m, velocity_enu_m_s) = self.telemetry.motion()?;
+        let measured = Measured {
+            position_enu_m,
+            velocity_enu_m_s,
+            attitude: state.attitude?.value,
+            age_s: self.state_age(now).unwrap_or_default().as_secs_f64(),
+        };
+        // We close the loop of a thrust vector: over what is too old, or does not come, it would be a guess.
+        let closes_loop = self.settings.actuation == Actuation::ThrustVector;
         Some(Surroundings {
             target: *address,
             takes_attitude_targets: firmware.takes_attitude_targets(),
             frame: self.telemetry.frame()?,
-            measured: Measured {
-                position_enu_m,
-                velocity_enu_m_s,
-                attitude: state.attitude?.value,
-                age_s: self.state_age(now).unwrap_or_default().as_secs_f64(),
-            },
+            measured: (!closes_loop || self.fresh(now)).then_some(measured),
             footing: self.control.footing(state),
             may_tilt: specifics.allows_tilt(&self.parameters),
         })

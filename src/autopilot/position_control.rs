@@ -160,12 +160,7 @@ impl PositionControl {
         let asked = limited(feedback + ahead + self.integral_m_s2, s.acceleration_limit_m_s2);
         let force = asked + Vector3::z() * GRAVITY_M_S2;
 
-        let body = measured.attitude.rotation().inverse() * force * (self.hover_thrust / GRAVITY_M_S2);
-        let scaled = Vector3::from_fn(|axis, _| body[axis] * self.thrust_n[2] / self.thrust_n[axis]);
-        let largest = scaled.amax();
-        let saturated = largest > s.thrust_limit;
-        let command = if saturated { scaled * (s.thrust_limit / largest) } else { scaled };
-
+        let (command, saturated) = self.command_for(force, &measured.attitude);
         let limited_force = asked.norm() + 1e-9 >= s.acceleration_limit_m_s2;
         if dt_s > 0.0 && !far && !saturated && !limited_force {
             let step = axes(s.integral_s3, 3).component_mul(&error) * dt_s;
@@ -174,9 +169,28 @@ impl PositionControl {
         } else if far && !saturated {
             self.follow_command(force.z, dt_s * slowed);
         }
+        command
+    }
+
+    /// The thrust command, along body FRD axes, of a vehicle in this attitude that is where it should be and at rest: it carries
+    /// the weight and holds against the wind learned. Always finite and within the limit.
+    #[must_use]
+    pub fn hover(&self, attitude: &Attitude) -> Vector3<f64> {
+        self.command_for(self.integral_m_s2 + Vector3::z() * GRAVITY_M_S2, attitude).0
+    }
+
+    /// The thrust command, along body FRD axes, for this force per mass in the world and in this attitude; whether it had to be
+    /// shortened to the limit.
+    fn command_for(&self, force_m_s2: Vector3<f64>, attitude: &Attitude) -> (Vector3<f64>, bool) {
+        let limit = self.settings.thrust_limit;
+        let body = attitude.rotation().inverse() * force_m_s2 * (self.hover_thrust / GRAVITY_M_S2);
+        let scaled = Vector3::from_fn(|axis, _| body[axis] * self.thrust_n[2] / self.thrust_n[axis]);
+        let largest = scaled.amax();
+        let saturated = largest > limit;
+        let command = if saturated { scaled * (limit / largest) } else { scaled };
         // FLU to FRD.
         let frd = Vector3::new(command.x, -command.y, -command.z);
-        if frd.iter().all(|c| c.is_finite()) { frd } else { Vector3::zeros() }
+        (if frd.iter().all(|c| c.is_finite()) { frd } else { Vector3::zeros() }, saturated)
     }
 
     /// Takes the hover thrust for what is commanded, in the mean over some seconds: a vehicle that goes from rest to rest is not
@@ -284,6 +298,7 @@ mod tests {
             let at = plant(roll, pitch).measured;
             let thrust = control.step(&hold(Enu::zeros()), &at, 0.02);
             assert!((thrust - expected).norm() < 1e-9, "roll {roll} pitch {pitch}: {thrust}");
+            assert_eq!(control.hover(&at.attitude), thrust);
         }
     }
 

@@ -18,6 +18,9 @@ use crate::time::Instant;
 const IDLE_THRUST: f64 = 0.05;
 /// How fast thrust rises to find the one that lifts the vehicle, 1/s.
 const SPOOL_RATE_S: f64 = 0.2;
+/// How long the weight is carried on over state that is too old to close a loop over. After that setpoints end, and the
+/// autopilot's own failsafe follows: it knows where it is.
+const CARRIES_ON: Duration = Duration::from_millis(500);
 /// An attitude so near to the one asked for is that one: at 45 deg/s it is 10 ms.
 const AS_ASKED_RAD: f64 = 0.5f64.to_radians();
 
@@ -66,8 +69,8 @@ pub(super) struct Surroundings {
     /// A pose goes out as two targets, one of them an attitude.
     pub(super) takes_attitude_targets: bool,
     pub(super) frame: LocalFrame,
-    /// Fresh position, velocity and attitude.
-    pub(super) measured: Measured,
+    /// Fresh position, velocity and attitude; `None`: too old to close a loop over.
+    pub(super) measured: Option<Measured>,
     pub(super) footing: Footing,
     /// Whether the attitude may leave the level.
     pub(super) may_tilt: bool,
@@ -93,6 +96,8 @@ pub(super) struct Stream {
 struct Run {
     since: Instant,
     sent_at: Instant,
+    /// When state was last fresh.
+    measured_at: Instant,
     commanded: Attitude,
     /// What is left from there to the attitude that was asked for, radians.
     short_rad: f64,
@@ -151,11 +156,14 @@ impl Stream {
             self.stop();
         }
         self.set_at = Some(now);
-        let Some(around) = around else {
+        let sent = around.and_then(|around| match &around.measured {
+            Some(measured) => Some(self.send(setpoint, around, measured, now, out)),
+            None => self.carry_on(setpoint, around, now, out),
+        });
+        if sent.is_none() {
             self.run = None;
-            return None;
-        };
-        Some(self.send(setpoint, around, now, out))
+        }
+        sent
     }
 
     /// Setpoints take this form from now on.
@@ -178,16 +186,20 @@ impl Stream {
         &mut self,
         setpoint: &Setpoint,
         around: &Surroundings,
+        measured: &Measured,
         now: Instant,
         out: &mut Outbox,
     ) -> Attitude {
         let dt_s = self.run.map_or(self.period, |run| now.saturating_since(run.sent_at)).as_secs_f64();
-        let attitude = self.ramp(setpoint.attitude, around, dt_s);
+        let attitude = self.ramp(setpoint.attitude, around.may_tilt, measured, dt_s);
         let since = self.run.map_or(now, |run| run.since);
         let short_rad = attitude.angle_to(&setpoint.attitude);
-        self.run = Some(Run { since, sent_at: now, commanded: attitude, short_rad });
+        self.run = Some(Run { since, sent_at: now, measured_at: now, commanded: attitude, short_rad });
         match self.actuation {
-            Actuation::ThrustVector => out.send(self.thrust_vector(setpoint, attitude, around, dt_s, now)),
+            Actuation::ThrustVector => {
+                let thrust = self.thrust(setpoint, around.footing, measured, dt_s);
+                out.send(thrust_vector(attitude, thrust, around.target, now));
+            }
             Actuation::Position => out.send(position(setpoint, Some(attitude), around, now)),
             Actuation::Pose if around.takes_attitude_targets => {
                 out.send(position(setpoint, None, around, now));
@@ -204,25 +216,48 @@ impl Stream {
         attitude
     }
 
+    /// Carries the weight on where no loop can be closed: the attitude commanded last, and the thrust that hovers in it and
+    /// holds against the wind learned. An autopilot keeps the last thrust that reaches it, until it misses the next: that of a
+    /// vehicle that brakes would throw it back, and fall out of line with an attitude that turns. This one is right on
+    /// whichever of these it ends, however late and in whatever order they come. `None` if nothing went out: this
+    /// goes on a flight in the air alone, and not for long.
+    fn carry_on(
+        &mut self,
+        setpoint: &Setpoint,
+        around: &Surroundings,
+        now: Instant,
+        out: &mut Outbox,
+    ) -> Option<Attitude> {
+        let run = self.run.filter(|run| now.saturating_since(run.measured_at) <= CARRIES_ON)?;
+        if self.actuation != Actuation::ThrustVector || around.footing != Footing::Airborne {
+            return None;
+        }
+        let short_rad = run.commanded.angle_to(&setpoint.attitude);
+        self.run = Some(Run { sent_at: now, short_rad, ..run });
+        let thrust = self.control.hover(&run.commanded);
+        out.send(thrust_vector(run.commanded, thrust, around.target, now));
+        Some(run.commanded)
+    }
+
     /// The commanded attitude follows the wanted one at no more than the tilt rate, starting from the measured one.
-    fn ramp(&self, wanted: Attitude, around: &Surroundings, dt_s: f64) -> Attitude {
+    fn ramp(&self, wanted: Attitude, may_tilt: bool, measured: &Measured, dt_s: f64) -> Attitude {
         let level = Attitude::from_euler(0.0, 0.0, wanted.euler().2);
-        let wanted = if around.may_tilt { wanted } else { level };
-        let from = self.run.map_or(around.measured.attitude, |run| run.commanded);
+        let wanted = if may_tilt { wanted } else { level };
+        let from = self.run.map_or(measured.attitude, |run| run.commanded);
         let angle = from.angle_to(&wanted);
         let step = self.tilt_rate_rad_s * dt_s;
         if angle <= step { wanted } else { from.slerp(&wanted, step / angle) }
     }
 
-    fn thrust_vector(
+    /// The thrust command along body FRD axes.
+    fn thrust(
         &mut self,
         wanted: &Setpoint,
-        attitude: Attitude,
-        around: &Surroundings,
+        footing: Footing,
+        measured: &Measured,
         dt_s: f64,
-        now: Instant,
-    ) -> MavMessage {
-        let thrust = match around.footing {
+    ) -> Vector3<f64> {
+        match footing {
             Footing::Standing => Vector3::new(0.0, 0.0, -IDLE_THRUST),
             Footing::Lifting => {
                 // After a pause no more than after a period: what the last thrust does is not seen yet.
@@ -234,15 +269,19 @@ impl Stream {
                 if let Some(lifts) = self.spool.take() {
                     self.control.lifted_off(lifts);
                 }
-                self.control.step(wanted, &around.measured, dt_s)
+                self.control.step(wanted, measured, dt_s)
             }
-        };
-        MavMessage::SET_ATTITUDE_TARGET(SET_ATTITUDE_TARGET_DATA {
-            type_mask: rates_ignored() | AttitudeTargetTypemask::ATTITUDE_TARGET_TYPEMASK_THRUST_BODY_SET,
-            thrust_body: [thrust.x as f32, thrust.y as f32, thrust.z as f32],
-            ..attitude_target(attitude, around.target, now)
-        })
+        }
     }
+}
+
+/// An attitude, and a thrust command along its FRD axes.
+fn thrust_vector(attitude: Attitude, thrust: Vector3<f64>, target: Address, now: Instant) -> MavMessage {
+    MavMessage::SET_ATTITUDE_TARGET(SET_ATTITUDE_TARGET_DATA {
+        type_mask: rates_ignored() | AttitudeTargetTypemask::ATTITUDE_TARGET_TYPEMASK_THRUST_BODY_SET,
+        thrust_body: [thrust.x as f32, thrust.y as f32, thrust.z as f32],
+        ..attitude_target(attitude, target, now)
+    })
 }
 
 fn rates_ignored() -> AttitudeTargetTypemask {
@@ -322,12 +361,12 @@ mod tests {
             target: (1, 1),
             takes_attitude_targets: true,
             frame: LocalFrame { mission: origin, autopilot: origin, projection: Projection::Tangent },
-            measured: Measured {
+            measured: Some(Measured {
                 position_enu_m: Enu::new(1.0, 2.0, 10.0),
                 velocity_enu_m_s: EnuVelocity::ZERO,
                 attitude: Attitude::level(),
                 age_s: 0.02,
-            },
+            }),
             footing,
             may_tilt: true,
         }
@@ -434,6 +473,53 @@ mod tests {
         assert_eq!([0.03; 3].map(|rad| commands_as_asked(rad, true)), [false, false, true]);
         assert!([0.04, 0.05].into_iter().all(|rad| commands_as_asked(rad, true)));
         assert!(!commands_as_asked(0.06, false));
+    }
+
+    #[test]
+    fn spec_without_fresh_state_the_weight_is_carried_on_for_half_a_second_in_the_attitude_commanded_last() {
+        let carried = |actuation, footing: Footing| {
+            let mut stream = stream(actuation);
+            let mut out = Outbox::default();
+            let mut now = Instant::from_start(Duration::from_secs(1));
+            // On the way to a setpoint far away, and turning.
+            let far = Setpoint { position_enu_m: Enu::new(30.0, 2.0, 5.0), ..setpoint(1.0) };
+            let commanded = (0..50)
+                .map(|_| {
+                    now = now + PERIOD;
+                    stream.set(&far, Some(&around(footing)), now, &mut out).unwrap()
+                })
+                .last()
+                .unwrap();
+            while out.next_message().is_some() {}
+            let blind = Surroundings { measured: None, ..around(footing) };
+            let mut sent = 0;
+            for _ in 0..100 {
+                now = now + PERIOD;
+                let Some(carried) = stream.set(&far, Some(&blind), now, &mut out) else { break };
+                sent += 1;
+                assert!(carried.angle_to(&commanded) < 1e-9 && !stream.commands_as_asked());
+                let Some(MavMessage::SET_ATTITUDE_TARGET(target)) = out.next_message() else { panic!() };
+                let frd = target.thrust_body.map(f64::from);
+                let force = commanded.rotation() * Vector3::new(frd[0], -frd[1], -frd[2]);
+                let hovers = Vector3::z() * stream.hover_thrust();
+                assert!((force - hovers).norm() < 1e-6, "{force} {hovers}");
+            }
+            assert!(out.next_message().is_none() && stream.streamed_for(now) == Duration::ZERO);
+            sent
+        };
+        assert_eq!(carried(Actuation::ThrustVector, Footing::Airborne), 25);
+        assert_eq!(carried(Actuation::ThrustVector, Footing::Lifting), 0);
+        assert_eq!(carried(Actuation::ThrustVector, Footing::Standing), 0);
+        assert_eq!(carried(Actuation::Pose, Footing::Airborne), 0);
+        // Nor is there anything to carry on with before state has been fresh once.
+        let blind = Surroundings { measured: None, ..around(Footing::Airborne) };
+        let first = stream(Actuation::ThrustVector).set(
+            &setpoint(0.0),
+            Some(&blind),
+            Instant::ZERO,
+            &mut Outbox::default(),
+        );
+        assert!(first.is_none());
     }
 
     #[test]

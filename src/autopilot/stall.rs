@@ -1,7 +1,8 @@
 //! F2 after a stall: an autopilot whose stream of setpoints has ended leaves our mode, and PX4 takes it again, unasked, once
 //! setpoints come. A companion that was not run for so long does not know, whatever waits at its door; nor does one that has
-//! heard nothing for so long, since the link that kept the autopilot's words may have kept the setpoints too. It sends none
-//! before a heartbeat that was sent since shows the mode.
+//! heard nothing for so long, since the link that kept the autopilot's words may have kept the setpoints too; nor one that sent
+//! none for so long, since it did not know where the vehicle was. It sends none before a heartbeat that was sent since shows
+//! the mode.
 
 use std::time::Duration;
 
@@ -22,6 +23,7 @@ const LEFT: Duration = Duration::from_millis(1200);
 #[derive(Debug, Clone, Default)]
 pub(super) struct Stall {
     set_at: Option<Instant>,
+    sent_at: Option<Instant>,
     doubt: Option<Doubt>,
 }
 
@@ -38,7 +40,9 @@ impl Stall {
     /// A setpoint is due, the autopilot is in our hands or not (`held`), and has said nothing for so long; whether the
     /// setpoint may go out.
     pub fn allows(&mut self, held: bool, silent_for: Duration, now: Instant) -> bool {
-        let stalled = self.set_at.replace(now).filter(|before| now.saturating_since(*before) > OUTLIVES);
+        let outlived = |at: &mut Instant| now.saturating_since(*at) > OUTLIVES;
+        let stalled = self.set_at.take_if(outlived).max(self.sent_at.take_if(outlived));
+        self.set_at = Some(now);
         let silent = (silent_for > SILENT).then(|| now - silent_for);
         if !held {
             self.doubt = None;
@@ -47,6 +51,11 @@ impl Stall {
             self.doubt = Some(Doubt { ends_from, asked: false });
         }
         self.doubt.is_none()
+    }
+
+    /// A setpoint has gone out, or none was wanted.
+    pub fn sent(&mut self, now: Instant) {
+        self.sent_at = Some(now);
     }
 
     /// Whether to ask the autopilot for a heartbeat: once, when its answer cannot have been sent before the awakening, nor before
@@ -122,6 +131,20 @@ mod tests {
         assert!(!stall.asks(at(1199)) && stall.asks(at(1200)));
         stall.shown(at(1202));
         assert!(stall.allows(true, silent(0), at(1220)));
+    }
+
+    #[test]
+    fn spec_after_setpoints_that_could_not_go_out_too() {
+        let mut stall = Stall::default();
+        stall.sent(at(0));
+        assert!((0..=950).step_by(10).all(|ms| heard(&mut stall, true, at(ms))));
+        // They could now: the autopilot may have left our mode, or be about to.
+        assert!(!heard(&mut stall, true, at(960)) && !stall.asks(at(1199)) && stall.asks(at(1200)));
+        stall.shown(at(1202));
+        // Until one has gone out, it is known.
+        assert!(heard(&mut stall, true, at(1220)) && heard(&mut stall, true, at(1900)));
+        stall.sent(at(1900));
+        assert!(heard(&mut stall, true, at(2850)) && !heard(&mut stall, true, at(2860)));
     }
 
     #[test]

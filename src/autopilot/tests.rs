@@ -136,7 +136,9 @@ fn spec_setpoints_go_out_at_the_executives_pace_and_never_outlive_it() {
 fn spec_an_autopilot_that_was_not_heard_gets_setpoints_again_once_it_shows_its_mode() {
     let mut world = World::new(Fake::new(Firmware::Px4), |settings| settings.actuation = Actuation::Position);
     world.launch();
-    // Its telemetry alone fails, and its heartbeat comes long after: it is asked for one.
+    // One that bears more than a second without setpoints. Its telemetry alone fails, and its heartbeat comes long after: it
+    // is asked for one. Setpoints end at 0.25 s, and 1.2 s after that what it shows counts.
+    world.fake.parameters.insert("COM_OF_LOSS_T".into(), real(2.0));
     world.fake.beat();
     world.fake.heartbeat_at = world.now + Duration::from_secs(60);
     world.run(0.2);
@@ -146,9 +148,9 @@ fn spec_an_autopilot_that_was_not_heard_gets_setpoints_again_once_it_shows_its_m
     world.run(0.06);
     assert_eq!(world.fake.setpoints_since(shut), 0, "to an autopilot that may be another's");
     world.fake.silent = false;
-    world.run(0.2);
+    world.run(0.5);
     assert_eq!(world.fake.setpoints_since(shut), 0, "before it showed a mode that counts");
-    world.run(0.2);
+    world.run(0.1);
     assert_eq!(world.fake.custom_mode, PX4_OFFBOARD);
     assert!(world.fake.setpoints_since(shut) > 0);
     let lost = world.events.iter().filter(|(_, event)| matches!(event, Event::ControlLost { .. })).count();

@@ -8,7 +8,7 @@ use veilwing::config::Mission;
 use veilwing::desk::simulation::{Faults, Observer, Scenario, Witness, draw};
 use veilwing::mission::{Notice, Outcome};
 use veilwing::role::{PerVehicle, Role};
-use veilwing_sitl::{Fault, World};
+use veilwing_sitl::{Fault, Violation, World};
 
 use crate::harness::*;
 
@@ -539,16 +539,60 @@ fn regress_late_setpoints_that_end_a_failsafe_leave_nobody_to_fly_blindly() {
         delay_s = 0.07
         spread_s = 0.94
     "#;
-    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("config/mission.toml");
-    let planned = Planned::new(Mission::load(&path).unwrap());
-    let actuation = Some(Actuation::ThrustVector);
-    let scenario = Scenario::new(&planned.mission, &planned.plan, actuation).unwrap();
-    let late = Faults::parse("late.toml", LATE).unwrap();
-    for seed in [4, 48, 89] {
+    let courtyard = Courtyard::new();
+    // In the first three no setpoint is sent any more that would call it back.
+    for (seed, is_sent_back) in [(4, false), (48, false), (89, false), (197, true)] {
         let mut sent_back = SentBack::default();
-        let flown = scenario.fly(seed, draw(&late, seed, scenario.lengths()), &mut sent_back).unwrap();
-        assert_eq!(flown.report.violations, [], "{seed}");
-        let (told, left) = sent_back.told.zip(sent_back.left).unwrap_or_else(|| panic!("{seed}"));
-        assert!(left - told < Duration::from_millis(50), "{seed}: {told:?} {left:?}");
+        assert_eq!(courtyard.fly(seed, LATE, &mut sent_back), [], "{seed}");
+        assert_eq!(sent_back.told.is_some(), is_sent_back, "{seed}");
+        if let Some(told) = sent_back.told {
+            let left = sent_back.left.unwrap_or_else(|| panic!("{seed}"));
+            assert!(left - told < Duration::from_millis(50), "{seed}: {told:?} {left:?}");
+        }
+    }
+}
+
+/// The demo's mission, by thrust vectors.
+struct Courtyard(Planned);
+
+impl Courtyard {
+    fn new() -> Self {
+        let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("config/mission.toml");
+        Self(Planned::new(Mission::load(&path).unwrap()))
+    }
+
+    /// What is violated in a flight with faults drawn from these.
+    fn fly(&self, seed: u64, faults: &str, witness: &mut impl Witness) -> Vec<Violation> {
+        let actuation = Some(Actuation::ThrustVector);
+        let scenario = Scenario::new(&self.0.mission, &self.0.plan, actuation).unwrap();
+        let faults = Faults::parse("faults.toml", faults).unwrap();
+        scenario.fly(seed, draw(&faults, seed, scenario.lengths()), witness).unwrap().report.violations
+    }
+}
+
+/// A vehicle that brakes, on its side, while its state becomes too old to fly on: what reaches its autopilot last it keeps until it
+/// goes to its failsafe. The last thrust of the braking threw it back and below its band (52, 96, 188, 219); setpoints that
+/// came again after the failsafe called it back onto its side (139).
+#[test]
+fn regress_a_vehicle_that_brakes_when_its_state_becomes_old_stays_in_its_band() {
+    const LATE: &str = r#"
+        [[fault]]
+        kind = "companion-restart"
+        vehicle = "i"
+        after_s = [15.5, 21.0]
+        duration_s = [0.05, 1.0]
+
+        [[fault]]
+        kind = "link-degraded"
+        vehicle = "j"
+        after_s = [15.5, 22.0]
+        duration_s = [1.0, 6.0]
+        loss = [0.0, 0.9]
+        delay_s = [0.05, 1.0]
+        spread_s = [0.0, 1.0]
+    "#;
+    let courtyard = Courtyard::new();
+    for seed in [52, 96, 139, 188, 219] {
+        assert_eq!(courtyard.fly(seed, LATE, &mut ()), [], "{seed}");
     }
 }

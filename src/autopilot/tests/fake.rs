@@ -419,7 +419,9 @@ impl Fake {
                 self.out.extend(message);
             }
         }
-        let lost = self.setpoint_at.is_none_or(|at| now.saturating_since(at) > Duration::from_secs(1));
+        let patience_s = self.parameters.get("COM_OF_LOSS_T").map_or(1.0, |(value, _)| f64::from(*value));
+        let lost =
+            self.setpoint_at.is_none_or(|at| now.saturating_since(at) > Duration::from_secs_f64(patience_s));
         if self.firmware == Firmware::Px4 && self.custom_mode == PX4_OFFBOARD && lost && self.armed {
             self.custom_mode = PX4_LOITER;
             self.lapsed = true;
