@@ -30,7 +30,7 @@ fn commands(kept: &str, radio: &str) -> Vec<Vec<String>> {
         format!("plan config/paper.toml --json --out {kept}"),
         format!("evaluate config/paper.toml {kept}/plan.json"),
         "evaluate config/paper.toml no-such-plan.json".to_owned(),
-        format!("figures --scenarios 2 --out {kept}/figures"),
+        format!("figures --scenarios 2 --only figure-3 --only figure-breakdown --out {kept}/figures"),
         format!("sitl tests/flight/yard.toml --speed 50 --out {flight}"),
         format!("campaign tests/flight/yard.toml --runs 1 --coverage --out {kept}/campaign"),
         format!("report {kept}/campaign"),

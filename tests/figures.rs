@@ -12,7 +12,7 @@ use std::sync::LazyLock;
 use nalgebra::Vector3;
 use veilwing::desk::figures::rates::{CurveRates, MAX_POWERS_W, Source, Study, measure, score};
 use veilwing::desk::figures::scenario::{self, Conditions};
-use veilwing::desk::figures::{Failure, Figure, Settings, all, poses, regret, service};
+use veilwing::desk::figures::{Failure, Figure, Settings, make, poses, regret, service};
 use veilwing::geo::Pose;
 use veilwing::planner::expectation::samples::Sequence;
 use veilwing::planner::plan::VehiclePlan;
@@ -24,7 +24,7 @@ const SETTINGS: Settings = Settings { scenarios: 2, threads: 2, seed: 1 };
 fn quiet(_: &str, _: usize, _: usize) {}
 
 /// Made once for all tests.
-static ALL: LazyLock<Vec<Figure>> = LazyLock::new(|| all(&SETTINGS, &quiet).unwrap());
+static ALL: LazyLock<Vec<Figure>> = LazyLock::new(|| make(&SETTINGS, |_| true, &quiet).unwrap());
 
 fn csv_of(name: &str) -> Vec<BTreeMap<String, String>> {
     rows(&ALL.iter().find(|figure| figure.name == name).unwrap().csv)
@@ -244,7 +244,8 @@ fn spec_figures_do_not_depend_on_threads_and_are_sound() {
     let rates = ["figure-3", "figure-4a", "figure-4b", "figure-4c", "figure-null-depth", "figure-rician-k"];
     let service = ["figure-volume-slot", "figure-volume-arena", "figure-regret-speed"];
     assert_eq!(names, [rates.as_slice(), &service].concat());
-    assert_eq!(*ALL, all(&Settings { threads: 3, ..SETTINGS }, &quiet).unwrap());
+    assert_eq!(veilwing::desk::figures::names(), names);
+    assert_eq!(*ALL, make(&Settings { threads: 3, ..SETTINGS }, |_| true, &quiet).unwrap());
     for figure in ALL.iter() {
         let counts = elements(&figure.svg);
         assert_eq!(counts["svg"], 1);
@@ -310,7 +311,7 @@ fn val_who_stays_loses_more_the_faster_a_user_goes_and_who_follows_little() {
 
 #[test]
 fn spec_no_scenarios_are_refused() {
-    let refused = all(&Settings { scenarios: 0, ..SETTINGS }, &quiet);
+    let refused = make(&Settings { scenarios: 0, ..SETTINGS }, |_| true, &quiet);
     assert_eq!(refused.unwrap_err(), Failure::NoScenarios);
 }
 
@@ -322,6 +323,7 @@ fn spec_command_writes_all_files_and_refuses_bad_arguments() {
     };
     let done = run(&["--out", out.to_str().unwrap(), "--scenarios", "2", "--threads", "2", "--seed", "1"]);
     assert_eq!(done.status.code(), Some(0), "{}", String::from_utf8_lossy(&done.stderr));
+    assert!(!done.stderr.is_empty() && !done.stderr.contains(&0x1B), "words, and no escapes");
     let stdout = String::from_utf8(done.stdout).unwrap();
     let files: Vec<&str> = stdout.lines().collect();
     assert_eq!(files.len(), 20, "{stdout}");
@@ -345,8 +347,20 @@ fn spec_command_writes_all_files_and_refuses_bad_arguments() {
         assert!(loss("all") > loss("antenna") + alone.iter().sum::<f64>(), "{broken_down}");
     }
     assert_eq!(elements(&std::fs::read_to_string(out.join("figure-breakdown.svg")).unwrap())["svg"], 1);
+    let some = Path::new(env!("CARGO_TARGET_TMPDIR")).join("figures-some");
+    let same = ["--out", some.to_str().unwrap(), "--scenarios", "2", "--seed", "1"];
+    let done = run(&[&same[..], &["--only", "figure-breakdown", "--only", "figure-3"]].concat());
+    assert_eq!(done.status.code(), Some(0), "{}", String::from_utf8_lossy(&done.stderr));
+    let files = String::from_utf8(done.stdout).unwrap();
+    let files: Vec<&Path> = files.lines().map(Path::new).collect();
+    let named = ["figure-3.svg", "figure-3.csv", "figure-breakdown.svg", "figure-breakdown.csv"];
+    assert_eq!(files, named.map(|name| some.join(name)));
+    for (file, name) in files.iter().zip(named) {
+        assert_eq!(std::fs::read(file).unwrap(), std::fs::read(out.join(name)).unwrap(), "{name}");
+    }
     for arguments in [
         &["--mission", "no-such-mission.toml"][..],
+        &["--only", "figure-5"],
         &["--scenarios", "1"],
         &["--threads", "0"],
         &["--scenarios", "many"],

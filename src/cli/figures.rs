@@ -5,6 +5,8 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
+use clap::builder::PossibleValuesParser;
+
 use crate::config::Mission;
 use crate::config::file::{usable_directory, write_whole};
 use crate::desk::figures::breakdown::{self, Slot};
@@ -37,6 +39,14 @@ pub(super) struct Args {
     /// Mission file whose imperfections are broken down; by default the demo.
     #[arg(long, value_name = "MISSION")]
     mission: Option<PathBuf>,
+    /// Draw this figure, and others so named, and none else.
+    #[arg(long, value_name = "FIGURE", value_parser = PossibleValuesParser::new(names()))]
+    only: Vec<String>,
+}
+
+/// Of all figures.
+fn names() -> Vec<&'static str> {
+    [figures::names(), vec![breakdown::NAME]].concat()
 }
 
 /// The demo, as it was when this program was built.
@@ -65,7 +75,8 @@ pub(super) fn run(args: &Args) -> Exit {
         return Exit::Unusable;
     }
     let line = ProgressLine::default();
-    let figures = match all(&mission, &settings, &line) {
+    let wanted = |name: &str| args.only.is_empty() || args.only.iter().any(|only| only == name);
+    let figures = match make(&mission, &settings, wanted, &line) {
         Ok(figures) => figures,
         Err(error) => {
             eprintln!("error: {error}");
@@ -86,9 +97,18 @@ pub(super) fn run(args: &Args) -> Exit {
     print_text(&text)
 }
 
-fn all(mission: &Mission, settings: &Settings, line: &ProgressLine) -> Result<Vec<Figure>, Box<dyn Error>> {
-    let mut figures = figures::all(settings, &|figure, done, count| line.show(figure, done, count))?;
+fn make(
+    mission: &Mission,
+    settings: &Settings,
+    wanted: impl Fn(&str) -> bool,
+    line: &ProgressLine,
+) -> Result<Vec<Figure>, Box<dyn Error>> {
+    let show = |figure: &str, done, count| line.show(figure, done, count);
+    let mut figures = figures::make(settings, &wanted, &show)?;
     line.end();
+    if !wanted(breakdown::NAME) {
+        return Ok(figures);
+    }
     let planned = plan_mission(mission, &options(mission))?;
     let slots = planned.plan.slots.iter().zip(&planned.assessments).map(|(slot, assessment)| {
         Slot::new(&slot.user, slot.plan.secrecy_rate_bps, assessment, mission.radio.bandwidth_hz)

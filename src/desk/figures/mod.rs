@@ -86,26 +86,37 @@ pub struct Figure {
 /// Hears, from any thread, of parts done: figure, parts done, parts in all.
 pub type Progress<'a> = dyn Fn(&str, usize, usize) + Sync + 'a;
 
-/// Makes all figures of random scenarios; [`breakdown`] is of a mission.
+/// The names of all figures of random scenarios, in the order in which they are made.
+#[must_use]
+pub fn names() -> Vec<&'static str> {
+    let rates = rates::Study::ALL.map(rates::Study::name);
+    let services = service::Study::ALL.map(service::Study::name);
+    [&[poses::NAME][..], &rates, &services, &[regret::NAME]].concat()
+}
+
+/// Makes the figures of random scenarios whose names are `wanted`; [`breakdown`] is of a mission.
 ///
 /// # Errors
 /// [`Failure`] for no scenarios, or if one cannot be planned or flown.
-pub fn all(settings: &Settings, progress: &Progress) -> Result<Vec<Figure>, Failure> {
-    let mut figures = of_rates(settings, progress)?;
-    for study in service::Study::ALL {
-        figures.push(service::measure(study, settings, progress)?.figure());
+pub fn make(
+    settings: &Settings,
+    wanted: impl Fn(&str) -> bool,
+    progress: &Progress,
+) -> Result<Vec<Figure>, Failure> {
+    let mut figures = Vec::new();
+    if wanted(poses::NAME) {
+        let poses = poses::plan(settings, progress)?;
+        figures.push(Figure { name: poses::NAME, svg: pose_chart::draw(&poses), csv: poses.csv() });
     }
-    figures.push(regret::measure(settings, progress)?.figure());
-    Ok(figures)
-}
-
-/// Those of single slots.
-fn of_rates(settings: &Settings, progress: &Progress) -> Result<Vec<Figure>, Failure> {
-    let poses = poses::plan(settings, progress)?;
-    let mut figures = vec![Figure { name: poses::NAME, svg: pose_chart::draw(&poses), csv: poses.csv() }];
-    for study in rates::Study::ALL {
+    for study in rates::Study::ALL.into_iter().filter(|study| wanted(study.name())) {
         let rates = rates::measure(study, settings, progress)?;
         figures.push(Figure { name: study.name(), svg: rate_chart::draw(&rates), csv: rates.csv() });
+    }
+    for study in service::Study::ALL.into_iter().filter(|study| wanted(study.name())) {
+        figures.push(service::measure(study, settings, progress)?.figure());
+    }
+    if wanted(regret::NAME) {
+        figures.push(regret::measure(settings, progress)?.figure());
     }
     Ok(figures)
 }
