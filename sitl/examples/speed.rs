@@ -3,7 +3,9 @@
 //!
 //! `cargo run --release -p veilwing-sitl --example speed`
 
-#[path = "../tests/common/mod.rs"]
+// It uses its own part; helpers of tests may panic as tests may.
+#[allow(dead_code, clippy::expect_used)]
+#[path = "../tests/world/common/mod.rs"]
 mod common;
 
 use common::{Flight, config};

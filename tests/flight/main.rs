@@ -39,3 +39,4 @@ mod start;
 mod tunnel;
 mod turning;
 mod turns;
+mod words;

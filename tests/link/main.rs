@@ -18,3 +18,4 @@ mod tlog;
 mod transports;
 mod trust;
 mod tunnel;
+mod wire;

@@ -1,8 +1,6 @@
 //! Whatever comes over the wire, the world goes on.
 
-mod common;
-
-use common::*;
+use crate::common::*;
 use mavlink::Message;
 use mavlink::dialects::ardupilotmega::MavMessage;
 use rand::{Rng, RngExt, SeedableRng};

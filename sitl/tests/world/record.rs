@@ -1,10 +1,8 @@
 //! The recorder: steady in time, and prompt where something changes.
 
-mod common;
-
 use std::time::Duration;
 
-use common::*;
+use crate::common::*;
 use veilwing_sitl::*;
 
 #[test]

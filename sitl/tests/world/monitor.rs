@@ -1,8 +1,6 @@
 //! Each invariant broken on purpose, and seen from outside.
 
-mod common;
-
-use common::*;
+use crate::common::*;
 use mavlink::dialects::ardupilotmega::MavCmd;
 use veilwing_sitl::*;
 

@@ -1,11 +1,6 @@
 //! The MAVLink face, asked as a client asks.
 
-// Helpers of tests may fail the test; ground stations still speak the superseded frame names.
-#![allow(clippy::unwrap_used, deprecated)]
-
-mod common;
-
-use common::*;
+use crate::common::*;
 use mavlink::dialects::ardupilotmega::*;
 use veilwing_sitl::*;
 

@@ -1,14 +1,7 @@
 //! The autopilots' fence and rally points: how they are given and asked for, and what a vehicle does at its fence that nobody
 //! keeps inside.
 
-// ArduPilot asks by the superseded MISSION_REQUEST.
-#![allow(deprecated)]
-// Helpers of tests may fail the test.
-#![allow(clippy::expect_used)]
-
-mod common;
-
-use common::*;
+use crate::common::*;
 use mavlink::dialects::ardupilotmega::*;
 use veilwing_sitl::*;
 

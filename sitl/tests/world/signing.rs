@@ -1,8 +1,6 @@
 //! MAVLink 2 signing at a vehicle: set up, enforced, kept, and refused when it is too late for it.
 
-mod common;
-
-use common::*;
+use crate::common::*;
 use mavlink::dialects::ardupilotmega::*;
 use mavlink::{MAVLinkV2MessageRaw, MavHeader, consts};
 use veilwing_sitl::*;

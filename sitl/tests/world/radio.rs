@@ -1,8 +1,6 @@
 //! The payload radio on the wire: numbered commands, what it says by itself, and the hop to it.
 
-mod common;
-
-use common::*;
+use crate::common::*;
 use veilwing_sitl::*;
 
 const OFF: f32 = f32::NEG_INFINITY;

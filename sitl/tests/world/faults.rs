@@ -1,8 +1,6 @@
 //! Every fault of the world, and what it does to a vehicle that is left alone with it.
 
-mod common;
-
-use common::*;
+use crate::common::*;
 use mavlink::dialects::ardupilotmega::*;
 use veilwing_sitl::*;
 

@@ -1,8 +1,6 @@
 //! What excuses time without protection, by name and for how long, and what excuses nothing.
 
-mod common;
-
-use common::*;
+use crate::common::*;
 use mavlink::dialects::ardupilotmega::{COMMAND_LONG_DATA, MavCmd, MavMessage};
 use veilwing_sitl::*;
 

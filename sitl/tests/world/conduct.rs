@@ -1,8 +1,6 @@
 //! S4, S5, F2 and F3 broken on purpose, each by a companion that does what no companion may, and seen from outside.
 
-mod common;
-
-use common::*;
+use crate::common::*;
 use mavlink::dialects::ardupilotmega::{COMMAND_LONG_DATA, MavCmd, MavMessage};
 use veilwing_sitl::*;
 

@@ -1,9 +1,7 @@
 //! The link as it is, in whole flights: what a floor, a compass, a mount, a misplaced position and a misplaced user cost, by
 //! hand from the true poses; and that nobody aboard is blamed for what nobody aboard can see.
 
-mod common;
-
-use common::*;
+use crate::common::*;
 use nalgebra::{UnitQuaternion, Vector3};
 use veilwing_sitl::*;
 

@@ -1,8 +1,6 @@
 //! PX4's way with a fully actuated vehicle: SET_ATTITUDE_TARGET with a three-dimensional thrust, and its traps.
 
-mod common;
-
-use common::*;
+use crate::common::*;
 use mavlink::dialects::ardupilotmega::*;
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use veilwing_sitl::*;

@@ -1,8 +1,6 @@
 //! The firmwares' traps, on and off: the README's table names the tests here.
 
-mod common;
-
-use common::*;
+use crate::common::*;
 use mavlink::dialects::ardupilotmega::*;
 use veilwing_sitl::*;
 

@@ -1,8 +1,6 @@
 //! Whole flights in virtual time, flown by the least of companions.
 
-mod common;
-
-use common::*;
+use crate::common::*;
 use mavlink::dialects::ardupilotmega::*;
 use veilwing_sitl::*;
 

@@ -1,9 +1,7 @@
 //! Would a flight test find a slip? Each of three is planted in what one vehicle hears, and the flight that passes
 //! without it must fail.
 
-mod common;
-
-use common::*;
+use crate::common::*;
 use veilwing_sitl::*;
 
 /// A slot flown as in `flight.rs`: the violations, and the rate over that of a flight without a slip.
