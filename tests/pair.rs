@@ -8,6 +8,8 @@ mod clocks;
 mod companion;
 #[path = "pair/edges.rs"]
 mod edges;
+#[path = "pair/kept.rs"]
+mod kept;
 #[path = "pair/model.rs"]
 mod model;
 #[path = "pair/observer.rs"]

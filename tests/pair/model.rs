@@ -21,6 +21,7 @@ use veilwing::transmitter::Kind;
 
 use super::clocks::Clocks;
 use super::companion::Companion;
+use super::kept::{Kept, hash_text};
 use super::radio::{Radio, Said};
 use super::setup::{Flown, LEASE, NUMBERED, TICK, powered, service};
 use veilwing::pair::adoption::GRACE;
@@ -61,7 +62,7 @@ pub struct SlotModel {
 #[derive(Debug, Clone)]
 pub struct State {
     t: Duration,
-    companions: PerVehicle<Option<Companion>>,
+    companions: PerVehicle<Kept<Option<Companion>>>,
     radios: PerVehicle<Radio>,
     under_way: Vec<(Role, MavMessage)>,
     /// What radios have answered, and whose answers are held up.
@@ -93,22 +94,15 @@ pub struct State {
     committed: bool,
 }
 
-impl State {
-    /// Everything that the future depends on, as text: the state machines' own `Debug` leaves nothing out.
-    fn text(&self) -> String {
-        format!("{self:?}")
-    }
-}
-
 impl PartialEq for State {
     fn eq(&self, other: &Self) -> bool {
-        self.text() == other.text()
+        format!("{self:?}") == format!("{other:?}")
     }
 }
 
 impl Hash for State {
     fn hash<H: Hasher>(&self, state: &mut H) {
-        self.text().hash(state);
+        hash_text(self, state);
     }
 }
 
@@ -149,7 +143,7 @@ impl SlotModel {
             );
             companion.to_ask = if role == Role::I { self.flown.motions } else { 0 };
             companion.to_ask_from = self.before_its_end.unwrap_or_default();
-            Some(companion)
+            Kept::new(Some(companion))
         });
         let mut radios = PerVehicle::<Radio>::default();
         if self.radio_troubles.is_some() {
@@ -355,14 +349,14 @@ impl SlotModel {
         if let Some(j) = state.companions.j.as_ref().filter(|_| !state.j_has_died) {
             state.j_flew = j.flies.0;
         }
-        if let (Some(_), Some(i), false) = (on.i, &state.companions.i, state.i_has_died) {
+        if let (Some(_), Some(i), false) = (on.i, &*state.companions.i, state.i_has_died) {
             let (number, begins_at, [i_flew, j_flew]) = i.flies;
             let begun = i.clocks.local(state.t).saturating_since(begins_at);
             let nearly = i_flew == j_flew && state.j_flew == j_flew && begun <= GRACE + TICK;
             state.alike &= number == state.j_flew || nearly;
             state.joined |= number == self.flown.motions && number == state.j_flew;
         }
-        if let (Some(i), Some(j)) = (&state.companions.i, &state.companions.j) {
+        if let (Some(i), Some(j)) = (&*state.companions.i, &*state.companions.j) {
             let proposal = |of: &Companion| of.service.slot().map(|slot| slot.commitment.proposal);
             if proposal(i).is_some() && proposal(i) == proposal(j) {
                 state.committed = true;
@@ -459,7 +453,7 @@ impl Model for SlotModel {
             }
             Action::Die(role) => {
                 state.crashes -= 1;
-                state.companions[role] = None;
+                *state.companions[role] = None;
                 state.j_has_died |= role == Role::J;
                 state.i_has_died |= role == Role::I;
             }
@@ -470,7 +464,7 @@ impl Model for SlotModel {
                 let mut born = Companion::new(role, clocks, service, &self.flown);
                 // In flight it takes nothing over.
                 (born.aborted, born.joining) = (Some("back in the air".into()), false);
-                state.companions[role] = Some(born);
+                *state.companions[role] = Some(born);
             }
             Action::HoldUpAnswers(role) => {
                 state.radio_troubles -= 1;
