@@ -20,9 +20,7 @@ fn main() {
         vehicle.wind = wind;
         vehicle.sensors = SensorConfig::typical();
     }
-    let mut flight = Flight::new(config);
-    flight.take_off();
-    flight.go_to_slot(0);
+    let mut flight = Flight::at_slot(config);
     for client in &mut flight.clients {
         for id in [31.0, 32.0] {
             client.command(

@@ -22,7 +22,9 @@ const LEFT: Duration = Duration::from_millis(1200);
 /// See the module.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Stall {
+    /// When one was due last: the companion was run.
     set_at: Option<Instant>,
+    /// When one last went out, or none was wanted; none while in doubt, in which the companion may stand still as well.
     sent_at: Option<Instant>,
     doubt: Option<Doubt>,
 }

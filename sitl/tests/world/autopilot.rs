@@ -41,9 +41,7 @@ fn spec_arming_is_refused_until_ready_and_without_a_stream() {
 
 #[test]
 fn spec_offboard_falls_back_a_second_after_the_stream_and_resumes_by_itself() {
-    let mut f = Flight::new(config());
-    f.take_off();
-    f.go_to_slot(0);
+    let mut f = Flight::at_slot(config());
     assert_eq!(f.clients[0].heartbeat().custom_mode, PX4_OFFBOARD);
     let mode = |f: &Flight| f.world.snapshot().vehicles[0].mode;
     f.pass(975);
@@ -75,16 +73,7 @@ fn spec_offboard_loss_follows_its_parameter() {
     for (action, expected) in [(3, "RTL"), (4, "LAND"), (5, "HOLD")] {
         let mut f = Flight::new(config());
         f.take_off();
-        f.clients[0].send(
-            &mut f.world,
-            &MavMessage::PARAM_SET(PARAM_SET_DATA {
-                param_value: f32::from_bits(action),
-                target_system: 1,
-                target_component: 1,
-                param_id: "COM_OBL_RC_ACT".into(),
-                param_type: MavParamType::MAV_PARAM_TYPE_INT32,
-            }),
-        );
+        f.set_int("COM_OBL_RC_ACT", action);
         f.pass(1500);
         assert_eq!(f.world.snapshot().vehicles[0].mode, expected);
     }
@@ -94,14 +83,7 @@ fn spec_offboard_loss_follows_its_parameter() {
 fn spec_the_attitude_failure_detector_ends_a_tilted_flight() {
     let mut f = Flight::new(config());
     f.take_off();
-    let set = MavMessage::PARAM_SET(PARAM_SET_DATA {
-        param_value: f32::from_bits(45),
-        target_system: 1,
-        target_component: 1,
-        param_id: "FD_FAIL_R".into(),
-        param_type: MavParamType::MAV_PARAM_TYPE_INT32,
-    });
-    f.clients[0].send(&mut f.world, &set);
+    f.set_int("FD_FAIL_R", 45);
     f.go_to_slot(0);
     assert!(!f.world.snapshot().vehicles[0].armed);
     assert!(f.clients[0].texts().iter().any(|t| t.contains("attitude failure")));

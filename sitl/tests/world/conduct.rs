@@ -8,9 +8,7 @@ use veilwing_sitl::*;
 fn on_the_air() -> Flight {
     let mut level = config();
     (level.slots[0].poses[0].roll_rad, level.slots[0].poses[0].pitch_rad) = (0.0, 0.0);
-    let mut flight = Flight::new(level);
-    flight.take_off();
-    flight.go_to_slot(0);
+    let mut flight = on_station(level);
     flight.hold(0, 500, [false, true]);
     flight.hold(0, 500, [true, true]);
     assert_eq!(flight.invariants(), vec![]);

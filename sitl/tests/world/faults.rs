@@ -4,14 +4,6 @@ use crate::common::*;
 use mavlink::dialects::ardupilotmega::*;
 use veilwing_sitl::*;
 
-/// Both vehicles on station in their slot.
-fn on_station() -> Flight {
-    let mut flight = Flight::new(config());
-    flight.take_off();
-    flight.go_to_slot(0);
-    flight
-}
-
 fn height(f: &Flight) -> f64 {
     f.position(0)[2]
 }
@@ -27,7 +19,7 @@ fn count(f: &Flight, pick: impl Fn(&MavMessage) -> bool) -> usize {
 
 #[test]
 fn spec_a_degraded_link_loses_and_delays_both_ways() {
-    let mut f = on_station();
+    let mut f = on_station(config());
     let goals = f.goals(0);
     f.clients[0].received.clear();
     f.stream(10_000, goals, Some(0), |_| {});
@@ -55,7 +47,7 @@ fn spec_a_degraded_link_loses_and_delays_both_ways() {
 
 #[test]
 fn spec_without_gps_the_vehicle_drifts_and_then_comes_down() {
-    let mut f = on_station();
+    let mut f = on_station(config());
     let goals = f.goals(0);
     f.world.inject(Fault::GpsLoss { vehicle: 0, on: true });
     f.stream(4000, goals, Some(0), |_| {});
@@ -77,7 +69,7 @@ fn spec_without_gps_the_vehicle_drifts_and_then_comes_down() {
 
 #[test]
 fn spec_an_estimator_reset_moves_the_vehicle_not_the_report() {
-    let mut f = on_station();
+    let mut f = on_station(config());
     let goals = f.goals(0);
     f.world.inject(Fault::EstimatorReset { vehicle: 0, jump_enu_m: [4.0, 0.0, -1.0] });
     f.stream(8000, goals, Some(0), |_| {});
@@ -95,15 +87,8 @@ fn spec_an_estimator_reset_moves_the_vehicle_not_the_report() {
 #[test]
 fn spec_a_lost_rotor_is_survived_where_the_autopilot_knows_it() {
     for (mode, survives) in [(1, true), (0, false)] {
-        let mut f = on_station();
-        let set = PARAM_SET_DATA {
-            param_value: f32::from_bits(mode),
-            target_system: 1,
-            target_component: 1,
-            param_id: "CA_FAILURE_MODE".into(),
-            param_type: MavParamType::MAV_PARAM_TYPE_INT32,
-        };
-        f.clients[0].send(&mut f.world, &MavMessage::PARAM_SET(set));
+        let mut f = on_station(config());
+        f.set_int("CA_FAILURE_MODE", mode);
         f.world.inject(Fault::RotorLoss { vehicle: 0, rotor: 5 });
         let goals = f.goals(0);
         f.stream(10_000, goals, Some(0), |_| {});
@@ -113,7 +98,7 @@ fn spec_a_lost_rotor_is_survived_where_the_autopilot_knows_it() {
 
 #[test]
 fn spec_a_low_battery_calls_the_vehicle_home_and_an_empty_one_drops_it() {
-    let mut f = on_station();
+    let mut f = on_station(config());
     let goals = f.goals(0);
     f.world.inject(Fault::BatteryLow { vehicle: 0, charge: 0.12 });
     f.stream(1500, goals, Some(0), |_| {});
@@ -134,7 +119,7 @@ fn spec_a_low_battery_calls_the_vehicle_home_and_an_empty_one_drops_it() {
 #[test]
 fn spec_the_battery_drains_with_the_load() {
     // Half an hour of hovering; 60 s of it are a thirtieth. Standing costs nothing, climbing more.
-    let mut f = on_station();
+    let mut f = on_station(config());
     let goals = f.goals(0);
     f.stream(5000, goals, None, |_| {});
     let start = f.world.snapshot().vehicles[0].battery;
@@ -163,7 +148,7 @@ fn spec_a_clock_jump_shows_in_system_time_alone() {
 
 #[test]
 fn spec_a_restarted_autopilot_is_silent_falls_and_begins_anew() {
-    let mut f = on_station();
+    let mut f = on_station(config());
     let goals = f.goals(0);
     f.clients[0].command(&mut f.world, MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL, &[32.0, 20_000.0]);
     f.stream(100, goals, Some(0), |_| {});
@@ -253,9 +238,7 @@ fn spec_noise_and_lag_show_in_the_truth_and_stay_small() {
         vehicle.sensors = SensorConfig::typical();
         vehicle.wind = WindConfig { mean_enu_m_s: [3.0, -1.0, 0.0], turbulence_m_s: 4.0 };
     }
-    let mut f = Flight::new(config);
-    f.take_off();
-    f.go_to_slot(0);
+    let mut f = Flight::at_slot(config);
     f.hold(0, 500, [false, true]);
     f.hold(0, 20_000, [true, true]);
     let report = f.world.report();

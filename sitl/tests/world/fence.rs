@@ -112,22 +112,6 @@ fn of(firmware: Firmware) -> Flight {
     f
 }
 
-fn set(f: &mut Flight, name: &str, value: f32, param_type: MavParamType) {
-    let set = PARAM_SET_DATA {
-        param_value: value,
-        target_system: 1,
-        target_component: 1,
-        param_id: name.into(),
-        param_type,
-    };
-    f.clients[0].send(&mut f.world, &MavMessage::PARAM_SET(set));
-}
-
-/// Sets an integer of PX4's.
-fn set_int(f: &mut Flight, name: &str, value: u32) {
-    set(f, name, f32::from_bits(value), MavParamType::MAV_PARAM_TYPE_INT32);
-}
-
 fn mode(f: &Flight) -> &'static str {
     f.world.snapshot().vehicles[0].mode
 }
@@ -216,8 +200,8 @@ fn spec_an_orphan_that_drifts_comes_home_from_its_fence_and_not_without_one() {
     let drifts = |fenced: bool, action: u32| {
         let mut f = Flight::new(config.clone());
         f.pass(1000);
-        set_int(&mut f, "COM_OBL_RC_ACT", 0);
-        set_int(&mut f, "GF_ACTION", action);
+        f.set_int("COM_OBL_RC_ACT", 0);
+        f.set_int("GF_ACTION", action);
         if fenced {
             upload(&mut f, FENCE, &square());
             assert_eq!(result(&f.clients[0]), Some(MavMissionResult::MAV_MISSION_ACCEPTED));
@@ -261,8 +245,8 @@ fn spec_an_exclusion_zone_is_kept_and_turns_both_firmwares_back() {
     for zoned in [true, false] {
         let mut f = Flight::new(config.clone());
         f.pass(1000);
-        set_int(&mut f, "COM_OBL_RC_ACT", 0);
-        set_int(&mut f, "GF_ACTION", 3);
+        f.set_int("COM_OBL_RC_ACT", 0);
+        f.set_int("GF_ACTION", 3);
         let items = if zoned { with_a_zone() } else { square() };
         upload(&mut f, FENCE, &items);
         assert_eq!(result(&f.clients[0]), Some(MavMissionResult::MAV_MISSION_ACCEPTED));
@@ -280,7 +264,7 @@ fn spec_an_exclusion_zone_is_kept_and_turns_both_firmwares_back() {
     // ArduCopter, driven by another hand.
     for zoned in [true, false] {
         let mut f = of(Firmware::ArduCopter);
-        set(&mut f, "FENCE_ENABLE", 1.0, MavParamType::MAV_PARAM_TYPE_REAL32);
+        f.set_real("FENCE_ENABLE", 1.0);
         upload(&mut f, FENCE, &if zoned { with_a_zone() } else { square() });
         assert_eq!(result(&f.clients[0]), Some(MavMissionResult::MAV_MISSION_ACCEPTED));
         f.pass(2000);
@@ -330,7 +314,7 @@ fn spec_arducopter_that_another_hand_drives_out_returns_from_its_fence() {
     // Another hand drives eastward by velocity, and does not stop. How far it gets, and where it ends.
     let driven = |fenced: bool, enabled: f32| {
         let mut f = of(Firmware::ArduCopter);
-        set(&mut f, "FENCE_ENABLE", enabled, MavParamType::MAV_PARAM_TYPE_REAL32);
+        f.set_real("FENCE_ENABLE", enabled);
         if fenced {
             upload(&mut f, FENCE, &square());
         }

@@ -6,9 +6,7 @@ use veilwing_sitl::*;
 
 #[test]
 fn spec_a_slot_flown_well_scores_its_plan_without_violation() {
-    let mut flight = Flight::new(config());
-    flight.take_off();
-    flight.go_to_slot(0);
+    let mut flight = Flight::at_slot(config());
     flight.hold(0, 500, [false, true]);
     flight.hold(0, 10_000, [true, true]);
     flight.off(0);
@@ -59,9 +57,7 @@ fn spec_a_slot_flown_well_scores_its_plan_without_violation() {
 fn spec_injected_jitter_shows_in_the_attitude_and_not_in_the_control() {
     let mut config = config();
     config.jitter.std_deg = 2.0;
-    let mut flight = Flight::new(config);
-    flight.take_off();
-    flight.go_to_slot(0);
+    let mut flight = Flight::at_slot(config);
     flight.hold(0, 500, [false, true]);
     flight.hold(0, 10_000, [true, true]);
     let slot = &flight.world.report().slots[0];
@@ -79,9 +75,7 @@ fn spec_the_same_seed_gives_the_same_flight() {
         let mut config = config();
         config.jitter.std_deg = 2.0;
         config.vehicles[0].wind = WindConfig { mean_enu_m_s: [4.0, 1.0, 0.0], turbulence_m_s: 8.0 };
-        let mut flight = Flight::new(config);
-        flight.take_off();
-        flight.go_to_slot(0);
+        let mut flight = Flight::at_slot(config);
         flight.hold(0, 1000, [true, true]);
         (flight.world.report(), flight.world.snapshot())
     };
@@ -95,9 +89,7 @@ fn spec_wind_is_held_against_and_measured() {
     let mut config = config();
     let wind = WindConfig { mean_enu_m_s: [6.0, -3.0, 0.0], turbulence_m_s: 8.0 };
     config.vehicles.iter_mut().for_each(|v| v.wind = wind);
-    let mut flight = Flight::new(config);
-    flight.take_off();
-    flight.go_to_slot(0);
+    let mut flight = Flight::at_slot(config);
     flight.hold(0, 500, [false, true]);
     flight.hold(0, 10_000, [true, true]);
     let slot = &flight.world.report().slots[0];
@@ -112,9 +104,7 @@ fn spec_a_conventional_vehicle_leans_to_move_and_ignores_attitude_targets() {
     config.vehicles[0].airframe = Airframe::Conventional;
     config.slots[0].poses[0].roll_rad = 0.0;
     config.slots[0].poses[0].pitch_rad = 0.0;
-    let mut flight = Flight::new(config.clone());
-    flight.take_off();
-    flight.go_to_slot(0);
+    let mut flight = Flight::at_slot(config.clone());
     flight.hold(0, 500, [false, true]);
     flight.hold(0, 2000, [true, true]);
     assert_eq!(flight.invariants(), vec![]);

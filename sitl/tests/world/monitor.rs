@@ -317,9 +317,7 @@ fn spec_a_vehicle_inside_a_no_fly_area_breaks_f1_and_over_it_under_it_and_beside
             },
             NoFlyConfig { name: "planted".into(), area_enu_m: corners, floor_m, ceiling_m },
         ];
-        let mut flight = Flight::new(config);
-        flight.take_off();
-        flight.go_to_slot(0);
+        let flight = Flight::at_slot(config);
         flight.invariants()
     };
     for (floor_m, ceiling_m) in [

@@ -12,9 +12,7 @@ fn fly(vehicle: usize, slip: Option<Slip>) -> (Vec<&'static str>, f64) {
     config.slots[0].poses[0].position_enu_m = [-5.0, 20.0, 30.0];
     config.slots[0].poses[1].position_enu_m = [15.0, -30.0, 40.0];
     config.vehicles[vehicle].slip = slip;
-    let mut flight = Flight::new(config);
-    flight.take_off();
-    flight.go_to_slot(0);
+    let mut flight = Flight::at_slot(config);
     flight.hold(0, 500, [false, true]);
     flight.hold(0, 3000, [true, true]);
     let report = flight.world.report();

@@ -7,9 +7,7 @@ use veilwing_sitl::*;
 
 /// Flies slot 0 for ten seconds on the air.
 fn fly(config: WorldConfig) -> Flight {
-    let mut flight = Flight::new(config);
-    flight.take_off();
-    flight.go_to_slot(0);
+    let mut flight = Flight::at_slot(config);
     flight.hold(0, 500, [false, true]);
     flight.hold(0, 10_000, [true, true]);
     flight

@@ -73,17 +73,6 @@ impl Pilot {
         self.flight.clients[0].command(&mut self.flight.world, command, params);
     }
 
-    fn set(&mut self, name: &str, value: f32) {
-        let set = PARAM_SET_DATA {
-            param_value: value,
-            target_system: 1,
-            target_component: 1,
-            param_id: name.into(),
-            param_type: MavParamType::MAV_PARAM_TYPE_REAL32,
-        };
-        self.flight.clients[0].send(&mut self.flight.world, &MavMessage::PARAM_SET(set));
-    }
-
     fn state(&self) -> VehicleSnapshot {
         self.flight.world.snapshot().vehicles[0].clone()
     }
@@ -141,7 +130,7 @@ fn spec_every_attitude_is_held_under_body_thrust_in_calm_and_wind() {
             assert!(metres < 0.03 && degrees < 0.15, "{wind} m/s {roll} {pitch}: {metres} m {degrees} deg");
         }
         // Beyond the land detector's limit, with the detector off.
-        pilot.set("LNDMC_Z_VEL_MAX", 0.0);
+        pilot.flight.set_real("LNDMC_Z_VEL_MAX", 0.0);
         for (roll, pitch) in [(60.0, 0.0), (90.0, 0.0), (180.0, 0.0), (0.0, 89.0)] {
             pilot.attitude = tilt(roll, pitch);
             pilot.fly(8000, |_| {});
@@ -158,7 +147,7 @@ fn spec_one_scale_for_all_axes_is_a_larger_error() {
     let hold = |units_n: [f64; 3]| {
         let mut pilot = Pilot::airborne(config());
         pilot.units_n = units_n;
-        pilot.set("LNDMC_Z_VEL_MAX", 0.0);
+        pilot.flight.set_real("LNDMC_Z_VEL_MAX", 0.0);
         pilot.attitude = tilt(90.0, 0.0);
         pilot.fly(4000, |_| {});
         pilot.errors(4000).0
@@ -196,7 +185,7 @@ fn spec_the_land_detector_disarms_a_vehicle_on_its_side() {
         let mut config = config();
         config.vehicles[0].traps.land_detector = trap;
         let mut pilot = Pilot::airborne(config);
-        pilot.set("LNDMC_Z_VEL_MAX", speed);
+        pilot.flight.set_real("LNDMC_Z_VEL_MAX", speed);
         pilot.attitude = tilt(90.0, 0.0);
         pilot.fly(10_000, |_| {});
         assert_eq!(!pilot.state().armed, falls, "trap {trap}, limit {speed}");
@@ -209,7 +198,7 @@ fn spec_the_land_detector_disarms_a_vehicle_on_its_side() {
     pilot.fly(10_000, |_| {});
     assert!(pilot.state().armed);
     // 45 degrees leave 0.12 of the hover's 0.17.
-    pilot.set("MPC_MANTHR_MIN", 0.12);
+    pilot.flight.set_real("MPC_MANTHR_MIN", 0.12);
     pilot.fly(5000, |_| {});
     assert!(!pilot.state().armed);
 }
@@ -217,7 +206,7 @@ fn spec_the_land_detector_disarms_a_vehicle_on_its_side() {
 #[test]
 fn spec_keeping_it_armed_after_landing_is_not_enough() {
     let mut pilot = Pilot::airborne(config());
-    pilot.set("COM_DISARM_LAND", -1.0);
+    pilot.flight.set_real("COM_DISARM_LAND", -1.0);
     pilot.attitude = tilt(90.0, 0.0);
     pilot.fly(8000, |_| {});
     assert!(pilot.state().armed);
@@ -305,7 +294,7 @@ fn spec_a_wrong_thrust_model_bends_the_thrust() {
     let hover = MASS_KG * GRAVITY / UNITS_N[2];
     let learned = pilot.thrust().z;
     assert!((learned / hover - 1.0).abs() < 0.02, "{learned} {hover}");
-    pilot.set("THR_MDL_FAC", 0.7);
+    pilot.flight.set_real("THR_MDL_FAC", 0.7);
     pilot.fly(20_000, |_| {});
     // It hovers at the same signal as before, which is believed to be 0.7 s^2 + 0.3 s.
     let expected = 0.7 * hover + 0.3 * hover.sqrt();

@@ -17,17 +17,6 @@ fn copter(set: impl Fn(&mut Traps)) -> WorldConfig {
     of(Firmware::ArduCopter, set)
 }
 
-fn set(f: &mut Flight, name: &str, value: f32) {
-    let set = PARAM_SET_DATA {
-        param_value: value,
-        target_system: 1,
-        target_component: 1,
-        param_id: name.into(),
-        param_type: MavParamType::MAV_PARAM_TYPE_REAL32,
-    };
-    f.clients[0].send(&mut f.world, &MavMessage::PARAM_SET(set));
-}
-
 /// Vehicle 0 of ArduCopter in GUIDED, 25 m above home.
 fn guided(config: WorldConfig) -> Flight {
     let mut f = Flight::new(config);
@@ -95,14 +84,7 @@ fn spec_a_lost_stream_that_is_left_to_missing_sticks_drifts_away_and_down() {
     for (trap, least_m, most_m) in [(true, 12.0, 18.0), (false, 0.0, 1.0)] {
         let mut f = Flight::new(of(Firmware::Px4, |t| t.sticks_missing = trap));
         f.take_off();
-        let pilot = MavMessage::PARAM_SET(PARAM_SET_DATA {
-            param_value: f32::from_bits(0),
-            target_system: 1,
-            target_component: 1,
-            param_id: "COM_OBL_RC_ACT".into(),
-            param_type: MavParamType::MAV_PARAM_TYPE_INT32,
-        });
-        f.clients[0].send(&mut f.world, &pilot);
+        f.set_int("COM_OBL_RC_ACT", 0);
         let [e, n, up] = f.position(0);
         f.pass(11_000);
         let [e2, n2, up2] = f.position(0);
@@ -293,7 +275,7 @@ fn spec_an_orphan_flies_on_with_its_last_velocity_until_guid_timeout() {
         [(true, 3.0, 12.0, 18.0), (true, 1.0, 4.0, 8.0), (false, 3.0, 0.0, 3.0)]
     {
         let mut f = guided(copter(|t| t.velocity_kept = trap));
-        set(&mut f, "GUID_TIMEOUT", timeout_s);
+        f.set_real("GUID_TIMEOUT", timeout_s);
         let [e, n, u] = f.position(0);
         for k in 0..300 {
             let t = f64::from(k) * 0.02;
@@ -366,7 +348,7 @@ fn spec_unknown_parameters_get_silence() {
             let mut f = Flight::new(of(firmware, |t| t.silent_unknown_parameter = trap));
             f.pass(100);
             f.clients[0].received.clear();
-            set(&mut f, "NO_SUCH_THING", 1.0);
+            f.set_real("NO_SUCH_THING", 1.0);
             f.pass(10);
             assert_eq!(f.clients[0].texts().len(), words);
         }
@@ -377,7 +359,7 @@ fn spec_unknown_parameters_get_silence() {
 fn spec_a_quaternion_ends_a_six_dof_autopilot() {
     for (trap, panics) in [(true, true), (false, false)] {
         let mut f = guided(copter(|t| t.six_dof_panics = trap));
-        set(&mut f, "FRAME_CLASS", 16.0);
+        f.set_real("FRAME_CLASS", 16.0);
         let before = f.position(0)[2];
         f.clients[0].send(&mut f.world, &attitude(NORTH, 7 | 64, 0.0));
         f.pass(1000);
@@ -396,7 +378,7 @@ fn spec_body_offsets_of_a_six_dof_frame_come_through_its_script() {
     f.clients[0].command(&mut f.world, angles, &[40.0, 0.0]);
     f.pass(10);
     assert_eq!(f.clients[0].last_ack(angles).unwrap().result, MavResult::MAV_RESULT_UNSUPPORTED);
-    set(&mut f, "FRAME_CLASS", 16.0);
+    f.set_real("FRAME_CLASS", 16.0);
     f.clients[0].command(&mut f.world, angles, &[40.0, 0.0]);
     f.clients[0].command(&mut f.world, switch, &[1.0]);
     f.pass(5000);
@@ -419,7 +401,7 @@ fn spec_a_burst_of_commands_ends_the_bridge_script_and_its_guard_goes_level() {
     let (angles, switch) = (MavCmd::MAV_CMD_USER_4, MavCmd::MAV_CMD_USER_5);
     for (dies, unguarded) in [(false, false), (true, false), (true, true)] {
         let mut f = guided(copter(|t| (t.script_dies_of_bursts, t.script_without_guard) = (dies, unguarded)));
-        set(&mut f, "FRAME_CLASS", 16.0);
+        f.set_real("FRAME_CLASS", 16.0);
         f.clients[0].command(&mut f.world, angles, &[40.0, 0.0]);
         f.clients[0].command(&mut f.world, switch, &[1.0]);
         f.pass(5000);
@@ -472,13 +454,13 @@ fn spec_stock_attitude_targets_climb_and_drift() {
     }
     assert!((f.world.snapshot().vehicles[0].velocity_enu_m_s[2] - 3.0).abs() < 0.2);
     // GUID_OPTIONS bit 3: the same number is thrust, far more than it weighs.
-    set(&mut f, "GUID_OPTIONS", 8.0);
+    f.set_real("GUID_OPTIONS", 8.0);
     for _ in 0..50 {
         f.clients[0].send(&mut f.world, &attitude(NORTH, 7, 0.75));
         f.pass(20);
     }
     assert!(f.world.snapshot().vehicles[0].velocity_enu_m_s[2] > 8.0);
-    set(&mut f, "GUID_OPTIONS", 0.0);
+    f.set_real("GUID_OPTIONS", 0.0);
     // GUID_TIMEOUT later it is level and drifts.
     f.pass(8000);
     assert_eq!(mode(&f), "GUIDED");
@@ -504,7 +486,7 @@ fn spec_a_quaternion_of_another_length_stops_the_vehicle_silently() {
 fn spec_a_missing_ground_station_ends_guided_whatever_the_companion_sends() {
     for (enabled, after) in [(1.0, "RTL"), (0.0, "GUIDED")] {
         let mut f = guided(copter(|_| {}));
-        set(&mut f, "FS_GCS_ENABLE", enabled);
+        f.set_real("FS_GCS_ENABLE", enabled);
         let mut gcs = Client::ground_station(0, 2);
         let heartbeat = HEARTBEAT_DATA { mavtype: MavType::MAV_TYPE_GCS, ..HEARTBEAT_DATA::DEFAULT };
         let goals = f.goals(0);

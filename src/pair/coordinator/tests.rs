@@ -72,6 +72,14 @@ fn sent(from: &mut Coordinator) -> Vec<MavMessage> {
     std::iter::from_fn(|| from.poll_transmit()).collect()
 }
 
+fn of_kind<T>(messages: Vec<MavMessage>, kind: impl Fn(MavMessage) -> Option<T>) -> Vec<T> {
+    messages.into_iter().filter_map(kind).collect()
+}
+
+fn answers(of: &mut Coordinator) -> Vec<VeilwingAnswer> {
+    of_kind(sent(of), |m| if let MavMessage::VEILWING_ANSWER(a) = m { Some(a.answer) } else { None })
+}
+
 fn events(of: &mut Coordinator) -> Vec<Event> {
     std::iter::from_fn(|| of.poll_event()).collect()
 }

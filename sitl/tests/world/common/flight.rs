@@ -1,6 +1,6 @@
 //! A flight of both vehicles, and what its judge says.
 
-use mavlink::dialects::ardupilotmega::MavCmd;
+use mavlink::dialects::ardupilotmega::{MavCmd, MavMessage, MavParamType, PARAM_SET_DATA};
 use veilwing_sitl::*;
 
 use super::{Client, attitude_target, config, pass, position_target};
@@ -16,6 +16,14 @@ impl Flight {
     pub fn new(config: WorldConfig) -> Self {
         let world = World::new(config.clone()).expect("a valid world");
         Self { world, config, clients: [Client::companion(0), Client::companion(1)] }
+    }
+
+    /// At the first slot's poses, for long enough to be on station.
+    pub fn at_slot(config: WorldConfig) -> Self {
+        let mut flight = Self::new(config);
+        flight.take_off();
+        flight.go_to_slot(0);
+        flight
     }
 
     pub fn pass(&mut self, ms: u64) {
@@ -102,6 +110,27 @@ impl Flight {
         self.clients[k].power(&mut self.world, f64::NEG_INFINITY, 0, 0);
     }
 
+    /// Sets a real parameter of the first vehicle's autopilot.
+    pub fn set_real(&mut self, name: &str, value: f32) {
+        self.set(name, value, MavParamType::MAV_PARAM_TYPE_REAL32);
+    }
+
+    /// Sets an integer of PX4's, of the first vehicle.
+    pub fn set_int(&mut self, name: &str, value: u32) {
+        self.set(name, f32::from_bits(value), MavParamType::MAV_PARAM_TYPE_INT32);
+    }
+
+    fn set(&mut self, name: &str, param_value: f32, param_type: MavParamType) {
+        let set = PARAM_SET_DATA {
+            param_value,
+            target_system: 1,
+            target_component: 1,
+            param_id: name.into(),
+            param_type,
+        };
+        self.clients[0].send(&mut self.world, &MavMessage::PARAM_SET(set));
+    }
+
     pub fn invariants(&self) -> Vec<(&'static str, String)> {
         self.world.report().violations.into_iter().map(|v| (v.invariant().name(), v.to_string())).collect()
     }
@@ -109,9 +138,7 @@ impl Flight {
 
 /// Both on station, nobody on the air.
 pub fn on_station(config: WorldConfig) -> Flight {
-    let mut flight = Flight::new(config);
-    flight.take_off();
-    flight.go_to_slot(0);
+    let flight = Flight::at_slot(config);
     assert_eq!(flight.invariants(), vec![]);
     flight
 }

@@ -3,20 +3,12 @@
 
 use super::*;
 
-fn of_kind<T>(messages: Vec<MavMessage>, kind: impl Fn(MavMessage) -> Option<T>) -> Vec<T> {
-    messages.into_iter().filter_map(kind).collect()
-}
-
 fn proposals(of: &mut Coordinator) -> Vec<wire::VEILWING_PROPOSE_DATA> {
     of_kind(sent(of), |m| if let MavMessage::VEILWING_PROPOSE(p) = m { Some(p) } else { None })
 }
 
 fn commits(of: &mut Coordinator) -> Vec<wire::VEILWING_COMMIT_DATA> {
     of_kind(sent(of), |m| if let MavMessage::VEILWING_COMMIT(c) = m { Some(c) } else { None })
-}
-
-fn answers(of: &mut Coordinator) -> Vec<VeilwingAnswer> {
-    of_kind(sent(of), |m| if let MavMessage::VEILWING_ANSWER(a) = m { Some(a.answer) } else { None })
 }
 
 /// I's proposal of slot 0 at 2 s, to open at 6 s: its transit begins at 4 s. Nobody has heard it yet.

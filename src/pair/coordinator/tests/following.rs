@@ -1,6 +1,5 @@
 //! Slots of which both make the poses anew.
 
-use super::super::super::wire::VeilwingAnswer;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -24,14 +23,6 @@ fn propose_anew(i: &mut Coordinator, number: u8, ms: u64) {
     i.slot_planned(&asked, Some(vec![anew(i, number)]), at(ms));
     i.propose(0, utc(ms + 4000), Some(asked.places), at(ms));
     i.handle_timeout(at(ms));
-}
-
-fn answers(from: &mut Coordinator) -> Vec<VeilwingAnswer> {
-    let answer = |message| match message {
-        MavMessage::VEILWING_ANSWER(answer) => Some(answer.answer),
-        _ => None,
-    };
-    sent(from).into_iter().filter_map(answer).collect()
 }
 
 #[test]
