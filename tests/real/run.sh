@@ -102,8 +102,8 @@ for part in "$@"; do
             omni completed moving-wind --mode moving --wind 3.2 -2.4 0 --gust 1
             ;;
         following)
-            omni completed follow-walk --optimise rate --slot 30 --area 200 --moves alpha=walks bravo=walks --timeout 240
-            omni completed follow-drive --optimise rate --slot 30 --area 200 --moves alpha=walks bravo=drives hill=walks --timeout 240
+            omni completed follow-walk --optimise rate --slot 30 --area 200 --moves alpha=walks bravo=walks --timeout 300
+            omni completed follow-drive --optimise rate --slot 30 --area 200 --moves alpha=walks bravo=drives hill=walks --timeout 300
             ;;
         moving-faults)
             omni safe moving-kill --mode moving --keep --do 'j@slot 1: on+3=>kill j' --do 'j@slot 1: on+8=>restart j' --do 't+55=>pilot j land' --do 't+70=>term j'
