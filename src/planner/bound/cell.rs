@@ -4,6 +4,9 @@ use nalgebra::{Vector2, Vector3};
 
 use crate::planner::problem::Airspace;
 
+/// Steps of Dinkelbach's method, which converges faster than linearly.
+const RATIO_STEPS: usize = 3;
+
 /// A closed box of positions, metres, in the frame of its user.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Cell {
@@ -37,6 +40,57 @@ impl Cell {
     /// The greatest distance to `point`, squared.
     pub fn greatest_distance_squared(&self, point: &Vector3<f64>) -> f64 {
         point.zip_zip_map(&self.lo, &self.hi, |p, lo, hi| (p - lo).max(hi - p)).norm_squared()
+    }
+
+    /// The sine of the largest angle between `direction` and a line from the box to `point`, 2 for a right angle or more. It is at a
+    /// corner: the points whose lines lie within an angle of a direction are a convex cone.
+    pub fn spread(&self, point: &Vector3<f64>, direction: &Vector3<f64>) -> f64 {
+        let mut most = 0.0_f64;
+        for corner in 0..8 {
+            let line =
+                point - Vector3::from_fn(|k, _| if corner >> k & 1 == 0 { self.lo[k] } else { self.hi[k] });
+            if !(line.dot(direction) > 0.0) {
+                return 2.0;
+            }
+            most = most.max(line.cross(direction).norm_squared() / line.norm_squared());
+        }
+        most.sqrt()
+    }
+
+    /// A lower bound on the squared distance to the origin over that to `point`, which lies outside: by Dinkelbach's method. Of
+    /// `|p|^2 - t |p - point|^2` the least is found coordinate by coordinate; where that is v, no ratio is below `t + v / |p - point|^2`.
+    pub fn least_ratio(&self, point: &Vector3<f64>) -> f64 {
+        let squares = |p: &Vector3<f64>| [p.norm_squared(), (p - point).norm_squared()];
+        let lowest = |t: f64| {
+            Vector3::from_fn(|k, _| {
+                let (lo, hi, e) = (self.lo[k], self.hi[k], point[k]);
+                let value = |p: f64| (1.0 - t) * p * p + 2.0 * t * p * e;
+                if t < 1.0 {
+                    (-t * e / (1.0 - t)).clamp(lo, hi)
+                } else if value(lo) < value(hi) {
+                    lo
+                } else {
+                    hi
+                }
+            })
+        };
+        let [near, far] = squares(&self.centre());
+        let mut t = near / far;
+        for _ in 0..RATIO_STEPS {
+            let [near, far] = squares(&lowest(t));
+            t = t.min(near / far);
+        }
+        let [near, far] = squares(&lowest(t));
+        (t + (near - t * far).min(0.0) / self.least_distance_squared(point)).max(0.0)
+    }
+
+    /// The half of the box about its middle across `axis`.
+    pub fn middle(&self, axis: usize) -> Self {
+        let quarter = 0.25 * (self.hi[axis] - self.lo[axis]);
+        let mut middle = *self;
+        middle.lo[axis] += quarter;
+        middle.hi[axis] -= quarter;
+        middle
     }
 
     /// The longest edge: its axis and length.
@@ -151,4 +205,42 @@ fn segment_meets(a: &Vector2<f64>, b: &Vector2<f64>, lo: Vector2<f64>, hi: Vecto
         leave = leave.min(s.max(t));
     }
     enter <= leave
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
+    use super::*;
+
+    #[test]
+    fn prop_no_point_of_a_box_is_past_its_spread_or_below_its_least_ratio() {
+        let mut rng = ChaCha8Rng::seed_from_u64(72);
+        let mut nearest = [0.0_f64, f64::INFINITY];
+        for round in 0..500 {
+            let mut within = |size: f64| Vector3::from_fn(|_, _| rng.random_range(-size..size));
+            let half = within([0.5, 5.0, 20.0][round % 3]).abs();
+            let (centre, node) = (within(40.0), within(60.0));
+            let cell = Cell { lo: centre - half, hi: centre + half };
+            if cell.least_distance_squared(&node) < 1e-3 {
+                continue;
+            }
+            let direction = (node - centre).normalize();
+            let (spread, ratio) = (cell.spread(&node, &direction), cell.least_ratio(&node));
+            for point in 0..200 {
+                let mut share = within(1.0);
+                if point % 2 == 0 {
+                    share.apply(|x| *x = x.signum());
+                }
+                let p = centre + half.component_mul(&share);
+                let sine = (2.0 * (0.5 * ((node - p).normalize() - direction).norm()).asin()).sin();
+                let here = p.norm_squared() / (p - node).norm_squared();
+                assert!(spread == 2.0 || sine <= spread * (1.0 + 1e-9), "{cell:?} {node}: {sine} {spread}");
+                assert!(here >= ratio * (1.0 - 1e-9), "{cell:?} {node}: {here} {ratio}");
+                nearest = [nearest[0].max(sine / spread), nearest[1].min(here / ratio)];
+            }
+        }
+        assert!(nearest[0] > 0.999 && nearest[1] < 1.001, "{nearest:?}");
+    }
 }

@@ -6,6 +6,7 @@ use nalgebra::Vector3;
 
 use super::cell::{Cell, Region};
 use super::form::{Form, Mixture, exclude_mixtures};
+use super::frame::Sight;
 use super::hearing::{Curve, Hearing, LOUDEST};
 use super::jammer::Jammer;
 use super::law::{ALL_ANGLES, Law, line_angles};
@@ -41,6 +42,8 @@ const AGAIN: f64 = 0.2;
 const LABELS: usize = MOST + 1;
 /// Where nothing loses more than this, bit/s/Hz, the fine table is used.
 const FINE_BELOW: f64 = 0.2;
+/// Edges of a box that are no longer than this share of its longest are not split.
+const SHORT: f64 = 0.2;
 /// Boxes of J that take the time of one of I.
 const JAMMER_BOXES: usize = 40;
 /// Margin of each mean for its quadrature, bit/s/Hz: twice what was measured (the tests of `law`).
@@ -57,6 +60,8 @@ struct Node {
     harm: f64,
     /// Whether the fine table is used.
     fine: bool,
+    /// The eavesdropper with whose line the frame turns that axes are told in.
+    leader: Option<usize>,
 }
 
 /// What is shown of a node.
@@ -137,11 +142,18 @@ impl View {
     fn rate(&self, axis: &Vector3<f64>) -> f64 {
         let loudest = self.lines.iter().map(|line| line.heard(axis)).fold(self.floor, f64::max);
         let cosine = axis.dot(&self.towards).abs();
-        let is_near = cosine > BANDS_DEG[BANDS_AWAY].to_radians().cos();
+        let edge = BANDS_DEG[BANDS_AWAY].to_radians().cos();
         let sinr = self.sinr(cosine);
-        let near = self.near.as_ref().filter(|_| is_near);
-        let user = near.map_or(self.away, |near| Majorant::least(near, sinr));
-        (user.at(sinr) / loudest).min(1.0 + sinr).log2()
+        let away = self.away.at(sinr);
+        // From some of the box's positions one and the same axis may lie on either side of the edge.
+        let user = match &self.near {
+            Some(near) if cosine > edge - self.chord => {
+                let near = Majorant::least(near, sinr).at(sinr);
+                if cosine > edge + self.chord { near } else { near.max(away) }
+            }
+            _ => away,
+        };
+        (user / loudest).min(1.0 + sinr).log2()
     }
 
     /// The largest in the mean of the inequalities `2^t` times what is heard less the user's at a mixture of axes, and its form.
@@ -262,7 +274,14 @@ impl<'a> Search<'a> {
         let reach = (self.links.rho.i / (power - 1.0)).sqrt() * (1.0 + 1e-9);
         self.stack.clear();
         let Some(position) = self.region.bounds.cut_to(reach) else { return Outcome::Excluded };
-        self.stack.push(Node { position, s: [[0, STEPS]; MOST], axis: Vector3::z(), harm: 0.0, fine: false });
+        self.stack.push(Node {
+            position,
+            s: [[0, STEPS]; MOST],
+            axis: Vector3::z(),
+            harm: 0.0,
+            fine: false,
+            leader: None,
+        });
         while let Some(mut node) = self.stack.pop() {
             if self.used() >= limit {
                 return Outcome::Exhausted;
@@ -296,7 +315,7 @@ impl<'a> Search<'a> {
     fn excludes(&mut self, node: &mut Node, wanted: f64) -> bool {
         loop {
             let before = node.s;
-            let view = self.view(&node.position, &node.s, [1; MOST], node.fine);
+            let view = self.view(node, &node.position, [1; MOST]);
             let excluded = match self.least_rate(node, &view, wanted) {
                 Shown::Excluded => true,
                 Shown::Open => false,
@@ -404,10 +423,26 @@ impl<'a> Search<'a> {
         false
     }
 
+    /// Lets the frame follow the line at which the rate is least at the axis that resists; whether that is another than before.
+    fn follow(&mut self, node: &mut Node) -> bool {
+        let before = node.leader;
+        let mut least = f64::INFINITY;
+        for leader in std::iter::once(None).chain((0..self.heeded.len()).map(Some)) {
+            let rate = self.view(&Node { leader, ..*node }, &node.position, [1; MOST]).rate(&node.axis);
+            if rate < least {
+                (node.leader, least) = (leader, rate);
+            }
+        }
+        node.leader != before
+    }
+
     /// Halves a box where its bound loses most at the axis that resists; false if it is too small for that.
     fn branch(&mut self, mut node: Node, wanted: f64) -> bool {
+        if self.follow(&mut node) && self.excludes(&mut node, wanted) {
+            return true;
+        }
         let rate = |search: &mut Self, position: &Cell, ends: [usize; MOST]| {
-            search.view(position, &node.s, ends, node.fine).rate(&node.axis)
+            search.view(&node, position, ends).rate(&node.axis)
         };
         let whole = rate(self, &node.position, [1; MOST]);
         let centre = Cell::at(&node.position.centre());
@@ -426,9 +461,18 @@ impl<'a> Search<'a> {
         }
         match choice.1 {
             None => {
-                let (axis, length) = node.position.longest_edge();
+                let (_, length) = node.position.longest_edge();
                 if length < self.resolution_m {
                     return false;
+                }
+                let (mut axis, mut least) = (0, f64::INFINITY);
+                for edge in 0..3 {
+                    if node.position.hi[edge] - node.position.lo[edge] > SHORT * length {
+                        let halved = rate(self, &node.position.middle(edge), [1; MOST]);
+                        if halved < least {
+                            (axis, least) = (edge, halved);
+                        }
+                    }
                 }
                 for position in node.position.split(axis) {
                     let mut half = node;
@@ -449,34 +493,55 @@ impl<'a> Search<'a> {
         true
     }
 
-    /// What bounds the rate over a box of positions, for an interface in bit/s/Hz.
-    /// The interface is that of the ends of a box.
-    fn view(&mut self, position: &Cell, s: &[[u16; 2]; MOST], ends: [usize; MOST], fine: bool) -> View {
-        let at: [f64; MOST] = std::array::from_fn(|k| f64::from(s[k][ends[k]]) * self.step);
-        let range =
-            s[..self.heeded.len()].iter().map(|[lo, hi]| f64::from(hi - lo) * self.step).fold(0.0, f64::max);
-        self.view_at(position, at, range, fine)
+    /// What bounds the rate over a box of positions within a node's, for these ends of its interface box.
+    fn view(&mut self, node: &Node, position: &Cell, ends: [usize; MOST]) -> View {
+        let at: [f64; MOST] = std::array::from_fn(|k| f64::from(node.s[k][ends[k]]) * self.step);
+        let heeded = &node.s[..self.heeded.len()];
+        let range = heeded.iter().map(|[lo, hi]| f64::from(hi - lo) * self.step).fold(0.0, f64::max);
+        self.view_at(position, at, range, node.fine, node.leader)
     }
 
     /// The same of an interface in bit/s/Hz, and of one that is lower by `range` at most.
-    fn view_at(&mut self, position: &Cell, s: [f64; MOST], range: f64, fine: bool) -> View {
-        let (centre, radius) = (position.centre(), position.radius());
+    fn view_at(
+        &mut self,
+        position: &Cell,
+        s: [f64; MOST],
+        range: f64,
+        fine: bool,
+        leader: Option<usize>,
+    ) -> View {
+        let centre = position.centre();
         let distance = centre.norm();
         let towards = if distance > 0.0 { centre / distance } else { Vector3::z() };
         let mean = self.links.user.i.mean;
-        let seen = chord(radius, distance);
-        let gain = self.links.rho.i / position.least_distance_squared(&Vector3::zeros());
+        let leader = leader.map(|k| (k, Sight::new(position, &self.heeded[k])));
+        let drift = |node: &Vector3<f64>| {
+            leader.as_ref().map(|(_, leader)| Sight::new(position, node).drift(position, leader))
+        };
+        let user = Vector3::zeros();
+        let seen = drift(&user).unwrap_or_else(|| chord(position.spread(&user, &-towards), 1.0));
+        let farthest = position.greatest_distance_squared(&user);
+        let nearest = position.least_distance_squared(&user);
+        let gain = self.links.rho.i / nearest;
+        // Where the user is farther than that it hears less, and eavesdroppers by no smaller a factor; its rate falls nearly as much.
+        let slack = (farthest / nearest).log2() / self.least;
         let count = self.heeded.len();
         let mut lines = Vec::with_capacity(count);
         let (mut most, mut above) = (0.0_f64, 0.0_f64);
         let mut rises = [1.0_f64; LABELS];
         let mut seen_at = [(0.0, Vector3::z(), 2.0); MOST];
         for (k, e) in self.heeded.iter().enumerate() {
-            let scale = self.links.rho.i / position.greatest_distance_squared(e) * (-s[k] * LN_2).exp();
+            let faintest = (self.links.rho.i / position.greatest_distance_squared(e))
+                .max(gain * position.least_ratio(e) * (1.0 - MARGIN));
+            let scale = faintest * (-s[k] * LN_2).exp();
             let line = e - centre;
             let length = line.norm();
             let direction = if length > 0.0 { line / length } else { Vector3::z() };
-            seen_at[k] = (scale, direction, if radius < length { radius / length } else { 2.0 });
+            let spread = match &leader {
+                Some((leader, _)) if *leader == k => MARGIN,
+                _ => drift(e).unwrap_or_else(|| position.spread(e, &direction)),
+            };
+            seen_at[k] = (scale, direction, spread);
         }
         let swing = self.links.eavesdropper.i.least.iter().map(|gain| gain.swing).fold(0.0, f64::max);
         let mut floor = 0.0_f64;
@@ -505,7 +570,7 @@ impl<'a> Search<'a> {
             towards,
             // The mean of a noisy axis is shorter than it by the noise's variance at most.
             chord: seen + self.law.variance(),
-            away: Majorant { base: 1.0, slope: 1.0 },
+            away: Majorant { base: slack.exp2(), slope: slack.exp2() },
             near: None,
             lines,
             floor: 1.0 + floor,
@@ -515,9 +580,7 @@ impl<'a> Search<'a> {
             },
         };
         if let Some(asked) = &self.asked {
-            let farthest = position.greatest_distance_squared(&Vector3::zeros());
             let sinr = |sine_squared: f64| self.links.rho.i / farthest * mean.at(sine_squared);
-            let angle = 2.0 * (0.5 * seen).min(1.0).asin();
             let std = self.law.variance().sqrt();
             // No more is added than is heard.
             let loudest = view.lines.iter().map(|line| line.curve.at(1.0).0).fold(view.floor, f64::max);
@@ -525,9 +588,11 @@ impl<'a> Search<'a> {
             let mut near = [Majorant { base: 0.0, slope: 0.0 }; 2];
             for (k, band) in BANDS_DEG.windows(2).enumerate() {
                 let [off_hi, off_lo] = [band[0], band[1]].map(f64::to_radians);
-                let user = view.sinr(off_hi.cos());
+                // Angles are those from where I is, which the box does not blur.
+                let cosine = (off_hi.cos() - self.law.variance()).max(0.0);
+                let user = view.gain * (view.across - view.depth * cosine * cosine);
                 let rate = user.ln_1p() / LN_2;
-                let added = asked.added(std, (off_lo - angle).max(0.0), rate, [most, above], sinr).min(all);
+                let added = asked.added(std, off_lo, rate, [most, above], sinr).min(all) + slack;
                 let whole = (1.0 + user) * added.exp2();
                 let away = &mut view.away;
                 if k == 0 {
@@ -577,6 +642,25 @@ fn both_floor(scale: [f64; 2], directions: [&Vector3<f64>; 2], blur: f64) -> f64
 
 #[cfg(test)]
 impl Search<'_> {
+    /// What bounds the rate of one axis from anywhere in a box, in the frame that turns with the line to `leader`, and from a point of it.
+    pub fn boxed_rates(
+        &mut self,
+        [lo, hi, p]: [Vector3<f64>; 3],
+        axis: &Vector3<f64>,
+        s: [f64; MOST],
+        leader: Option<usize>,
+        threshold: f64,
+    ) -> [f64; 2] {
+        self.ask(threshold);
+        let cell = Cell { lo, hi };
+        let told = leader.map_or(*axis, |k| {
+            let [from, to] = [p, cell.centre()].map(|at| self.heeded[k] - at);
+            nalgebra::Rotation3::rotation_between(&from, &to).unwrap_or_default() * axis
+        });
+        let boxed = self.view_at(&cell, s, 0.0, true, leader).rate(&told);
+        [boxed, self.view_at(&Cell::at(&p), s, 0.0, true, None).rate(axis)]
+    }
+
     /// The whole chain at one configuration: the bound on its rate, the interface from its own `E b_j`; and whether the
     /// table of L stays below the bound on its own l there.
     pub fn relaxed_rate(
@@ -597,7 +681,7 @@ impl Search<'_> {
         let axis = crate::radio::pattern::antenna_axis(roll_i, pitch_i, 0.0);
         let mut s = [0.0; MOST];
         s[..2].copy_from_slice(&jamming.map(|b| b.ln_1p() / LN_2));
-        let view = self.view_at(&Cell::at(&p_i), s, 0.0, true);
+        let view = self.view_at(&Cell::at(&p_i), s, 0.0, true, None);
         let rate = view.rate(&axis);
         let jammer = &mut self.jammers[0].1;
         let harm = jammer.harm_at(&p_j, roll_j, pitch_j, jamming);

@@ -349,11 +349,12 @@ impl<'a> Jammer<'a> {
                 let low = height - radius;
                 let sine = (low * length / (apart.sqrt() + radius).powi(2) / ratio).min(1.0);
                 let swung = gain.swing * ((1.0 + noise / (sine * sine)).sqrt() + off / sine).powi(2);
-                let rise = (swung + gain.flat / (sine * sine)).ln();
+                let rise = swung + gain.flat / (sine * sine);
                 let curvature = 0.5 * radius * radius * (2.0 / (low * low) + 4.0 / nearest_squared);
-                let here = 2.0 * (height * length / apart).ln();
+                let kappa_here = height * length / apart;
+                let here = (wanted / (kappa_here * kappa_here * rise)).ln();
                 let slope = aside * (2.0 / (height * height)) - line * (4.0 / apart);
-                tangents[count] = (wanted.ln() - here - rise - curvature, -slope);
+                tangents[count] = (here - curvature, -slope);
                 count += 1;
             }
         }

@@ -132,7 +132,11 @@
 //!    steepest. In steps of `ln c` it is tabulated, between them its logarithm lies above its tangent. Each straight piece of a curve
 //!    is a quadratic form in the axis. So is `1 + E a_0`: `E G = 1 - E<u, Y>^2 <= 1 - <u, E Y>^2`, and `|E Y - Y| <= sigma^2`. No axis
 //!    has a rate of `R` if a convex combination of the forms `2^R (a + b q_j) - (1 + E a_0)`, over pieces and eavesdroppers, is positive
-//!    definite. Over the box `c`, the direction of the line and the user's distance are taken as in section 2. To find the
+//!    definite. Over a box of positions the user's distance is the least, and `c` what the least ratio of both squared distances makes of
+//!    it: farther off the user's term falls by a factor and `c` by no more, so that the rate rises by `2^-T log2` of that factor at most.
+//!    An axis may be told in any frame. Where the frame turns with the line to one eavesdropper as I goes from the box's centre to where
+//!    it is, that line stays, and others drift from where they are at the centre (`frame`); where it does not turn, each line is off by
+//!    the largest angle to a corner. Boxes that resist take the frame in which the rate at the axis that resists is least. To find the
 //!    combination, the form that is tightest at the present one's least eigenvector joins it; where the two least eigenvalues have
 //!    met, the one that is tightest in the mean over both, weighted so that the present combination is at its best. A combination
 //!    also bounds the rate of lower `s`: where `s_j` is lower by `d_j`, `j` hears `2^(r_j d_j)` times as much, `r_j` the least slope
@@ -196,6 +200,7 @@ mod budget;
 mod cell;
 mod decoupled;
 mod form;
+mod frame;
 mod harm;
 mod hearing;
 mod jammer;
