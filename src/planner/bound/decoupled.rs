@@ -5,21 +5,13 @@ use std::f64::consts::LN_2;
 use nalgebra::Vector3;
 
 use super::cell::{Cell, Region};
-use super::form::{Form, Mixture, exclude_mixtures};
-use super::frame::Sight;
-use super::hearing::{Curve, Hearing, LOUDEST};
+use super::form::exclude_mixtures;
 use super::jammer::Jammer;
-use super::law::{ALL_ANGLES, Law, line_angles};
+use super::law::Law;
 use super::link::Links;
-use super::negative::Asked;
-use super::steady::{MARGIN, Outcome, chord, excess, split_share};
+use super::steady::{MARGIN, Outcome};
+use super::view::{LABELS, MOST, Majorant, View, Views};
 
-/// E b_0 over 2^l: at most 2 e^gamma = 3.56 for a null under noise of one angle; with a quarter to spare.
-const SPREAD: f64 = 4.5;
-/// So many times more with scattered waves: e^gamma.
-const SCATTERED_SPREAD: f64 = 1.7811;
-/// Eavesdroppers heeded at most: more of them take longer to show the same.
-pub(super) const MOST: usize = 3;
 /// Steps of the interface, a power of two.
 const STEPS: u16 = 1024;
 /// Line searches for a combination of forms.
@@ -28,26 +20,18 @@ const SEARCHES: usize = 12;
 const ROUNDS: usize = 4;
 /// Beyond what a box's rate asks for, bit/s/Hz.
 const BEYOND: f64 = 0.01;
-/// Angles between I's axis and the line to the user, degrees, between which what negative draws add is bounded at once.
-const BANDS_DEG: [f64; 9] = [90.0, 80.0, 70.0, 58.0, 45.0, 32.0, 20.0, 10.0, 0.0];
-/// So many of these lie away from the null: what is nearer is excluded by itself.
-const BANDS_AWAY: usize = 3;
 /// Parts of each side of an interface box in which the rate and L are compared, by the eavesdroppers heeded.
 const PARTS: [u16; MOST] = [8, 8, 4];
 /// Edges of these parts, which need not begin at one, at most.
 const EDGES: usize = 10;
 /// An interface box that falls by this, bit/s/Hz, has the rate bounded anew.
 const AGAIN: f64 = 0.2;
-/// Labels of inequalities: eavesdroppers and the floor.
-const LABELS: usize = MOST + 1;
 /// Where nothing loses more than this, bit/s/Hz, the fine table is used.
 const FINE_BELOW: f64 = 0.2;
 /// Edges of a box that are no longer than this share of its longest are not split.
 const SHORT: f64 = 0.2;
 /// Boxes of J that take the time of one of I.
 const JAMMER_BOXES: usize = 40;
-/// Margin of each mean for its quadrature, bit/s/Hz: twice what was measured (the tests of `law`).
-pub(super) const QUADRATURE: f64 = 0.008;
 
 /// A box of positions of I times a box of the interface.
 #[derive(Debug, Clone, Copy)]
@@ -74,132 +58,13 @@ enum Shown {
     Open,
 }
 
-/// The user and the eavesdroppers seen from I's box.
-struct View {
-    /// SINR at a gain of one, from the nearest point; gain across the axis, its swing.
-    gain: f64,
-    across: f64,
-    depth: f64,
-    /// Direction to the user, and by how much the box and the noise may lessen its cosine.
-    towards: Vector3<f64>,
-    chord: f64,
-    /// `1 + E a_0`, and what negative draws add to its logarithm, are below this.
-    away: Majorant,
-    /// The same of axes nearer to the user's null, where that exceeds it: by the lesser of two.
-    near: Option<[Majorant; 2]>,
-    lines: Vec<Line>,
-    /// Below this no axis lets eavesdroppers hear.
-    floor: f64,
-    /// How fast what each hears rises with what it hears at all, and the floor, at least.
-    rises: [f64; LABELS],
-}
-
-/// `base + slope E a_0`.
-#[derive(Debug, Clone, Copy)]
-struct Majorant {
-    base: f64,
-    slope: f64,
-}
-
-impl Majorant {
-    fn at(&self, sinr: f64) -> f64 {
-        self.base + self.slope * sinr
-    }
-
-    /// The lesser there.
-    fn least(majorants: &[Self], sinr: f64) -> Self {
-        majorants
-            .iter()
-            .fold(majorants[0], |least, &other| if other.at(sinr) < least.at(sinr) { other } else { least })
-    }
-}
-
-/// An eavesdropper seen from I's box.
-struct Line {
-    eavesdropper: usize,
-    direction: Vector3<f64>,
-    /// How far the direction is off over the box.
-    spread: f64,
-    curve: Curve,
-}
-
-impl Line {
-    /// `2^` of what is heard at an axis.
-    fn heard(&self, axis: &Vector3<f64>) -> f64 {
-        let kept = (axis.cross(&self.direction).norm() - self.spread).max(0.0);
-        self.curve.at(kept * kept).0
-    }
-}
-
-impl View {
-    /// An upper bound on the user's mean SINR.
-    fn sinr(&self, cosine: f64) -> f64 {
-        let away = (cosine - self.chord).max(0.0);
-        self.gain * (self.across - self.depth * away * away)
-    }
-
-    /// An upper bound on the rate at an axis, bit/s/Hz.
-    fn rate(&self, axis: &Vector3<f64>) -> f64 {
-        let loudest = self.lines.iter().map(|line| line.heard(axis)).fold(self.floor, f64::max);
-        let cosine = axis.dot(&self.towards).abs();
-        let edge = BANDS_DEG[BANDS_AWAY].to_radians().cos();
-        let sinr = self.sinr(cosine);
-        let away = self.away.at(sinr);
-        // From some of the box's positions one and the same axis may lie on either side of the edge.
-        let user = match &self.near {
-            Some(near) if cosine > edge - self.chord => {
-                let near = Majorant::least(near, sinr).at(sinr);
-                if cosine > edge + self.chord { near } else { near.max(away) }
-            }
-            _ => away,
-        };
-        (user / loudest).min(1.0 + sinr).log2()
-    }
-
-    /// The largest in the mean of the inequalities `2^t` times what is heard less the user's at a mixture of axes, and its form.
-    fn tightest(&self, user: &[Majorant], &(axes, first): &Mixture, power: f64) -> (f64, Form, usize) {
-        let mean =
-            |value: &dyn Fn(&Vector3<f64>) -> f64| first * value(&axes[0]) + (1.0 - first) * value(&axes[1]);
-        let cosine = mean(&|y| y.dot(&self.towards).powi(2)).sqrt();
-        let share = split_share(self.chord, cosine);
-        let sinr = self.sinr(cosine);
-        let user = Majorant::least(user, sinr);
-        let gain = user.slope * self.gain;
-        let wanted = Form::new(
-            user.base + gain * (self.across + self.depth * excess(share, self.chord)),
-            gain * self.depth * (1.0 - share),
-            &self.towards,
-        );
-        let (mut value, mut form, mut label) =
-            (self.floor, Form::new(power * self.floor, 0.0, &self.towards), MOST);
-        for line in &self.lines {
-            let sine = mean(&|y| y.cross(&line.direction).norm_squared()).sqrt();
-            let (here, [a, b]) = line.curve.at((sine - line.spread).max(0.0).powi(2));
-            if here > value {
-                let share = split_share(line.spread, sine);
-                (value, label) = (here, line.eavesdropper);
-                let kept = b * (1.0 - share);
-                form = Form::new(
-                    power * (a - b * excess(share, line.spread) + kept),
-                    power * kept,
-                    &line.direction,
-                );
-            }
-        }
-        (power * value - user.at(sinr), form.plus(-1.0, &wanted), label)
-    }
-}
-
 /// The search over I and the interface.
 #[derive(Debug)]
 pub(super) struct Search<'a> {
-    links: &'a Links,
     region: &'a Region,
-    law: &'a Law,
-    hearing: Hearing,
+    views: Views<'a>,
     /// Of each pair of the eavesdroppers heeded.
     jammers: Vec<([usize; 2], Jammer<'a>)>,
-    heeded: Vec<Vector3<f64>>,
     /// s of one step, bit/s/Hz.
     step: f64,
     /// ln(2^s - 1) of each step.
@@ -207,16 +72,6 @@ pub(super) struct Search<'a> {
     stack: Vec<Node>,
     resolution_m: f64,
     boxes: usize,
-    /// What the rate asked for says of negative draws, where they are bounded.
-    asked: Option<Asked>,
-    /// 2^ of the rate asked for, less all margins.
-    least: f64,
-    /// `E b_0` over `2^l` is at most this.
-    spread: f64,
-    /// Of each mean for its quadrature.
-    margin: f64,
-    /// Whether negative draws are bounded: there are some, and nothing is scattered.
-    clips: bool,
 }
 
 impl<'a> Search<'a> {
@@ -230,7 +85,6 @@ impl<'a> Search<'a> {
         // No jammer does more than full power from the nearest position.
         let most =
             heeded.iter().map(|e| links.rho.j / region.bounds.least_distance_squared(e)).fold(0.0, f64::max);
-        let jitters = law.variance() > 0.0;
         let step = (most.ln_1p() / LN_2 * (1.0 + 1e-12) / f64::from(STEPS)).max(1e-6);
         let count = heeded.len();
         let mut pairs: Vec<[usize; 2]> =
@@ -240,22 +94,14 @@ impl<'a> Search<'a> {
         }
         let jammer = |pair: [usize; 2]| (pair, Jammer::new(law, region, links, pair.map(|k| heeded[k])));
         Self {
-            links,
             region,
-            law,
-            hearing: Hearing::new(law.variance().sqrt()),
             jammers: pairs.into_iter().map(jammer).collect(),
-            heeded,
             step,
             wanted: (0..=STEPS).map(|s| (f64::from(s) * step * LN_2).exp_m1().ln()).collect(),
             stack: Vec::with_capacity(4096),
             resolution_m,
             boxes: 0,
-            asked: None,
-            least: 1.0,
-            spread: if jitters { SPREAD } else { 1.0 } * if links.scatters { SCATTERED_SPREAD } else { 1.0 },
-            margin: if jitters { QUADRATURE } else { 0.0 },
-            clips: jitters && !links.scatters,
+            views: Views::new(links, law, heeded),
         }
     }
 
@@ -267,11 +113,11 @@ impl<'a> Search<'a> {
     /// Whether some configuration's rate exceeds `threshold`.
     pub fn run(&mut self, threshold: f64, limit: usize) -> Outcome {
         let power = (threshold * LN_2).exp();
-        if power <= 2.0 * self.spread {
+        if power <= 2.0 * self.views.spread {
             return Outcome::Stuck;
         }
-        let wanted = self.ask(threshold);
-        let reach = (self.links.rho.i / (power - 1.0)).sqrt() * (1.0 + 1e-9);
+        let wanted = self.views.ask(threshold);
+        let reach = (self.views.links.rho.i / (power - 1.0)).sqrt() * (1.0 + 1e-9);
         self.stack.clear();
         let Some(position) = self.region.bounds.cut_to(reach) else { return Outcome::Excluded };
         self.stack.push(Node {
@@ -370,7 +216,7 @@ impl<'a> Search<'a> {
         rate: f64,
         wanted: f64,
     ) -> bool {
-        let count = self.heeded.len();
+        let count = self.views.heeded.len();
         let parts = PARTS[count - 1];
         let mut edges = [[0_u16; EDGES]; MOST];
         let mut numbers = [0; MOST];
@@ -427,7 +273,7 @@ impl<'a> Search<'a> {
     fn follow(&mut self, node: &mut Node) -> bool {
         let before = node.leader;
         let mut least = f64::INFINITY;
-        for leader in std::iter::once(None).chain((0..self.heeded.len()).map(Some)) {
+        for leader in std::iter::once(None).chain((0..self.views.heeded.len()).map(Some)) {
             let rate = self.view(&Node { leader, ..*node }, &node.position, [1; MOST]).rate(&node.axis);
             if rate < least {
                 (node.leader, least) = (leader, rate);
@@ -447,7 +293,7 @@ impl<'a> Search<'a> {
         let whole = rate(self, &node.position, [1; MOST]);
         let centre = Cell::at(&node.position.centre());
         let mut choice = (whole - rate(self, &centre, [1; MOST]), None);
-        for k in 0..self.heeded.len() {
+        for k in 0..self.views.heeded.len() {
             let mut ends = [1; MOST];
             ends[k] = 0;
             let loss = whole - rate(self, &node.position, ends);
@@ -496,148 +342,10 @@ impl<'a> Search<'a> {
     /// What bounds the rate over a box of positions within a node's, for these ends of its interface box.
     fn view(&mut self, node: &Node, position: &Cell, ends: [usize; MOST]) -> View {
         let at: [f64; MOST] = std::array::from_fn(|k| f64::from(node.s[k][ends[k]]) * self.step);
-        let heeded = &node.s[..self.heeded.len()];
+        let heeded = &node.s[..self.views.heeded.len()];
         let range = heeded.iter().map(|[lo, hi]| f64::from(hi - lo) * self.step).fold(0.0, f64::max);
-        self.view_at(position, at, range, node.fine, node.leader)
+        self.views.at(position, at, range, node.fine, node.leader)
     }
-
-    /// The same of an interface in bit/s/Hz, and of one that is lower by `range` at most.
-    fn view_at(
-        &mut self,
-        position: &Cell,
-        s: [f64; MOST],
-        range: f64,
-        fine: bool,
-        leader: Option<usize>,
-    ) -> View {
-        let centre = position.centre();
-        let distance = centre.norm();
-        let towards = if distance > 0.0 { centre / distance } else { Vector3::z() };
-        let mean = self.links.user.i.mean;
-        let leader = leader.map(|k| (k, Sight::new(position, &self.heeded[k])));
-        let drift = |node: &Vector3<f64>| {
-            leader.as_ref().map(|(_, leader)| Sight::new(position, node).drift(position, leader))
-        };
-        let user = Vector3::zeros();
-        let seen = drift(&user).unwrap_or_else(|| chord(position.spread(&user, &-towards), 1.0));
-        let farthest = position.greatest_distance_squared(&user);
-        let nearest = position.least_distance_squared(&user);
-        let gain = self.links.rho.i / nearest;
-        // Where the user is farther than that it hears less, and eavesdroppers by no smaller a factor; its rate falls nearly as much.
-        let slack = (farthest / nearest).log2() / self.least;
-        let count = self.heeded.len();
-        let mut lines = Vec::with_capacity(count);
-        let (mut most, mut above) = (0.0_f64, 0.0_f64);
-        let mut rises = [1.0_f64; LABELS];
-        let mut seen_at = [(0.0, Vector3::z(), 2.0); MOST];
-        for (k, e) in self.heeded.iter().enumerate() {
-            let faintest = (self.links.rho.i / position.greatest_distance_squared(e))
-                .max(gain * position.least_ratio(e) * (1.0 - MARGIN));
-            let scale = faintest * (-s[k] * LN_2).exp();
-            let line = e - centre;
-            let length = line.norm();
-            let direction = if length > 0.0 { line / length } else { Vector3::z() };
-            let spread = match &leader {
-                Some((leader, _)) if *leader == k => MARGIN,
-                _ => drift(e).unwrap_or_else(|| position.spread(e, &direction)),
-            };
-            seen_at[k] = (scale, direction, spread);
-        }
-        let swing = self.links.eavesdropper.i.least.iter().map(|gain| gain.swing).fold(0.0, f64::max);
-        let mut floor = 0.0_f64;
-        for (k, (scale, direction, spread)) in seen_at[..count].iter().enumerate() {
-            for (other, towards, blur) in &seen_at[..k] {
-                let blur = spread.min(1.0).asin() + blur.min(1.0).asin();
-                floor = floor.max(both_floor([scale * swing, other * swing], [direction, towards], blur));
-            }
-        }
-        for (k, e) in self.heeded.iter().enumerate() {
-            let (scale, direction, spread) = seen_at[k];
-            let roll =
-                line_angles(&(position.lo - e), &(position.hi - e)).map_or(ALL_ANGLES, |[roll, _]| roll);
-            for gain in &self.links.eavesdropper.i.least {
-                let curve = self.hearing.curve(gain, scale, floor, roll, self.clips, fine);
-                above = above.max(curve.above + (1.0 - curve.rise) * range);
-                rises[k] = rises[k].min(curve.rise);
-                most = most.max((LOUDEST * scale).ln_1p() / LN_2 + range);
-                lines.push(Line { eavesdropper: k, direction, spread, curve });
-            }
-        }
-        let mut view = View {
-            gain,
-            across: mean.most(),
-            depth: mean.swing,
-            towards,
-            // The mean of a noisy axis is shorter than it by the noise's variance at most.
-            chord: seen + self.law.variance(),
-            away: Majorant { base: slack.exp2(), slope: slack.exp2() },
-            near: None,
-            lines,
-            floor: 1.0 + floor,
-            rises: {
-                rises[MOST] = floor / (1.0 + floor);
-                rises
-            },
-        };
-        if let Some(asked) = &self.asked {
-            let sinr = |sine_squared: f64| self.links.rho.i / farthest * mean.at(sine_squared);
-            let std = self.law.variance().sqrt();
-            // No more is added than is heard.
-            let loudest = view.lines.iter().map(|line| line.curve.at(1.0).0).fold(view.floor, f64::max);
-            let all = loudest.log2() + range;
-            let mut near = [Majorant { base: 0.0, slope: 0.0 }; 2];
-            for (k, band) in BANDS_DEG.windows(2).enumerate() {
-                let [off_hi, off_lo] = [band[0], band[1]].map(f64::to_radians);
-                // Angles are those from where I is, which the box does not blur.
-                let cosine = (off_hi.cos() - self.law.variance()).max(0.0);
-                let user = view.gain * (view.across - view.depth * cosine * cosine);
-                let rate = user.ln_1p() / LN_2;
-                let added = asked.added(std, off_lo, rate, [most, above], sinr).min(all) + slack;
-                let whole = (1.0 + user) * added.exp2();
-                let away = &mut view.away;
-                if k == 0 {
-                    *away = Majorant { base: added.exp2(), slope: added.exp2() };
-                    near[0].slope = away.slope;
-                } else if whole > self.least && k < BANDS_AWAY {
-                    away.base = away.base.max(whole - away.slope * user);
-                } else if whole > self.least {
-                    for near in &mut near {
-                        near.base = near.base.max(whole - near.slope * user);
-                    }
-                }
-            }
-            view.near = Some(near).filter(|near| near[0].base > view.away.base);
-        }
-        view
-    }
-
-    /// What step 1 adds at a threshold, `log2(1 + S / (2^T - S))`.
-    fn correction(&self, threshold: f64) -> f64 {
-        (self.spread / ((threshold * LN_2).exp() - self.spread)).ln_1p() / LN_2
-    }
-
-    /// Takes up a threshold; what the rate less L has to exceed.
-    fn ask(&mut self, threshold: f64) -> f64 {
-        let correction = self.correction(threshold);
-        let wanted = threshold - correction - 2.0 * self.margin;
-        self.least = wanted.exp2();
-        self.asked = self.clips.then(|| Asked::new(threshold, self.spread, correction));
-        wanted
-    }
-}
-
-/// The least of the larger of two SINRs `scale_k sin^2 psi_k` over all axes: the angles to two lines add up to at
-/// least the angle between them, less what the box blurs.
-fn both_floor(scale: [f64; 2], directions: [&Vector3<f64>; 2], blur: f64) -> f64 {
-    let cosine = directions[0].dot(directions[1]).abs().min(1.0);
-    let angle = cosine.acos() - blur;
-    if angle <= 0.0 {
-        return 0.0;
-    }
-    let root = scale.map(f64::sqrt);
-    let (sin, cos) = angle.sin_cos();
-    let first = (root[1] * sin).atan2(root[0] + root[1] * cos);
-    (root[0] * first.sin()).powi(2)
 }
 
 #[cfg(test)]
@@ -651,14 +359,14 @@ impl Search<'_> {
         leader: Option<usize>,
         threshold: f64,
     ) -> [f64; 2] {
-        self.ask(threshold);
+        self.views.ask(threshold);
         let cell = Cell { lo, hi };
         let told = leader.map_or(*axis, |k| {
-            let [from, to] = [p, cell.centre()].map(|at| self.heeded[k] - at);
+            let [from, to] = [p, cell.centre()].map(|at| self.views.heeded[k] - at);
             nalgebra::Rotation3::rotation_between(&from, &to).unwrap_or_default() * axis
         });
-        let boxed = self.view_at(&cell, s, 0.0, true, leader).rate(&told);
-        [boxed, self.view_at(&Cell::at(&p), s, 0.0, true, None).rate(axis)]
+        let boxed = self.views.at(&cell, s, 0.0, true, leader).rate(&told);
+        [boxed, self.views.at(&Cell::at(&p), s, 0.0, true, None).rate(axis)]
     }
 
     /// The whole chain at one configuration: the bound on its rate, the interface from its own `E b_j`; and whether the
@@ -670,18 +378,18 @@ impl Search<'_> {
         threshold: f64,
     ) -> (f64, bool) {
         let [(p_i, roll_i, pitch_i), (p_j, roll_j, pitch_j)] = poses;
-        let wanted = self.ask(threshold);
-        let mean = self.links.eavesdropper.j.mean;
-        let moment = self.law.second_moment(roll_j, pitch_j);
+        let wanted = self.views.ask(threshold);
+        let mean = self.views.links.eavesdropper.j.mean;
+        let moment = self.views.law.second_moment(roll_j, pitch_j);
         let jamming = [0, 1].map(|k| {
-            let line = self.heeded[k] - p_j;
+            let line = self.views.heeded[k] - p_j;
             let u = line.normalize();
-            self.links.rho.j * power_share * mean.at(1.0 - u.dot(&(moment * u))) / line.norm_squared()
+            self.views.links.rho.j * power_share * mean.at(1.0 - u.dot(&(moment * u))) / line.norm_squared()
         });
         let axis = crate::radio::pattern::antenna_axis(roll_i, pitch_i, 0.0);
         let mut s = [0.0; MOST];
         s[..2].copy_from_slice(&jamming.map(|b| b.ln_1p() / LN_2));
-        let view = self.view_at(&Cell::at(&p_i), s, 0.0, true, None);
+        let view = self.views.at(&Cell::at(&p_i), s, 0.0, true, None);
         let rate = view.rate(&axis);
         let jammer = &mut self.jammers[0].1;
         let harm = jammer.harm_at(&p_j, roll_j, pitch_j, jamming);

@@ -87,9 +87,9 @@ pub(super) fn least_off(law: &Law, scale: f64, floor: f64, share: f64, line: Ran
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::planner::bound::decoupled::QUADRATURE;
     use crate::planner::bound::law::{STATED, TAKEN, axis_off, fine_mean};
     use crate::planner::bound::prepared::POINTS;
+    use crate::planner::bound::view::QUADRATURE;
     use crate::radio::pattern::antenna_axis;
     use rand::{RngExt, SeedableRng};
     use rand_chacha::ChaCha8Rng;

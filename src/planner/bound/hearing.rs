@@ -4,11 +4,11 @@
 use std::collections::HashMap;
 use std::f64::consts::{FRAC_PI_2, LN_2};
 
-use super::decoupled::QUADRATURE;
 use super::harm::least_off;
 use super::law::{Law, Least, Range};
 use super::link::Gain;
 use super::prepared::POINTS;
+use super::view::QUADRATURE;
 
 /// An eavesdropper counts up to so many times its mean SINR.
 pub(super) const LOUDEST: f64 = 12.0;

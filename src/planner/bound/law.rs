@@ -405,9 +405,9 @@ pub(super) const TAKEN: f64 = 0.6;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::planner::bound::decoupled::QUADRATURE;
     use crate::planner::bound::hearing::{ROUGH_POINTS, ROUGH_QUADRATURE};
     use crate::planner::bound::prepared::POINTS;
+    use crate::planner::bound::view::QUADRATURE;
     use crate::radio::pattern::antenna_axis;
     use rand::{RngExt, SeedableRng};
     use rand_chacha::ChaCha8Rng;

@@ -126,7 +126,7 @@
 //! 6. *Floor.* Every axis has `psi_1 + psi_2 >=` the angle between the lines to two eavesdroppers, so
 //!    `max_j A_j >= log2(1 + z)` at every draw: each mean is taken of `max(1 + c_j G_j, 1 + z)`, which keeps most of the
 //!    maximum inside the expectation.
-//! 7. *I's side* (`decoupled`, `hearing`). Boxes of I's position carry a box of `s`; its axes are all excluded at once, as in
+//! 7. *I's side* (`decoupled`, `view`, `hearing`). Boxes of I's position carry a box of `s`; its axes are all excluded at once, as in
 //!    section 2. Let `q_j` be the squared sine of the angle between axis and line. `2^(E log2 max(1 + c G_j, 1 + z))` has a greatest
 //!    convex minorant over `q_j` (a *curve*): of the least over bearings, at angles of a grid, of lines as steep as the box's
 //!    steepest. In steps of `ln c` it is tabulated, between them its logarithm lies above its tangent. Each straight piece of a curve
@@ -209,6 +209,7 @@ mod link;
 mod negative;
 mod prepared;
 mod steady;
+mod view;
 
 use std::f64::consts::FRAC_PI_2;
 

@@ -8,6 +8,7 @@ use super::decoupled;
 use super::law::Law;
 use super::link::Links;
 use super::steady::{self, Outcome};
+use super::view;
 use crate::planner::plan::BoundKind;
 use crate::planner::problem::{JitterAxes, JitterModel, Problem};
 use crate::planner::{Options, plan_slot};
@@ -189,7 +190,7 @@ fn decisive(problem: &Problem, links: &Links) -> Vec<usize> {
     let mut nearest: Vec<usize> = (0..links.eavesdroppers.len()).collect();
     let distance = |k: &usize| links.eavesdroppers[*k].norm_squared();
     nearest.sort_by(|a, b| distance(a).total_cmp(&distance(b)));
-    if nearest.len() <= decoupled::MOST {
+    if nearest.len() <= view::MOST {
         return nearest;
     }
     nearest.truncate(NEAREST);
