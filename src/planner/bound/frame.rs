@@ -18,7 +18,7 @@ const BENT: f64 = 1.1548;
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Sight {
     /// From the centre: the direction, and how far it is, metres.
-    direction: Vector3<f64>,
+    pub direction: Vector3<f64>,
     distance: f64,
     /// The box's radius over the least distance.
     nearness: f64,

@@ -194,7 +194,8 @@ impl<'a> Views<'a> {
         wanted
     }
 
-    /// The same of an interface in bit/s/Hz, and of one that is lower by `range` at most.
+    /// What bounds the rate over a box of positions, for an interface in bit/s/Hz and for one that is lower by `range` at most; axes are
+    /// told in the frame that turns with the line to `leader`, or in one that stands still.
     pub fn at(
         &mut self,
         position: &Cell,
@@ -203,16 +204,15 @@ impl<'a> Views<'a> {
         fine: bool,
         leader: Option<usize>,
     ) -> View {
-        let centre = position.centre();
-        let distance = centre.norm();
-        let towards = if distance > 0.0 { centre / distance } else { Vector3::z() };
         let mean = self.links.user.i.mean;
         let leader = leader.map(|k| (k, Sight::new(position, &self.heeded[k])));
-        let drift = |node: &Vector3<f64>| {
-            leader.as_ref().map(|(_, leader)| Sight::new(position, node).drift(position, leader))
-        };
         let user = Vector3::zeros();
-        let seen = drift(&user).unwrap_or_else(|| chord(position.spread(&user, &-towards), 1.0));
+        let sight = Sight::new(position, &user);
+        let towards = sight.direction;
+        let seen = match &leader {
+            Some((_, leader)) => sight.drift(position, leader),
+            None => chord(position.spread(&user, &towards), 1.0),
+        };
         let farthest = position.greatest_distance_squared(&user);
         let nearest = position.least_distance_squared(&user);
         let gain = self.links.rho.i / nearest;
@@ -227,14 +227,13 @@ impl<'a> Views<'a> {
             let faintest = (self.links.rho.i / position.greatest_distance_squared(e))
                 .max(gain * position.least_ratio(e) * (1.0 - MARGIN));
             let scale = faintest * (-s[k] * LN_2).exp();
-            let line = e - centre;
-            let length = line.norm();
-            let direction = if length > 0.0 { line / length } else { Vector3::z() };
+            let sight = Sight::new(position, e);
             let spread = match &leader {
                 Some((leader, _)) if *leader == k => MARGIN,
-                _ => drift(e).unwrap_or_else(|| position.spread(e, &direction)),
+                Some((_, leader)) => sight.drift(position, leader),
+                None => position.spread(e, &sight.direction),
             };
-            seen_at[k] = (scale, direction, spread);
+            seen_at[k] = (scale, sight.direction, spread);
         }
         let swing = self.links.eavesdropper.i.least.iter().map(|gain| gain.swing).fold(0.0, f64::max);
         let mut floor = 0.0_f64;
